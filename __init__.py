@@ -18,24 +18,24 @@ if TYPE_CHECKING:
     from .bench.run.result import Result as Result
     from .bench.run.result import run as run
     from .bench.study_report.result import study as study
-    from .frontend.errors import InputError as InputError
-    from .frontend.errors import SlamduelError as SlamduelError
-    from .frontend.factors import UNKNOWN as UNKNOWN
-    from .frontend.factors import Dataset as Dataset
-    from .frontend.factors import Log as Log
-    from .frontend.factors import Map as Map
-    from .frontend.factors import Odometry as Odometry
-    from .frontend.factors import Prior as Prior
-    from .frontend.factors import RangeBearing as RangeBearing
-    from .frontend.factors import RelativePoses as RelativePoses
-    from .frontend.factors import Step as Step
-    from .frontend.factors import Truth as Truth
+    from .core.errors import InputError as InputError
+    from .core.errors import SlamduelError as SlamduelError
+    from .core.factors import UNKNOWN as UNKNOWN
+    from .core.factors import Dataset as Dataset
+    from .core.factors import Log as Log
+    from .core.factors import Map as Map
+    from .core.factors import Odometry as Odometry
+    from .core.factors import Prior as Prior
+    from .core.factors import RangeBearing as RangeBearing
+    from .core.factors import RelativePoses as RelativePoses
+    from .core.factors import Step as Step
+    from .core.factors import Truth as Truth
 
 _HOMES = {
-    "InputError": ".frontend.errors",
+    "InputError": ".core.errors",
     "LogPicture": ".bench.logs.show",
     "Result": ".bench.run.result",
-    "SlamduelError": ".frontend.errors",
+    "SlamduelError": ".core.errors",
     "check": ".bench.check.suite",
     "compare": ".bench.report.comparison",
     "load": ".bench.plan.load",
@@ -44,7 +44,7 @@ _HOMES = {
     "study": ".bench.study_report.result",
 } | dict.fromkeys(
     ("UNKNOWN", "Dataset", "Log", "Map", "Odometry", "Prior", "RangeBearing", "RelativePoses", "Step", "Truth"),
-    ".frontend.factors",
+    ".core.factors",
 )
 """The public names and the modules that they are imported from, when first asked for."""
 

@@ -2,7 +2,7 @@
 
 from math import atan2, cos, floor, pi, sin, sqrt
 
-from ..frontend.compiled import compiled
+from ..core.kernels.compiled import compiled
 
 
 @compiled

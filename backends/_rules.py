@@ -4,11 +4,11 @@ from math import log
 
 import numpy as np
 
-from ..frontend.compiled import compiled
-from ..frontend.factors import UNKNOWN
-from ..frontend.se2 import Array, Ints
+from ..core.factors import UNKNOWN
+from ..core.kernels._arrays import Arrays, Integers, Numbers, at
+from ..core.kernels.compiled import compiled
+from ..core.se2 import Array, Ints
 from ._answer import answer_at
-from ._arrays import Arrays, Integers, Numbers, at
 from ._assignment import cheapest, nearest
 from ._expected import ROUNDING, distance
 from ._joint_compatibility import search

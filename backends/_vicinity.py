@@ -10,10 +10,10 @@ from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
-from ..frontend.compiled import compiled
-from ..frontend.se2 import Array
+from ..core.kernels._arrays import Arrays, Integers, Numbers, Table, at
+from ..core.kernels.compiled import compiled
+from ..core.se2 import Array
 from ._answer import answer_at
-from ._arrays import Arrays, Integers, Numbers, Table, at
 from ._expected import LEAST_RANGE, carried, jointly, may_be_seen, spread
 from ._models import moved, wrap
 

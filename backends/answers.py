@@ -4,8 +4,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ..frontend.factors import Odometry, RangeBearing
-from ..frontend.se2 import Array, Ints
+from ..core.factors import Odometry, RangeBearing
+from ..core.se2 import Array, Ints
 from ._answer import Answer
 from ._rules import conclude
 from .api import Expected

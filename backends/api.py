@@ -27,10 +27,10 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..frontend.errors import SlamduelError
-from ..frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
-from ..frontend.options import NoOptions, option
-from ..frontend.se2 import Array, Ints, act, act_jacobians, between, compose, compose_jacobians, wrap
+from ..core.errors import SlamduelError
+from ..core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
+from ..core.options import NoOptions, option
+from ..core.se2 import Array, Ints, act, act_jacobians, between, compose, compose_jacobians, wrap
 
 __all__ = [
     "COMPILED_HERE", "GTSAM_WHEEL", "UNKNOWN", "Array", "Associates", "Backend", "Belief", "Builder", "Diverged",

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..frontend.se2 import Array, act, act_jacobians, wrap
+from ..core.se2 import Array, act, act_jacobians, wrap
 from .api import Diverged
 
 

@@ -10,8 +10,8 @@ from collections import deque
 
 import numpy as np
 
-from ..frontend.factors import Odometry
-from ..frontend.se2 import Array, between, compose, rotation
+from ..core.factors import Odometry
+from ..core.se2 import Array, between, compose, rotation
 from .models import place
 
 AGREE = 13.82

@@ -10,7 +10,7 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points, packages_distributions, version
 from typing import Any
 
-from ..frontend.errors import InputError
+from ..core.errors import InputError
 from .api import Builder
 from .import_trial import death
 

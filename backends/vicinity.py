@@ -7,8 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ..frontend.factors import Odometry, Prior, RangeBearing
-from ..frontend.se2 import Array, Ints, compose, rotation
+from ..core.factors import Odometry, Prior, RangeBearing
+from ..core.se2 import Array, Ints, compose, rotation
 from . import _vicinity
 from ._expected import after_motion, near_ones, spreads
 from ._vicinity import STATE, SUMS, Places

@@ -10,8 +10,8 @@ from collections.abc import Callable, Generator, Sequence
 from importlib import import_module
 from typing import NoReturn
 
-from ..frontend.errors import InputError, Interrupted, SlamduelError
-from ..frontend.nearest import nearest
+from ..core.errors import InputError, Interrupted, SlamduelError
+from ..core.nearest import nearest
 from .words.ascii import plain_where_needed
 
 COMMANDS = {

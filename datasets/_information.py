@@ -4,8 +4,8 @@ from math import fsum, sqrt
 
 import numpy as np
 
-from ..frontend.compiled import compiled
-from ..frontend.se2 import Array
+from ..core.kernels.compiled import compiled
+from ..core.se2 import Array
 
 FIRST = -1.0
 """In place of a correlation: the error begins a chain."""

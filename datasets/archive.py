@@ -13,11 +13,11 @@ from typing import IO, Any, TypeVar
 
 import numpy as np
 
-from ..frontend.beside import KINDS, columns_of, names, restored
-from ..frontend.errors import InputError
-from ..frontend.factors import Dataset, Log, Map, Prior, Truth
-from ..frontend.files import write_whole
-from ..frontend.relations import as_rows, from_rows
+from ..core.beside import KINDS, columns_of, names, restored
+from ..core.errors import InputError
+from ..core.factors import Dataset, Log, Map, Prior, Truth
+from ..core.files import write_whole
+from ..core.relations import as_rows, from_rows
 
 _LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes", *KINDS))
 """The columns."""

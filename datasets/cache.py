@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import platformdirs
 
-from ..frontend.check import check
-from ..frontend.errors import InputError
-from ..frontend.factors import Dataset
+from ..core.check import check
+from ..core.errors import InputError
+from ..core.factors import Dataset
 from . import archive
 from .false_loops import FalseLoops, planted
 from .hidden_ids import KNOWN, HiddenIds, hidden
@@ -99,7 +99,7 @@ def _key(name: str, source: Source, options: Any, seed: int) -> str:
             total.update(f"\n{read.absolute()} {content}\n".encode())
     for part in _MADE_WITH:
         total.update(f"\n{part} {_version(part)}\n".encode())
-    for file in sorted([*package.glob("frontend/**/*.py"), *package.glob("datasets/**/*.py")]):
+    for file in sorted(file for layer in ("core", "frontend", "datasets") for file in package.glob(f"{layer}/**/*.py")):
         total.update(f"\n{file.relative_to(package).as_posix()}\n".encode())
         total.update(file.read_bytes())
     return total.hexdigest()

@@ -10,11 +10,11 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..frontend.dead_reckoning import dead_reckoned
-from ..frontend.errors import InputError
-from ..frontend.factors import Dataset, Truth
-from ..frontend.options import option
-from ..frontend.se2 import Array, Ints, between, wrap
+from ..core.dead_reckoning import dead_reckoned
+from ..core.errors import InputError
+from ..core.factors import Dataset, Truth
+from ..core.options import option
+from ..core.se2 import Array, Ints, between, wrap
 
 FALSE_NOTE = "false loops"
 """The key of how many were planted, among the log's notes."""

@@ -15,9 +15,9 @@ import numpy as np
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from ..frontend.errors import InputError
-from ..frontend.factors import Start
-from ..frontend.files import read_arrays, replaced
+from ..core.errors import InputError
+from ..core.factors import Start
+from ..core.files import read_arrays, replaced
 from ..frontend.laser.recording import LaserRecording
 from ..frontend.laser.settings import Settings
 from ..frontend.maps.occupancy import FREE, UNKNOWN, WALL, Occupancy, of_states

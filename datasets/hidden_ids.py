@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..frontend.factors import UNKNOWN, Dataset, Truth
-from ..frontend.options import option
+from ..core.factors import UNKNOWN, Dataset, Truth
+from ..core.options import option
 
 KNOWN, HIDDEN = "known", "hidden"
 

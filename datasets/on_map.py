@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..frontend.errors import InputError
-from ..frontend.factors import STARTS, Dataset, Map
-from ..frontend.options import option
-from ..frontend.se2 import Array
+from ..core.errors import InputError
+from ..core.factors import STARTS, Dataset, Map
+from ..core.options import option
+from ..core.se2 import Array
 
 NONE, SURVEYED, FOREIGN = "none", "surveyed", "foreign"
 

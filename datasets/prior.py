@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..frontend.factors import Prior
-from ..frontend.toml.table import TomlTable
+from ..core.factors import Prior
+from ..core.toml.table import TomlTable
 
 START_SD = 1e-3
 """m and rad: without [prior] the robot starts at the origin, which is defined by it."""

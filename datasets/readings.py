@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..frontend.errors import InputError
-from ..frontend.table import Table, read_csv
+from ..core.errors import InputError
+from ..core.table import Table, read_csv
 from ..frontend.wheels.counters import unwrap
 from ..frontend.wheels.motion import Poses, Ticks
 

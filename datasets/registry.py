@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..frontend.factors import Dataset
-from ..frontend.options import NoOptions
+from ..core.factors import Dataset
+from ..core.options import NoOptions
 
 
 class Member(NamedTuple):

@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..frontend.dead_reckoning import dead_reckoned
-from ..frontend.errors import InputError
-from ..frontend.factors import REMARKS, UNKNOWN, Dataset, Log
-from ..frontend.se2 import Array
-from ..frontend.table import LARGEST
+from ..core.dead_reckoning import dead_reckoned
+from ..core.errors import InputError
+from ..core.factors import REMARKS, UNKNOWN, Dataset, Log
+from ..core.se2 import Array
+from ..core.table import LARGEST
 from .hidden_ids import HIDDEN_NOTE
 
 GAP = 10.0  # a gap in time, relative to the median time between steps

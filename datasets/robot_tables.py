@@ -5,12 +5,12 @@ from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any
 
+from ..core.errors import InputError
+from ..core.se2 import Array
+from ..core.toml.table import TomlTable
 from ..frontend.camera.calibration import read
 from ..frontend.camera.camera import Camera
 from ..frontend.camera.mounting import from_matrix, from_rpy
-from ..frontend.errors import InputError
-from ..frontend.se2 import Array
-from ..frontend.toml.table import TomlTable
 from ..frontend.wheels.encoder import Floors
 from ..frontend.wheels.motion import TrackNoise
 

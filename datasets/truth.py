@@ -2,7 +2,7 @@
 
 truth.tum        t x y z qx qy qz qw
 landmarks.csv    id,x,y[,moving]          moving: 1 if the landmark moves from that place, else 0
-relations.csv    true motions between poses beside the steps of a log: see `frontend.relations.COLUMNS`
+relations.csv    true motions between poses beside the steps of a log: see `core.relations.COLUMNS`
 """
 
 import os
@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from ..frontend.factors import Dataset, Log, Map, Truth, digest_of
-from ..frontend.relations import COLUMNS as COLUMNS_OF_RELATIONS
-from ..frontend.relations import LONGEST_GAP, Relations, as_rows, from_rows
-from ..frontend.scan import Scan, attempted, strict
-from ..frontend.se2 import Array, Ints, wrap
-from ..frontend.table import scan_csv
-from ..frontend.tum import scan_tum, write_tum
+from ..core.factors import Dataset, Log, Map, Truth, digest_of
+from ..core.relations import COLUMNS as COLUMNS_OF_RELATIONS
+from ..core.relations import LONGEST_GAP, Relations, as_rows, from_rows
+from ..core.scan import Scan, attempted, strict
+from ..core.se2 import Array, Ints, wrap
+from ..core.table import scan_csv
+from ..core.tum import scan_tum, write_tum
 from .remarks import remarked
 
 POSES = "truth.tum"

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from ..bench.record.reader import Store
 from ..bench.verdict.summary import lines
+from ..core.se2 import Array
 from ..datasets.cache import generator
 from ..datasets.worlds.aruco_room import Options, record
-from ..frontend.se2 import Array
 
 SEED = 2
 FRAME = 30

@@ -4,8 +4,8 @@ from math import atan2, sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from .._expected import distance
 
 NEAREST = 1e-3

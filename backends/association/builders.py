@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.factors import Prior
+from ...core.factors import Prior
 from ..api import Backend, Builder, Expects, Unsuited
 from .layer import Associating
 from .options import options_with

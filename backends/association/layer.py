@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step, Truth
-from ...frontend.se2 import Array, Ints, compose
+from ...core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step, Truth
+from ...core.se2 import Array, Ints, compose
 from .._expected import carried
 from .._rules import NEW, Decision, decide, decide_frame, decision_by
 from ..answers import answer, filled, fills

@@ -4,8 +4,8 @@ from dataclasses import dataclass, fields, make_dataclass
 from functools import cache
 from typing import Any
 
-from ...frontend.errors import InputError
-from ...frontend.options import option
+from ...core.errors import InputError
+from ...core.options import option
 
 RULES = ("nn", "ml", "jcbb")
 """Nearest neighbour, maximum likelihood, joint compatibility: in the order of their numbers in `backends/_rules.py`."""

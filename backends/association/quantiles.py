@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 
 
 @cache

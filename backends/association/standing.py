@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step, Truth
-from ...frontend.se2 import Array, Ints, compose, wrap
+from ...core.factors import Map, Odometry, Prior, RangeBearing, Step, Truth
+from ...core.se2 import Array, Ints, compose, wrap
 from ..api import Backend, Belief, Expected, Pose, Solution, TakenOut, WantsTruth
 from ._standing import AGREES, FEW, FORGETS, MOVED, STOOD_ELSEWHERE, follow, judge
 from .quantiles import gates, quantile

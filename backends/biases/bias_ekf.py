@@ -15,9 +15,9 @@ from math import exp, log
 
 import numpy as np
 
-from ...frontend.factors import Map, Prior, Step
-from ...frontend.options import option
-from ...frontend.se2 import Ints
+from ...core.factors import Map, Prior, Step
+from ...core.options import option
+from ...core.se2 import Ints
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, Solution
 from ._biased import AT_ROBOT, EACH, frame
 

@@ -6,8 +6,8 @@ in the order of `members`, and `transition`, `information` and `pull` are Phi, P
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from ._triangle import entry, put, row, take
 
 

@@ -16,9 +16,9 @@ from math import cos, exp, sin, sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
-from .._blas import add_product, add_square
+from ...core.kernels._blas import add_product, add_square
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from .._models import moved, placed, sighted, wrap
 from ._triangle import REAL, add_square_of, put, take
 

@@ -4,8 +4,8 @@ from math import sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from .._answer import answer_at
 from .._expected import ROUNDING, cross_block, spread, spread_on, within
 from .._models import moved

@@ -11,8 +11,8 @@ from math import cos, sin, sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from .._models import moved, placed, sighted, wrap
 from ._group import retract, retract_all
 from ._triangle import add_square_of, put, take_less, take_row

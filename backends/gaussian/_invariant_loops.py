@@ -4,8 +4,8 @@ from math import cos, sin
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from .._models import wrap
 from ._group import exponential, logarithm, retract_all
 from ._invariant import RANK, fold, gather, gather_row

@@ -1,6 +1,6 @@
 """The arrays of a joint Gaussian belief, for compiled code to receive by one address."""
 
-from .._arrays import Arrays, Integers, Numbers, Table, at
+from ...core.kernels._arrays import Arrays, Integers, Numbers, Table, at
 
 
 class JointArrays(Arrays):

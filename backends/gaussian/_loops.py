@@ -8,8 +8,8 @@ from math import cos, sin, sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from .._models import wrap
 from ._ekf import INDEFINITE, OWED, STANDARD, settle
 from ._triangle import put, put_row, take, take_row

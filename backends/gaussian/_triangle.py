@@ -8,9 +8,9 @@ diagonal block are undefined.
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
-from .._blas import add_product, add_square
+from ...core.kernels._blas import add_product, add_square
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 
 PANEL = 1016
 """Rows per panel: even, so that no landmark is split, and an odd number of cache lines, so that rows do not collide."""

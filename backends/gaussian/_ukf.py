@@ -13,8 +13,8 @@ from math import sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from .._models import moved, placed, sighted, wrap
 from ._triangle import add_square_of, put, take_less
 from ._unscented import ROUNDING, add_outer, cholesky, regress, unroot

@@ -9,8 +9,8 @@ from math import sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 
 ROUNDING = 1e-15
 """Share of a variance hidden by rounding: conditional variances are not taken below it."""

@@ -19,8 +19,8 @@ only when the part has become too large, and the part then restarts with the lan
 
 import numpy as np
 
-from ...frontend.factors import Odometry, RangeBearing
-from ...frontend.se2 import Ints
+from ...core.factors import Odometry, RangeBearing
+from ...core.se2 import Ints
 from .._vicinity import choose
 from ..vicinity import Vicinity
 from . import _compressed, _triangle

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...frontend.factors import Map, Prior, Step
+from ...core.factors import Map, Prior, Step
 from ..api import COMPILED_HERE, Belief, Builder, NoOptions, Pose, Solution
 from . import _ekf
 

@@ -22,11 +22,11 @@ from math import log
 import numpy as np
 from scipy.special import chdtri
 
-from ...frontend.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints
+from ...core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
+from ...core.kernels._blas import routine
+from ...core.options import option
+from ...core.se2 import Array, Ints
 from .._answer import Answer
-from .._blas import routine
 from ..answers import answer, as_expected, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution, TruthWanted
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, POSE, STANDARD, frame

@@ -29,11 +29,11 @@ from itertools import islice
 
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, RangeBearing, RelativePoses, Step
-from ...frontend.options import option
-from ...frontend.se2 import Array
+from ...core.factors import Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from ...core.kernels._blas import routine
+from ...core.options import option
+from ...core.se2 import Array
 from .._answer import Answer
-from .._blas import routine
 from ..answers import answer, as_expected, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..vicinity import Vicinity

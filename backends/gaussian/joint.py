@@ -4,8 +4,8 @@ from copy import copy
 
 import numpy as np
 
-from ...frontend.factors import Map
-from ...frontend.se2 import Array, Ints, wrap
+from ...core.factors import Map
+from ...core.se2 import Array, Ints, wrap
 from . import _triangle
 from ._ekf import OWED
 from ._joint_arrays import JointArrays

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import RelativePoses
-from ...frontend.se2 import Array, Ints
+from ...core.factors import RelativePoses
+from ...core.se2 import Array, Ints
 
 SPACE = 64
 """Rows of the table at first, doubled when exhausted."""

@@ -24,10 +24,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
-from ...frontend.options import option
+from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
+from ...core.kernels._blas import routine
+from ...core.options import option
 from .._answer import Answer
-from .._blas import routine
 from ..answers import answer, as_expected, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose
 from . import _ukf

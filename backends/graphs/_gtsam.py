@@ -11,8 +11,8 @@ from functools import lru_cache, partial
 import gtsam
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, Step
-from ...frontend.se2 import Array, Ints, rotation
+from ...core.factors import Map, Odometry, Prior, Step
+from ...core.se2 import Array, Ints, rotation
 from ..api import Expected
 from ..models import place
 from ..newcomers import Newcomers

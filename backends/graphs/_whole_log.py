@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from ..smoothing._graph import LINKS, NO_VARIABLE, POINT, STEPS, VARIABLES, Graph
 from ..smoothing._links import relink
 from ..smoothing._log import add_loop, add_pose_after, add_sightings_of, move

@@ -8,8 +8,8 @@ import contextlib
 
 import numpy as np
 
-from ...frontend.factors import Log, Map
-from ...frontend.se2 import Array, Ints, compose
+from ...core.factors import Log, Map
+from ...core.se2 import Array, Ints, compose
 from ..api import Diverged, Solution
 from ..smoothing import _log, _opening
 from ..smoothing._factors import HUBER, NONE

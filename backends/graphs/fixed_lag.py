@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...frontend.factors import Prior
-from ...frontend.options import option
+from ...core.factors import Prior
+from ...core.options import option
 from ..api import COMPILED_HERE, GTSAM_WHEEL, Backend, Builder
 from ..window import fixed_lag
 

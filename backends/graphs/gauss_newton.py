@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Ints
+from ...core.se2 import Ints
 from ..api import Diverged
 from ..smoothing import _cost, _front, _offsets
 from ..smoothing._graph import CLIQUES, DAMPING, FAILED, POINT, RESUM, STEPS, TODO, VARIABLES

@@ -9,9 +9,9 @@ that what is left determines them.
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.se2 import Array, Ints, between
-from ...frontend.small_matrices import inverse
-from ...frontend.truth_errors import difference
+from ...core.se2 import Array, Ints, between
+from ...core.small_matrices import inverse
+from ...core.truth_errors import difference
 from ..models import innovation, sight
 from ..smoothing._graph import LANDMARK, NO_VARIABLE, POINT, POSE, SIGHTINGS
 from .batch import Batch

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...frontend.factors import Map, Prior, Step
-from ...frontend.options import option
+from ...core.factors import Map, Prior, Step
+from ...core.options import option
 from ..api import COMPILED_HERE, GTSAM_WHEEL, Builder, Solution
 
 

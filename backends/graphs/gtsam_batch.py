@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import gtsam
 import numpy as np
 
-from ...frontend.factors import Prior, Step
+from ...core.factors import Prior, Step
 from ..api import Diverged, Solution
 from . import isam2
 from ._gtsam import FAILURES, Factors, failure, joint_covariance, path_and_map, pose2

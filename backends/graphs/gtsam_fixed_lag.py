@@ -8,8 +8,8 @@ from collections import deque
 import gtsam
 import numpy as np
 
-from ...frontend.factors import Map, Prior, Step
-from ...frontend.se2 import Array
+from ...core.factors import Map, Prior, Step
+from ...core.se2 import Array
 from ..api import Belief, Diverged, Pose, Solution
 from ..window.fixed_lag import Options
 from ._gtsam import FAILURES, Factors, array, failure, pose2, to_world

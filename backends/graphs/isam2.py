@@ -13,9 +13,9 @@ from itertools import islice
 import gtsam
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
-from ...frontend.options import option
-from ...frontend.se2 import Array, rotation
+from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
+from ...core.options import option
+from ...core.se2 import Array, rotation
 from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..vicinity import Vicinity, first_expected
 from ._gtsam import (

@@ -19,7 +19,7 @@ import gtsam
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from ..api import Diverged
 
 MOST = 30

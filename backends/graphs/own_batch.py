@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...frontend.factors import Log, Prior, Step
+from ...core.factors import Log, Prior, Step
 from ..api import Solution
 from ..smoothing.smoother import LOSSES, Smoother
 from ..smoothing.smoother import Options as SmootherOptions

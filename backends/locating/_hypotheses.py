@@ -9,8 +9,8 @@ from math import atan2, cos, floor, log, pi, sin, sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from ._landmark_grid import nearest
 
 MISS = 3.0

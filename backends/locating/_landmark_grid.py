@@ -4,8 +4,8 @@ from math import floor, inf, log, pi, sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 
 AROUND = 4
 """Neighbours that tell the density of landmarks around one."""

@@ -1,7 +1,7 @@
 """Sightings of one landmark at several steps as one place, and the rows of a joint covariance."""
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 
 
 @compiled

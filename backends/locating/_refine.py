@@ -4,8 +4,8 @@ from math import cos, log, pi, sin, sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from ._hypotheses import MISS
 from ._landmark_grid import nearest
 

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Map, Step
-from ...frontend.se2 import Array, Ints, wrap
+from ...core.factors import UNKNOWN, Map, Step
+from ...core.se2 import Array, Ints, wrap
 from ._hypotheses import search
 from ._places import grouped, merge
 from ._refine import refine

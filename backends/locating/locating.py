@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Map, Prior, RelativePoses, Step, Truth
-from ...frontend.se2 import Array, Ints, compose, inverse, wrap
+from ...core.factors import UNKNOWN, Map, Prior, RelativePoses, Step, Truth
+from ...core.se2 import Array, Ints, compose, inverse, wrap
 from ..api import Associates, Backend, Belief, Builder, Pose, Solution, TakenOut, TakesOut, WantsTruth
 from .locate import LEAST, Fix, locate
 from .map_index import MapIndex

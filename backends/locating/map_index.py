@@ -4,8 +4,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from ...frontend.factors import Map
-from ...frontend.se2 import Array, Ints
+from ...core.factors import Map
+from ...core.se2 import Array, Ints
 from ._landmark_grid import fill, measure_pairs, measure_room
 
 EDGE = 1.0

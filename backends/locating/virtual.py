@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import Odometry, Step
-from ...frontend.se2 import Array, Ints, inverse
+from ...core.factors import Odometry, Step
+from ...core.se2 import Array, Ints, inverse
 from ._virtual import chain, place
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Step
-from ...frontend.se2 import Array, Ints, compose
+from ...core.factors import UNKNOWN, Step
+from ...core.se2 import Array, Ints, compose
 from ._watch import evidence
 from .map_index import MapIndex
 

@@ -9,8 +9,8 @@ two, the W of single epochs first, then the W / 2 over two of them, and so on.
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 
 Hops = NDArray[np.int32]
 Values = NDArray[np.float64] | NDArray[np.int32]

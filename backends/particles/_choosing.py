@@ -22,8 +22,8 @@ from math import inf, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from ._particles import BLOCK, cosine_sine
 from ._proposal import ROWS, draw, fold, predict
 from ._surprise import load, spread, weigh
@@ -35,7 +35,7 @@ ABSENT = -(2**31)
 """In place of a row: the particle has no landmark of the sighting's id."""
 
 NAMELESS = -1
-"""The id of a sighting without one: `UNKNOWN` of `frontend.factors`. Made-up ids are below it."""
+"""The id of a sighting without one: `UNKNOWN` of `core.factors`. Made-up ids are below it."""
 
 
 @compiled

@@ -2,8 +2,8 @@
 
 from math import exp, log, pi, sqrt
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from ..locating._landmark_grid import nearest
 from ._particles import cosine_sine
 

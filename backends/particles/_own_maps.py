@@ -6,8 +6,8 @@ Layout and names are those of `_choosing.py`.
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from ._particles import place
 
 

@@ -21,8 +21,8 @@ from math import inf, pi, sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 
 BLOCK = 256
 """Particles at a time: the data of a sighting fits into 32 kB."""

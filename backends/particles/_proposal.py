@@ -14,8 +14,8 @@ from math import inf, pi, sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from ._particles import BLOCK, LOGGED, arctan2, cosine_sine, root, wrap
 
 ROWS = 19

@@ -9,8 +9,8 @@ from math import inf, log, pi, sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from ._particles import BLOCK, arctan2
 
 

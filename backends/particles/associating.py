@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Map, Prior, Step
-from ...frontend.se2 import Ints
+from ...core.factors import UNKNOWN, Map, Prior, Step
+from ...core.se2 import Ints
 from ..api import Belief, Unsuited
 from ._choosing import choose
 from ._own_maps import keep

@@ -13,8 +13,8 @@ from itertools import islice
 
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, RangeBearing, RelativePoses, Step
-from ...frontend.se2 import Array, Ints
+from ...core.factors import Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from ...core.se2 import Array, Ints
 from ..api import COMPILED_HERE, Builder, Expected
 from ..vicinity import Vicinity
 from . import _loops

@@ -11,9 +11,9 @@ from math import exp, log
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Map, Prior, Step
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints, wrap
+from ...core.factors import UNKNOWN, Map, Prior, Step
+from ...core.options import option
+from ...core.se2 import Array, Ints, wrap
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, Unsuited
 from ..locating.map_index import MapIndex
 from ._field import weigh

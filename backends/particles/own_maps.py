@@ -6,8 +6,8 @@ landmarks of a particle only where it has more than one descendant.
 
 import numpy as np
 
-from ...frontend.factors import Map
-from ...frontend.se2 import Array, Ints
+from ...core.factors import Map
+from ...core.se2 import Array, Ints
 from ._own_maps import inherit
 
 RESERVED = 8

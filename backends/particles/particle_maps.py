@@ -10,7 +10,7 @@ more ancestor maps than that are stored, and they take a fifth of the filters' m
 
 import numpy as np
 
-from ...frontend.se2 import Array, Ints
+from ...core.se2 import Array, Ints
 from ._ancestry import catch_up, remember, widen
 
 RESERVED = 8

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.se2 import Ints
+from ...core.se2 import Ints
 from ._ancestry import Values, forebears, grow
 
 NO_POSES = np.zeros((0, 3))

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, Step
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints, wrap
+from ...core.factors import Map, Odometry, Prior, Step
+from ...core.options import option
+from ...core.se2 import Array, Ints, wrap
 from ..api import Belief, Diverged, Pose, Solution
 from ._particles import move
 from .particle_paths import ParticlePaths

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ...frontend.se2 import Array, Ints
+from ...core.se2 import Array, Ints
 from ._ancestry import chosen
 
 Scheme = Callable[[Array, np.random.Generator], Ints]

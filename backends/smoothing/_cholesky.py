@@ -8,9 +8,9 @@ from math import sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
-from .._blas import add_upper_square
+from ...core.kernels._blas import add_upper_square
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 
 WIDE, PANEL = 96, 48
 """Scalars from which a front uses BLAS, and rows eliminated before each call."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from .._models import wrap
 from ._factors import distance, loss, square_of
 from ._graph import (

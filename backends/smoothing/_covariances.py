@@ -12,8 +12,8 @@ each clique handing what is left on its separators to its parent. The offsets of
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from ._cholesky import unsigned
 from ._front import places
 from ._graph import (

@@ -11,8 +11,8 @@ right-hand side in its last column.
 
 from math import atan2, log, sqrt
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from .._models import wrap
 from ._graph import INFORMATION, LANDMARK, LOSS, OFFSET, POSE, SCALE, A, B, Graph
 

@@ -6,8 +6,8 @@ rows. The part of the root from cliques that do not contain the pose is stored s
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from .._models import wrap
 from ._cholesky import factor, unsigned
 from ._factors import add_link, add_pose, add_sighting

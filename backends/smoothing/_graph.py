@@ -7,8 +7,8 @@ separators, which is summed into its parent. The variables that are not eliminat
 landmarks around it.
 """
 
-from ...frontend.compiled import compiled
-from .._arrays import Arrays, Integers, IntegerTable, Numbers, Table, at
+from ...core.kernels._arrays import Arrays, Integers, IntegerTable, Numbers, Table, at
+from ...core.kernels.compiled import compiled
 
 
 class Graph(Arrays):

@@ -13,8 +13,8 @@ from math import cos, sin, sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from .._models import wrap
 from ._factors import square_of, weight
 from ._graph import (

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from .._models import wrap
 from ._front import solve_rows
 from ._graph import (

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Ints
 from ._graph import (
     CHILD,
     CLIQUE,

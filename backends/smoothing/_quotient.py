@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Ints
 from . import _graph
 from ._graph import Graph
 

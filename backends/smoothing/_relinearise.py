@@ -9,8 +9,8 @@ two, is eliminated once more.
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from .._models import wrap
 from ._graph import (
     BOUND,

@@ -5,8 +5,8 @@ And, in another one, the question which sightings are expected at it.
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from .._answer import answer_at
 from .._rules import conclude
 from .._vicinity import choose, expect, places_at

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from .._blas import routine
+from ...core.kernels._blas import routine
 from ._graph import CLASSES, CLIQUES, DSYRK, RESUM, STATE, Graph
 
 TOGETHER = {

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from ...frontend.compile_ahead import compile_ahead
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compile_ahead import compile_ahead
+from ...core.se2 import Array, Ints
 from ..api import Diverged
 from . import _cost, _covariances, _front, _graph, _offsets, _opening, _ordering, _relinearise, _tree
 from ._graph import (

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...frontend.compile_ahead import Kernels
+from ...core.kernels.compile_ahead import Kernels
 from . import _cost, _covariances, _front, _log, _offsets, _opening, _ordering, _relinearise, _step, _tree
 from .arrays import made
 

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from ...frontend.factors import Map
-from ...frontend.se2 import Array, Ints
+from ...core.factors import Map
+from ...core.se2 import Array, Ints
 from . import _graph, _log, _tree
 from ._graph import FACTOR, FAR, GIVEN, GIVEN_INTS, GIVEN_REALS, INTS, LISTED, NEXT, REALS, TODO, UPDATE, WIDTH
 from .arrays import with_front, with_rows

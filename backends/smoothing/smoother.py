@@ -14,9 +14,9 @@ from itertools import islice
 
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints
+from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
+from ...core.options import option
+from ...core.se2 import Array, Ints
 from .._answer import Answer
 from ..answers import answer, as_expected, filled, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution

@@ -15,8 +15,8 @@ from math import sqrt
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from ..smoothing._cholesky import unsigned
 from ..smoothing._factors import add_seen
 from ..smoothing._links import add_turned, inverse, motion_offset

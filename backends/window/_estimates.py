@@ -6,8 +6,8 @@ that variable's stage on. The variable is then Y' d, and its covariance Y' Y.
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from .._models import wrap
 from ..smoothing._cholesky import factor, unsigned
 from ..smoothing._front import last_three, solve_rows

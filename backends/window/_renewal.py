@@ -7,8 +7,8 @@ relinearised: two linearisations of one variable add information that no sightin
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from .._models import wrap
 from ._chain import DONE, chain, copy
 from ._estimates import offsets

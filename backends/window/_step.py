@@ -1,7 +1,7 @@
 """A window's step in one call."""
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 from .._models import moved
 from ..smoothing._log import six
 from ._chain import DONE, RETURNS, eliminate, sight

@@ -7,8 +7,8 @@ all older information is such a front, too: the prior.
 A front is a matrix as in `_factors`: the pose in rows 0 to 2, the landmark of slot k in rows 3 + 2k and 4 + 2k.
 """
 
-from ...frontend.compiled import compiled
-from .._arrays import Arrays, Integers, IntegerTable, Numbers, Table
+from ...core.kernels._arrays import Arrays, Integers, IntegerTable, Numbers, Table
+from ...core.kernels.compiled import compiled
 
 
 class Window(Arrays):

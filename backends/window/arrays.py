@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.factors import Prior
-from ...frontend.se2 import Array
-from .._blas import routine
+from ...core.factors import Prior
+from ...core.kernels._blas import routine
+from ...core.se2 import Array
 from . import _estimates, _step
 from ._window import (
     BEFORE,

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, RangeBearing, Step
-from ...frontend.options import option
-from ...frontend.se2 import Array
+from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
+from ...core.options import option
+from ...core.se2 import Array
 from ..api import Belief, Diverged, Expected, Pose, Solution
 from ..models import place
 from ..newcomers import Newcomers

@@ -5,9 +5,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ...core.se2 import Array
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Seen
-from ...frontend.se2 import Array
 
 # BGR, of Okabe and Ito's colours: green for what is in the log, orange for what is too far away for it.
 KEPT, FAR = (115, 158, 0), (0, 94, 213)

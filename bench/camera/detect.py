@@ -6,11 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from ...core.errors import InputError
+from ...core.factors import Log, Truth
 from ...datasets.formats import log_folder
 from ...datasets.remarks import refuse
 from ...datasets.truth import with_truth
-from ...frontend.errors import InputError
-from ...frontend.factors import Log, Truth
 from ...frontend.markers.aruco import Sighting
 from ...frontend.markers.diagnosis import diagnose, plausible_length
 from ...frontend.markers.pipeline import Frame, Recording, Seen, build_log

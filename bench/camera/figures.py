@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from ...frontend.dead_reckoning import dead_reckoned
-from ...frontend.factors import Log, Truth
-from ...frontend.se2 import Array, Ints
+from ...core.dead_reckoning import dead_reckoned
+from ...core.factors import Log, Truth
+from ...core.se2 import Array, Ints
 from ..drawing.axes import legend
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import report_figure

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.se2 import Array
 from ...frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from ...frontend.markers.noise_fit import Propagated, Slope, fit_propagated, fit_slope, squares
-from ...frontend.se2 import Array
 from .sightings import Sightings, TrueErrors, in_log
 
 CORNERS = PropagatedNoise(scale=1.0, floor_range=0.0, floor_bearing=0.0)

@@ -20,8 +20,8 @@ from matplotlib.path import Path
 from matplotlib.transforms import Affine2D, Transform
 from numpy.typing import NDArray
 
-from ...frontend.files import write_whole
-from ...frontend.se2 import Array
+from ...core.files import write_whole
+from ...core.se2 import Array
 from .ink_strip import ink_strip
 from .sheets import EDGE, FOOT, PAGES, STRIP, Placed, check_fits
 

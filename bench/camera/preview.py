@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ...frontend.markers.aruco import Image
 
 CODECS = {".mp4": "mp4v", ".mkv": "mp4v", ".avi": "MJPG", ".webm": "VP80"}

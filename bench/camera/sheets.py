@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ...frontend.markers.markers import Markers
 
 PAGES = {

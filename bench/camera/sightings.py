@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.factors import Truth
+from ...core.factors import Truth
+from ...core.se2 import Array, Ints
+from ...core.truth_errors import difference, rows_of, sighted_from
 from ...frontend.markers.noise import Noise
 from ...frontend.markers.pipeline import Seen
-from ...frontend.se2 import Array, Ints
-from ...frontend.truth_errors import difference, rows_of, sighted_from
 
 AMBIGUOUS = 0.05  # ambiguous from here on: the likelihood of a marker's second pose over that of the better one
 

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.factors import Dataset, Log, Truth
 from ...datasets.remarks import remarks
-from ...frontend.factors import Dataset, Log, Truth
 from ..words.numerals import counted, listed, number
 from .noise_calibration import CONSISTENT, Calibration, RangeBin
 from .sightings import Detection, Marker, Sightings, TrueErrors, in_log, markers, per_frame

@@ -27,9 +27,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...backends.api import UNKNOWN, Diverged, Unsuited
-from ...frontend import se2
-from ...frontend.factors import Map, RangeBearing
-from ...frontend.se2 import Array, Ints
+from ...core import se2
+from ...core.factors import Map, RangeBearing
+from ...core.se2 import Array, Ints
 from ..measure.misfit import misfit
 from ..plan.reference import reference
 from ..words.numerals import counted

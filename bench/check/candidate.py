@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...backends.api import Backend, Belief, Builder, Map, Pose, Solution, TakesOut
-from ...frontend import se2
-from ...frontend.factors import Log, Prior
-from ...frontend.se2 import Array
+from ...core import se2
+from ...core.factors import Log, Prior
+from ...core.se2 import Array
 from .small_logs import dead_reckoned
 
 SIGMAS = 6.0  # standard deviations that an estimate may be off: a sound backend exceeds it once in a billion steps

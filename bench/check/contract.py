@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 
 from ...backends.api import Backend, Belief, Solution
-from ...frontend import se2
-from ...frontend.factors import Log
+from ...core import se2
+from ...core.factors import Log
 from ..words.numerals import counted
 from .answers import check_array, check_map
 from .candidate import Candidate, Failed, NotApplicable, first

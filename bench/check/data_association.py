@@ -7,8 +7,8 @@ import numpy as np
 
 from ...backends.api import UNKNOWN, Expects
 from ...backends.association.layer import Associating
-from ...frontend.factors import Log
-from ...frontend.se2 import Array
+from ...core.factors import Log
+from ...core.se2 import Array
 from .answers import check_array, check_map
 from .candidate import Candidate, Failed, NotApplicable, same
 from .small_logs import IDS, RING, a_round, around, drive

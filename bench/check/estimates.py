@@ -6,8 +6,8 @@ are six standard deviations of dead reckoning, which every use of a sighting can
 
 import numpy as np
 
-from ...frontend.factors import Log, Map
-from ...frontend.se2 import Array
+from ...core.factors import Log, Map
+from ...core.se2 import Array
 from ..words.numerals import counted
 from .candidate import ROUNDING, Candidate, Failed, NotApplicable, same, spread, stays_near
 from .small_logs import INDOORS, Drive, around, behind, dead_reckoned, drive, with_loop, with_loops, with_map

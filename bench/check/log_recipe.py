@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...frontend import se2
-from ...frontend.factors import Log, Map, Prior
-from ...frontend.se2 import Array, Ints
+from ...core import se2
+from ...core.factors import Log, Map, Prior
+from ...core.se2 import Array, Ints
 from .small_logs import CIRCLE_START, IDS, INDOORS, MOTION_SD, PRIOR_SD, RING, SIGHTING_SD, Drive, around
 
 

@@ -5,7 +5,7 @@ import random
 
 import numpy as np
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from .candidate import Candidate, Failed, same
 from .small_logs import RING, a_round, around, drive
 

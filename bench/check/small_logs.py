@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend import se2
-from ...frontend.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
-from ...frontend.se2 import Array, Ints
+from ...core import se2
+from ...core.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from ...core.se2 import Array, Ints
 
 PRIOR_SD = np.array([0.05, 0.05, 0.02])  # m, m, rad
 MOTION_SD = np.array([0.02, 0.01, 0.01])  # m, m, rad, a step

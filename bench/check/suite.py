@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from ...backends.api import Builder, Unsuited
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..plan.spec import backend_variants
 from . import contract, data_association, estimates, side_effects
 from .adversarial import ends_near_the_batch_answer, stands_logs_without_ids

@@ -5,7 +5,7 @@ from math import inf, isinf, isnan, nan
 
 import numpy as np
 
-from ...frontend.se2 import Array, Ints
+from ...core.se2 import Array, Ints
 from ..study.study import Claim
 from ..verdict.statistics import FEWEST, SAME, Estimate, estimate, log_ratios
 from ..words.numerals import counted, number, plain

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from ..record.cell_table import CellTable
 from ..record.statuses import FAILED
 from ..study.study import Figure

@@ -6,7 +6,7 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from ..study.study import Claim
 from ..verdict.statistics import Estimate, estimate
 from ..words.numerals import plain

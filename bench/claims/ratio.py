@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from ..study.study import Claim
 from ..verdict.statistics import LEVEL, MOST, Shift, exponential, log_ratios, shift
 from ..words.numerals import factor, larger

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.se2 import Array, Ints
+from ...core.se2 import Array, Ints
 from ..record.cell_table import CellTable
 from ..record.statuses import FAILED
 from ..verdict.ranking import ROUNDING

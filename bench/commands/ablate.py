@@ -13,7 +13,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from ...frontend.errors import InputError, Interrupted
+from ...core.errors import InputError, Interrupted
 from ..engine.engine import RunRequest, Tally, run
 from ..plan.values import count
 from ..record.schema import FILE

@@ -13,12 +13,12 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from ...core.errors import InputError
 from ...datasets.recordings import frames_folder, video
 from ...frontend.boards.board import Board, View, find_corners, read_board
 from ...frontend.boards.charuco import MODELS, Calibration, calibrate
 from ...frontend.boards.response_fit import BoardResponse, Pictures
 from ...frontend.camera.calibration import write_camera_info, write_opencv
-from ...frontend.errors import InputError
 from ...frontend.markers.aruco import Image
 from ..camera.calibration_picture import write_picture
 from ..camera.response_words import told

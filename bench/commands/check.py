@@ -5,7 +5,7 @@ from itertools import groupby
 
 from rich.console import Console
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..check.contract import BLIND, sightings_make_a_difference
 from ..check.isolated import examined
 from ..check.suite import Outcome, check_name, chosen

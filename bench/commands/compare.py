@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from ...frontend.files import write_whole
+from ...core.files import write_whole
 from ..plan.values import positive
 from ..report.comparison import compare, document, table
 from ..verdict.changes import regressed, rest, summary

@@ -9,11 +9,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from ...core.errors import InputError
 from ...datasets.depth.open import OpenedDepth, open_depth
 from ...datasets.recordings.recording import open_recording
 from ...datasets.recordings.robot import read_robot
 from ...datasets.scans.open import OpenedScans, ScanTopics, open_scans
-from ...frontend.errors import InputError
 from ..camera.detect import DetectRequest, detect
 from ..camera.folder import PAGE, check_place
 from ..camera.noise_calibration import toml

@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Callable
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..plan.values import count
 from ..workers.executor import Executor
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..logs.export import FORMATS, export_log, formats_of
 from ..plan.load import made, one
 from ..plan.values import seed

@@ -7,10 +7,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from ...core.errors import InputError
 from ...datasets.published import installed
 from ...datasets.published.catalogue import PUBLISHED, place
 from ...datasets.published.fetch import fetch, take
-from ...frontend.errors import InputError
 from ..words.console import ProgressBar
 
 MEGA = 1e6

@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from rich.console import Console
 
-from ...frontend.beside import Clouds, Scans
-from ...frontend.errors import InputError
+from ...core.beside import Clouds, Scans
+from ...core.errors import InputError
+from ...core.se2 import Array
 from ...frontend.maps.cloud import merged
 from ...frontend.maps.obstacles import HIGH, LOW, Obstacles
 from ...frontend.maps.occupancy import CELL, MOST, Occupancy, occupancy
 from ...frontend.maps.top_view import top_view
-from ...frontend.se2 import Array
 from ..drawing.map_files import write_grid, write_seen
 from ..record.schema import Row, label
 from ..record.store import Store

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ...frontend.markers.markers import Markers, write
 from ..camera.sheets import PAGES, lay_out, sheets
 from ..plan.values import check_file

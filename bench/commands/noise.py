@@ -7,9 +7,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from ...core.errors import InputError
+from ...core.factors import Dataset
 from ...datasets.formats import log_folder
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset
 from ..noise.apply import backends, stated, unstated
 from ..noise.measured import Noise, measured
 from ..noise.model import Model

@@ -8,8 +8,8 @@ from typing import TypeVar
 
 from rich.console import Console
 
+from ...core.errors import InputError
 from ...datasets.cache import generator
-from ...frontend.errors import InputError
 from ..plan.spec import dataset_variants
 from ..plan.values import seed
 from ..plan.variant import DatasetVariant

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..plan.values import check_file
 from ..record.store import Store
 from ..words.numerals import counted, listed

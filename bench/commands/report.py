@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..record.store import Store
 
 FORMS = ("pdf", "png")

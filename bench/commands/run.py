@@ -7,7 +7,7 @@ import sys
 import textwrap
 from pathlib import Path
 
-from ...frontend.factors import STARTS
+from ...core.factors import STARTS
 from ..plan.values import count, positive
 from ..record.store import Store
 from ..run.benchmark import DEFAULTS, benchmark, new_folder

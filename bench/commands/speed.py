@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..front_ends import study as frontend
 from ..plan.values import check_file, seed
 from ..speed import association, backends, batch

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from ...frontend.errors import InputError, Interrupted
+from ...core.errors import InputError, Interrupted
 from ..plan.values import count, seed
 from ..record.store import Store
 from ..run.progress import Screen

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ...core.errors import InputError
+from ...core.factors import UNKNOWN, Dataset
+from ...core.scan import Scan, attempted
 from ...datasets.formats import log_folder
 from ...datasets.remarks import remarks
-from ...frontend.errors import InputError
-from ...frontend.factors import UNKNOWN, Dataset
-from ...frontend.scan import Scan, attempted
 from ..plan.load import made
 from ..plan.spec import dataset_variants
 from ..plan.values import seed

@@ -6,12 +6,12 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ...core.se2 import Array, Ints
 from ...frontend.camera.camera import Camera
 from ...frontend.depth.front_end import Seen
 from ...frontend.depth.level import tilt_of
 from ...frontend.depth.pairs import Keyframe, Trial
 from ...frontend.markers.aruco import Image
-from ...frontend.se2 import Array, Ints
 from ..camera.annotate import write
 
 # BGR, of Okabe and Ito's colours

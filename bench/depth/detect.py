@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.se2 import compose
 from ...datasets.depth.open import OpenedDepth
 from ...datasets.formats import log_folder
 from ...datasets.remarks import refuse
@@ -16,7 +17,6 @@ from ...frontend.depth.frame import DepthFrame
 from ...frontend.depth.front_end import FrontEnd
 from ...frontend.depth.level import tilt_of
 from ...frontend.depth.log import log_of, looked_at
-from ...frontend.se2 import compose
 from ..camera.folder import write_folder
 from ..camera.preview import Preview
 from .annotate import annotated

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.beside import Clouds
+from ...core.factors import Dataset, Log, Truth
+from ...core.se2 import Array, Ints
 from ...datasets.remarks import remarks
-from ...frontend.beside import Clouds
 from ...frontend.depth.recording import DepthRecording
-from ...frontend.factors import Dataset, Log, Truth
-from ...frontend.se2 import Array, Ints
 from ..words.numerals import counted, listed, number
 
 MANY = 0.5

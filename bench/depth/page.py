@@ -6,7 +6,7 @@ from pathlib import Path
 
 import cv2
 
-from ...frontend.files import write_whole
+from ...core.files import write_whole
 from ...frontend.maps.obstacles import HIGH
 from ...frontend.maps.top_view import top_view
 from ..camera.folder import MAP, PAGE

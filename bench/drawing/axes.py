@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from ..words.numerals import plain
 
 SIZES = (1e-100, 1e100)  # least and largest number that an axis can have: matplotlib multiplies them

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ...frontend.files import write_whole
+from ...core.files import write_whole
 
 GROUPS = ("accuracy", "consistency", "cost", "inside")  # the subjects of figures, in the order of a report
 

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from ..words.styles import Look
 from .figure import Axis, Curve, Plot, ReportFigure
 from .svg import Draw, drawn, printed

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from .axes import short
 from .svg import lay_out
 

@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.files import write_whole
 from ...datasets.grid_file import write_cells
-from ...frontend.files import write_whole
 from ...frontend.maps.cloud import Cloud
 from ...frontend.maps.occupancy import FREE, UNKNOWN, WALL, Occupancy
 from ...frontend.maps.top_view import TopView

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from ...core.se2 import Array
 from ...frontend.maps.occupancy import Occupancy
 from ...frontend.maps.top_view import TopView
 from ...frontend.markers.aruco import Image
-from ...frontend.se2 import Array
 
 CELL = 0.05
 """m of a pixel, or more where the picture would be larger than MOST."""

@@ -8,7 +8,7 @@ from typing import Any
 from matplotlib import style
 from matplotlib.figure import Figure
 
-from ...frontend.files import replaced
+from ...core.files import replaced
 
 KINDS = (".png", ".svg", ".pdf")  # formats, by the ending of a picture's name
 

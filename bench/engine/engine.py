@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from ...core.errors import Absent, InputError
 from ...datasets.remarks import refuse
-from ...frontend.errors import Absent, InputError
 from ..measure.cell import Result
 from ..plan.work import PlannedCell, Work
 from ..record.lock import claimed

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from ...core.errors import InputError
+from ...core.factors import Dataset, Log, Truth
+from ...core.files import write_whole
+from ...core.se2 import wrap
 from ...datasets import archive
 from ...datasets.truth import digest
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Log, Truth
-from ...frontend.files import write_whole
-from ...frontend.se2 import wrap
 from ..record.store import Known
 from ..workers.batch import KeptLog, facts_of
 from .key import hashed

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from ...core.errors import InputError
+from ...core.factors import Dataset
 from ...datasets import archive
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset
 from ..plan.variant import OneLog
 from ..plan.work import PlannedCell, Work
 from ..record.store import Known, Store

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from ...core.se2 import Array, wrap
 from ...datasets.rendering.cameras import CAMERAS, MOUNTING
 from ...datasets.rendering.clutter import clutter
 from ...datasets.rendering.marker_shots import Placement, crowds, placements
@@ -16,7 +17,6 @@ from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Detector, Image, Refinement
 from ...frontend.markers.markers import Markers
 from ...frontend.markers.noise import PropagatedNoise
-from ...frontend.se2 import Array, wrap
 
 REFINEMENTS: tuple[Refinement, ...] = ("none", "subpix", "contour", "apriltag", "template")
 

@@ -8,14 +8,14 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from ...core.errors import InputError
+from ...core.factors import Truth
+from ...core.se2 import Array
 from ...datasets.depth.open import open_depth
 from ...datasets.worlds.depth_room import Options, record
 from ...frontend.depth.log import log_of
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
-from ...frontend.errors import InputError
-from ...frontend.factors import Truth
-from ...frontend.se2 import Array
 from .depth_timed import PARTS, PairTimes, Timed
 from .honesty import Honesty, errors, gathered
 

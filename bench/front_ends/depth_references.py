@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from ...core.se2 import Array, Ints
 from ...frontend.depth.features import Features
-from ...frontend.se2 import Array, Ints
 
 ROUNDS, PIXELS = 200, 2.0
 """Hypotheses of RANSAC, as many as ours; px, of an inlier."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Array, between, wrap
+from ...core.se2 import Array, between, wrap
 
 
 class Honesty(NamedTuple):

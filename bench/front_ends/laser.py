@@ -9,12 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.factors import Truth
+from ...core.se2 import Array, between
 from ...datasets.formats import carmen
 from ...datasets.published.catalogue import place
 from ...datasets.published.installed import here
 from ...datasets.published.laser_logs import log_file
 from ...datasets.worlds.laser_floor import Options, record
-from ...frontend.factors import Truth
 from ...frontend.laser.estimate import Estimate
 from ...frontend.laser.front_end import FrontEnd
 from ...frontend.laser.loops import Loop, Search, cloud, search_of
@@ -23,7 +24,6 @@ from ...frontend.laser.scanner import Scan
 from ...frontend.laser.settings import Settings
 from ...frontend.laser.step import Step
 from ...frontend.laser.submap import Submap
-from ...frontend.se2 import Array, between
 from .honesty import Honesty, errors, gathered
 from .laser_references import icp, tried
 

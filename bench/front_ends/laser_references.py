@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from ...core.se2 import Array
 from ...frontend.laser._search import FULL
 from ...frontend.laser.loops import Search
 from ...frontend.laser.submap import Submap
-from ...frontend.se2 import Array
 
 ROUNDS, CLOSE = 20, 0.3
 """Rounds of ICP, and m between points that belong together."""

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from ...frontend.errors import InputError
-from ...frontend.files import write_whole
+from ...core.errors import InputError
+from ...core.files import write_whole
 from ..words.console import ProgressBar
 from . import depth, laser
 from .cameras import DISTANCES, CameraAccuracy, CameraStudy

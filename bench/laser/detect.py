@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.errors import InputError
+from ...core.se2 import between, compose
 from ...datasets.formats import log_folder
 from ...datasets.formats.relations import build
 from ...datasets.remarks import refuse
 from ...datasets.scans.open import OpenedScans
 from ...datasets.truth import with_truth
-from ...frontend.errors import InputError
 from ...frontend.laser.front_end import FrontEnd
 from ...frontend.laser.recording import LaserRecording
-from ...frontend.se2 import between, compose
 from ..camera.folder import write_folder
 from .findings import LaserFindings
 from .page import write_page

@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from ...frontend.dead_reckoning import dead_reckoned
-from ...frontend.se2 import between, compose
+from ...core.dead_reckoning import dead_reckoned
+from ...core.se2 import between, compose
 from ..drawing.axes import legend
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import report_figure

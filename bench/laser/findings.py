@@ -5,11 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.beside import Scans
+from ...core.factors import Dataset, Log, Truth
+from ...core.se2 import Array
 from ...datasets.remarks import remarks
-from ...frontend.beside import Scans
-from ...frontend.factors import Dataset, Log, Truth
 from ...frontend.laser.recording import LaserRecording
-from ...frontend.se2 import Array
 from ..words.numerals import counted, listed, number
 
 MANY_LOST = 0.1

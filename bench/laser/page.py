@@ -6,7 +6,7 @@ from pathlib import Path
 
 import cv2
 
-from ...frontend.files import write_whole
+from ...core.files import write_whole
 from ...frontend.maps.occupancy import occupancy
 from ..camera.folder import MAP, PAGE
 from ..drawing.map_picture import CELL, MOST, map_picture

@@ -14,8 +14,8 @@ from ...backends._rules import NEW, decide_frame
 from ...backends.api import Diverged, Expected
 from ...backends.association.options import RULES, Association
 from ...backends.association.quantiles import gates, quantile
-from ...frontend.factors import UNKNOWN, Dataset, Log, RangeBearing
-from ...frontend.se2 import Array, wrap
+from ...core.factors import UNKNOWN, Dataset, Log, RangeBearing
+from ...core.se2 import Array, wrap
 
 FAR = 200.0
 """Squared distance up to which the right landmark is looked for."""

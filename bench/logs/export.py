@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+from ...core.dead_reckoning import dead_reckoned
+from ...core.errors import InputError
+from ...core.factors import Dataset
+from ...core.files import beside
+from ...core.tum import write_tum
 from ...datasets.formats import log_folder
 from ...datasets.formats.g2o_write import write_g2o
-from ...frontend.dead_reckoning import dead_reckoned
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset
-from ...frontend.files import beside
-from ...frontend.tum import write_tum
 from ..words.numerals import counted
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from math import degrees, tau
 from typing import Any
 
-from ...frontend.factors import REMARKS
+from ...core.factors import REMARKS
 from ..measure.landmark_places import Scattered
 from ..measure.stated_noise import Measured, NoiseCheck
 from ..words.numerals import counted, listed, number, plain

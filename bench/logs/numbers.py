@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Dataset, Log
-from ...frontend.se2 import Array, Ints
-from ...frontend.truth_errors import odometry_errors, sighting_errors
+from ...core.factors import UNKNOWN, Dataset, Log
+from ...core.se2 import Array, Ints
+from ...core.truth_errors import odometry_errors, sighting_errors
 from ..measure.landmark_places import Scattered, judge, scattered_ids
 from ..measure.stated_noise import Measured, NoiseCheck, measured, noise_check
 from ..measure.times import numbered

@@ -5,9 +5,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.ticker import MaxNLocator
 
-from ...frontend.factors import Log, Truth
-from ...frontend.se2 import Array, Ints
-from ...frontend.truth_errors import sighting_errors
+from ...core.factors import Log, Truth
+from ...core.se2 import Array, Ints
+from ...core.truth_errors import sighting_errors
 from ..drawing.axes import stretches
 from ..measure.stated_noise import typical
 from ..words.numerals import TIMES, number

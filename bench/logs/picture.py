@@ -8,8 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import SubFigure
 
-from ...frontend.factors import Log
-from ...frontend.se2 import Array, Ints
+from ...core.factors import Log
+from ...core.se2 import Array, Ints
 from ..drawing.picture import GRID, picture
 from ..measure.landmark_places import judge, sighted
 from ..measure.times import numbered

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.factors import UNKNOWN, Log
-from ...frontend.se2 import Array, Ints
+from ...core.factors import UNKNOWN, Log
+from ...core.se2 import Array, Ints
 
 AWAY = 2.0  # median ranges of path without a landmark from which on its next sighting is a return, not sensor flicker
 

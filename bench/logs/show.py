@@ -4,11 +4,11 @@ import base64
 import tempfile
 from pathlib import Path
 
+from ...core.check import check, check_truth
+from ...core.errors import InputError
+from ...core.factors import Dataset, Log
+from ...core.files import write_whole
 from ...datasets.remarks import remarks
-from ...frontend.check import check, check_truth
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Log
-from ...frontend.files import write_whole
 from ..drawing.page import rendered
 from ..plan.load import load
 from .facts import facts, headline, noted

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ...backends.api import Solution
-from ...frontend.dead_reckoning import dead_reckoned
-from ...frontend.factors import UNKNOWN, Dataset, Log, Truth
-from ...frontend.se2 import Array, Ints, between, compose
-from ...frontend.truth_errors import named
+from ...core.dead_reckoning import dead_reckoned
+from ...core.factors import UNKNOWN, Dataset, Log, Truth
+from ...core.se2 import Array, Ints, between, compose
+from ...core.truth_errors import named
 from ..measure.landmark_places import Places, placed
 from ..plan.reference import outliers, reference
 

@@ -4,9 +4,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import Log, Map, Truth
-from ...frontend.se2 import Array, Ints
-from ...frontend.truth_errors import standing
+from ...core.factors import Log, Map, Truth
+from ...core.se2 import Array, Ints
+from ...core.truth_errors import standing
 from .metrics import (
     Alignment,
     align,

@@ -10,10 +10,10 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from ...backends.api import Diverged, Solution
-from ...frontend.errors import SlamduelError
-from ...frontend.factors import Map
-from ...frontend.se2 import Array, Ints
-from ...frontend.truth_errors import difference
+from ...core.errors import SlamduelError
+from ...core.factors import Map
+from ...core.se2 import Array, Ints
+from ...core.truth_errors import difference
 
 FARTHEST = 1e9  # m from the origin: more than any coordinates on Earth, national grids included
 

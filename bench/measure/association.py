@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Map
-from ...frontend.se2 import Ints
+from ...core.factors import UNKNOWN, Map
+from ...core.se2 import Ints
 
 
 class Majority(NamedTuple):

@@ -14,9 +14,9 @@ import numpy as np
 
 from ...backends import registry as backends
 from ...backends.api import Builder, Diverged, TruthWanted, Unsuited
-from ...frontend import compiled
-from ...frontend.errors import SlamduelError
-from ...frontend.factors import UNKNOWN, Log, Truth
+from ...core.errors import SlamduelError
+from ...core.factors import UNKNOWN, Log, Truth
+from ...core.kernels import compiled
 from .cpu_time import repeated_cost
 from .drive import drive, path_digest, timed_again, warm_up
 from .memory import Peak, limited

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.factors import Log
+from ...core.factors import Log
 from .drive import Outcome, Timing
 from .growth import growth, mapped
 from .times import length

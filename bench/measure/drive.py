@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from ...backends.api import Associates, Backend, Belief, Builder, Solution, TakenOut, TakesOut, WantsTruth
 from ...backends.association.layer import Associating
 from ...backends.locating.locating import begin
-from ...frontend import compiled
-from ...frontend.factors import Log, Map, Step, Truth
-from ...frontend.se2 import Array, Ints
+from ...core.factors import Log, Map, Step, Truth
+from ...core.kernels import compiled
+from ...core.se2 import Array, Ints
 from .answers import COV, POSE, Broken, check_believed, checked_map, checked_pose, checked_solution, finite, is_floats
 from .clock import CLOCK, Meanwhile
 

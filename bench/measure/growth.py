@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Log
-from ...frontend.se2 import Array, Ints
+from ...core.factors import UNKNOWN, Log
+from ...core.se2 import Array, Ints
 
 BINS = 24  # at most; their edges are in geometric progression
 LEAST_STEPS = 10  # of a bin: one with fewer is joined with the next

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.factors import UNKNOWN, Log, Map, Truth
-from ...frontend.se2 import Array, Ints, act
+from ...core.factors import UNKNOWN, Log, Map, Truth
+from ...core.se2 import Array, Ints, act
 
 LEAST = 8  # sightings of an id from which on their median is a place to judge by
 WIDE = 8.0  # an id with more than this multiple of the typical id's spread is not in one place

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.factors import Log, Truth
-from ...frontend.se2 import Array
-from ...frontend.truth_errors import difference
+from ...core.factors import Log, Truth
+from ...core.se2 import Array
+from ...core.truth_errors import difference
 from .drive import Outcome
 
 TURNED = np.pi / 6

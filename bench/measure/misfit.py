@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ...backends.models import innovation, sight
-from ...frontend.factors import UNKNOWN, Log, Map
-from ...frontend.se2 import Array, between
-from ...frontend.truth_errors import difference, rows_of
+from ...core.factors import UNKNOWN, Log, Map
+from ...core.se2 import Array, between
+from ...core.truth_errors import difference, rows_of
 
 
 class Misfit(NamedTuple):

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Log, Truth
-from ...frontend.se2 import Array
-from ...frontend.truth_errors import Errors, difference, named, odometry_errors, rows_of, sighting_errors
+from ...core.factors import UNKNOWN, Log, Truth
+from ...core.se2 import Array
+from ...core.truth_errors import Errors, difference, named, odometry_errors, rows_of, sighting_errors
 from .landmark_places import judge, placed
 from .stated_noise import normalised, typical_scale
 

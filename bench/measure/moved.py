@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Log, Truth
-from ...frontend.se2 import Ints
+from ...core.factors import UNKNOWN, Log, Truth
+from ...core.se2 import Ints
 from .association import majority
 from .drive import Outcome
 

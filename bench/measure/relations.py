@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.relations import Relations
-from ...frontend.se2 import Array
+from ...core.relations import Relations
+from ...core.se2 import Array
 
 STRETCHES = 20
 """Stretches of a log from whose means a standard error is."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Array, Ints, between, wrap
+from ...core.se2 import Array, Ints, between, wrap
 
 TOLERANCE = 0.1  # share of a duration by which the time between two poses may differ from it
 

@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...backends.api import Diverged
-from ...frontend.factors import UNKNOWN, Log, Map, Truth
-from ...frontend.se2 import Array, Ints
-from ...frontend.small_matrices import upper
+from ...core.factors import UNKNOWN, Log, Map, Truth
+from ...core.se2 import Array, Ints
+from ...core.small_matrices import upper
 from .accuracy import consistency_columns, map_accuracy, path_accuracy, stretches
 from .association import association_columns, by_true_ids
 from .cpu_time import step_cost

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Array
-from ...frontend.truth_errors import Errors
+from ...core.se2 import Array
+from ...core.truth_errors import Errors
 
 FAR = {2: 13.816, 3: 16.266}  # dimension -> chi-square's 99.9 % point
 MEDIAN = {2: 1.3863, 3: 2.3660}  # dimension -> the median of chi-square

@@ -8,8 +8,8 @@ before, in s; inf begins a chain.
 
 import numpy as np
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 
 
 @compiled

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...core.factors import UNKNOWN, Log
+from ...core.se2 import Array, Ints
 from ...datasets._information import FIRST, kept
-from ...frontend.factors import UNKNOWN, Log
-from ...frontend.se2 import Array, Ints
 from .model import Model, SightingModel
 from .motions import scaled
 from .noise_file import noted

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from ..drawing.axes import fitted as fitted_axis
 from ..drawing.axes import legend
 from ..drawing.figure import ReportFigure

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.se2 import Array
 from ...datasets._information import FIRST, kept
-from ...frontend.se2 import Array
 from ._gauss_markov import innovations, sum_variance
 from .likelihood import TWO_SIDED, Estimate, Maximum, maximum
 from .model import SightingModel

@@ -8,10 +8,10 @@ import numpy as np
 
 from ...backends import registry as backends
 from ...backends.api import Diverged
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Log
-from ...frontend.se2 import Array
-from ...frontend.truth_errors import difference, named, rows_of
+from ...core.errors import InputError
+from ...core.factors import Dataset, Log
+from ...core.se2 import Array
+from ...core.truth_errors import difference, named, rows_of
 from ..plan.reference import reference
 from .likelihood import Estimate, maximum
 from .model import SightingModel

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 
 TWO_SIDED = 1.959964
 """Standard deviations of a normal 95 % interval."""

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Log
-from ...frontend.se2 import Array
+from ...core.errors import InputError
+from ...core.factors import Dataset, Log
+from ...core.se2 import Array
 from .gauss_markov import Chains, Fitted, fitted
 from .innovations import Innovations, by_innovations
 from .likelihood import Estimate

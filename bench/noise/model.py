@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 
 
 class SightingModel(NamedTuple):

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import Dataset, Log, Truth
-from ...frontend.se2 import Array, Ints
-from ...frontend.truth_errors import odometry_errors
+from ...core.factors import Dataset, Log, Truth
+from ...core.se2 import Array, Ints
+from ...core.truth_errors import odometry_errors
 from .likelihood import Estimate, maximum
 
 AXES = ("forward", "sideways", "turn")

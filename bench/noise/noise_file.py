@@ -6,9 +6,9 @@ from typing import Any
 
 import tomli_w
 
-from ...frontend.errors import InputError
-from ...frontend.files import write_whole
-from ...frontend.toml.table import TomlTable
+from ...core.errors import InputError
+from ...core.files import write_whole
+from ...core.toml.table import TomlTable
 from .model import Model, SightingModel
 
 MOTIONS = ("forward", "sideways", "turn")

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ...frontend.files import write_whole
+from ...core.files import write_whole
 from ..drawing.page import rendered
 from .figures import figures
 from .measured import Noise

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import Log, Truth
-from ...frontend.se2 import Array, Ints
-from ...frontend.truth_errors import named, rows_of, sighting_errors
+from ...core.factors import Log, Truth
+from ...core.se2 import Array, Ints
+from ...core.truth_errors import named, rows_of, sighting_errors
 from ..measure.landmark_places import judge, placed
 from .gauss_markov import Chains
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...frontend.se2 import Array, Ints
+from ...core.se2 import Array, Ints
 from .likelihood import TWO_SIDED, Estimate
 
 FEWEST = 50

@@ -6,8 +6,8 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from ...core.errors import InputError
 from ...datasets.grid_file import NAME
-from ...frontend.errors import InputError
 from .spec import dataset_variant
 from .variant import DatasetVariant
 

@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.errors import InputError
+from ...core.factors import Log, Map, Start
+from ...core.se2 import Array
 from ...datasets import registry as datasets
-from ...frontend.errors import InputError
-from ...frontend.factors import Log, Map, Start
-from ...frontend.se2 import Array
 from ..record.schema import FILE, Row, label
 from ..record.store import Store
 from ..words.numerals import counted

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.factors import Map
-from ...frontend.se2 import Array
-from ...frontend.small_matrices import symmetric
-from ...frontend.table import Table, text
+from ...core.errors import InputError
+from ...core.factors import Map
+from ...core.se2 import Array
+from ...core.small_matrices import symmetric
+from ...core.table import Table, text
 from ..record.files import MAP as COLUMNS
 
 MOVING = (*COLUMNS[:3], "moving")

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from ...core.errors import InputError
+from ...core.factors import Dataset
 from ...datasets.cache import prepared
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset
 from .spec import dataset_at, dataset_variants
 from .values import as_text, as_whole
 from .variant import DatasetVariant

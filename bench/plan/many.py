@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from ...core.errors import InputError
 from ...datasets.formats import log_list
 from ...datasets.formats.log_list import Entry
 from ...datasets.registry import Member, Source
-from ...frontend.errors import InputError
 from .variant import DatasetVariant
 
 LIST = "logs"  # the dataset that reads a TOML file of logs

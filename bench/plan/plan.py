@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...frontend.errors import InputError
-from ...frontend.factors import STARTS
+from ...core.errors import InputError
+from ...core.factors import STARTS
 from . import given_map
 from .given_grid import is_grid, on_grid
 from .given_map import GivenMap

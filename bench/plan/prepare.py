@@ -2,9 +2,9 @@
 
 from typing import Any
 
+from ...core.factors import Dataset, Map, Start
 from ...datasets import cache
 from ...datasets import registry as datasets
-from ...frontend.factors import Dataset, Map, Start
 from .given_map import localising
 from .reference import known
 

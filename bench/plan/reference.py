@@ -15,11 +15,11 @@ import numpy as np
 
 from ... import backends
 from ...backends.api import Diverged, Solution
+from ...core.errors import InputError
+from ...core.factors import UNKNOWN, Dataset, Log, Map, Truth
+from ...core.se2 import Array, act
+from ...core.truth_errors import named
 from ...datasets import archive, cache
-from ...frontend.errors import InputError
-from ...frontend.factors import UNKNOWN, Dataset, Log, Map, Truth
-from ...frontend.se2 import Array, act
-from ...frontend.truth_errors import named
 from ..measure.metrics import align
 from ..measure.misfit import loop_misfits, misfits
 

@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 from ...backends import registry as backends
 from ...backends.api import NoOptions
 from ...backends.association import options as association
+from ...core.errors import InputError
+from ...core.nearest import nearest
 from ...datasets import registry as datasets
 from ...datasets.formats import file_kind
-from ...frontend.errors import InputError
-from ...frontend.nearest import nearest
 from . import many
 from .variant import BackendVariant, DatasetVariant, Variant, text_of
 

@@ -7,7 +7,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 
 T = TypeVar("T")
 

@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from ...backends.api import Builder
+from ...core.errors import InputError
 from ...datasets import registry as datasets
 from ...datasets.registry import Member, Source
-from ...frontend.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..record.schema import label
 from ..record.store import Store
 from .given_map import GivenMap

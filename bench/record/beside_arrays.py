@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ...frontend.beside import KINDS, columns_of, misfit, names, restored
-from ...frontend.factors import Log
+from ...core.beside import KINDS, columns_of, misfit, names, restored
+from ...core.factors import Log
 
 
 def beside_arrays(log: Log) -> dict[str, Any]:

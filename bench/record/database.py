@@ -3,7 +3,7 @@
 import sqlite3
 from pathlib import Path
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from .schema import ABOUT, APPLICATION, FILE, KINDS, PLANNED, RESULT, ROUNDS, SCHEMA, VERSION, VIEW
 
 BROKEN = (sqlite3.Error, UnicodeDecodeError)  # raised by a damaged file: the words of an error may be damaged, too

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.files import write_whole
-from ...frontend.se2 import Array
-from ...frontend.tum import write_tum
+from ...core.files import write_whole
+from ...core.se2 import Array
+from ...core.tum import write_tum
 from ..measure.locating import poses_judged
 from ..measure.misfit import TERMS
 from .rounds import as_table

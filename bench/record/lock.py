@@ -6,7 +6,7 @@ import os
 from collections.abc import Generator
 from pathlib import Path
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 
 LOCK = ".lock"
 

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import Log, digest_of
-from ...frontend.se2 import Array
+from ...core.factors import Log, digest_of
+from ...core.se2 import Array
 
 ROUNDING = 0.1
 """Standard deviations; two logs whose numbers, all together, are no further apart are equal up to rounding."""

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.beside import Clouds, Scans, names
-from ...frontend.errors import InputError
+from ...core.beside import Clouds, Scans, names
+from ...core.errors import InputError
 from . import rounds
 from .beside_arrays import kept_beside, kept_name
 from .cell_table import CellTable, numbers, words

@@ -11,7 +11,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..words.numerals import counted
 from .schema import COLUMNS, FILE, KINDS, MORE
 from .store import COLUMN_KINDS, Store

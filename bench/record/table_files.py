@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from ...frontend.errors import InputError
-from ...frontend.files import beside
+from ...core.errors import InputError
+from ...core.files import beside
 
 
 class TableFile(ABC):

@@ -15,10 +15,10 @@ import numpy as np
 from ...backends import registry as backends
 from ...backends.api import Backend, Diverged, Map, WantsTruth
 from ...backends.locating.locating import begin
+from ...core.errors import SlamduelError
+from ...core.factors import Log, Step
+from ...core.se2 import Array, Ints
 from ...datasets import archive
-from ...frontend.errors import SlamduelError
-from ...frontend.factors import Log, Step
-from ...frontend.se2 import Array, Ints
 from ..measure import cell as cells
 
 MAP_S = 20.0  # s of CPU time for all maps: a smoother's map is slow where there are thousands of steps

@@ -7,8 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.files import replaced
+from ...core.errors import InputError
+from ...core.files import replaced
 from .frames import INK, PAPER, RULE, SOFT, pictures
 from .view import View
 

@@ -7,8 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ...core.se2 import Array
 from ...frontend.maps.occupancy import FREE, WALL
-from ...frontend.se2 import Array
 from .view import Panel, View, ellipses, grid_at, said, when
 
 WIDTH = 420  # px, of a panel

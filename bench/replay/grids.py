@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.beside import Scans, returns
+from ...core.beside import Scans, returns
+from ...core.se2 import Array, Ints, act, compose
 from ...frontend.maps.occupancy import CELL, extent, inserted
-from ...frontend.se2 import Array, Ints, act, compose
 from .course import Course, Revised, moments
 
 ACROSS = 420

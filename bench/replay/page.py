@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.files import write_whole
+from ...core.files import write_whole
+from ...core.se2 import Array
 from ...frontend.maps.occupancy import FREE, WALL
-from ...frontend.se2 import Array
 from ..drawing.page import rendered
 from ..words.numerals import number
 from ..words.styles import BASELINE

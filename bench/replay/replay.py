@@ -12,11 +12,11 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from ...core.dead_reckoning import dead_reckoned
+from ...core.errors import InputError
+from ...core.factors import Dataset
+from ...core.se2 import Array, Ints
 from ...datasets import archive
-from ...frontend.dead_reckoning import dead_reckoned
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset
-from ...frontend.se2 import Array, Ints
 from ..engine.batches import job_of
 from ..engine.log_files import LogFiles
 from ..plan.plan import Cell

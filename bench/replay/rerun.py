@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.files import replaced
+from ...core.errors import InputError
+from ...core.files import replaced
+from ...core.se2 import Array
 from ...frontend.maps.occupancy import WALL
-from ...frontend.se2 import Array
 from .grids import Raster
 from .view import Panel, View, ellipses
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Array, Ints, act
+from ...core.se2 import Array, Ints, act
 from ..measure.metrics import nees
 from ..measure.times import numbered
 from ..words.numerals import number

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...frontend.se2 import Array, wrap
+from ...core.se2 import Array, wrap
 from ..drawing.axes import drawable, fitted, stretches
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import curve, of, report_figure

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from ...frontend.se2 import Array, act, rotation
+from ...core.se2 import Array, act, rotation
 from ..drawing.axes import drawable
 from ..drawing.figure import Curve
 from ..drawing.figure_maker import curve

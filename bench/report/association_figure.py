@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...frontend.factors import UNKNOWN
-from ...frontend.se2 import Array, Ints
+from ...core.factors import UNKNOWN
+from ...core.se2 import Array, Ints
 from ..drawing.axes import legend
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import of, report_figure

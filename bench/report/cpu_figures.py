@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...frontend.se2 import Array, Ints
+from ...core.se2 import Array, Ints
 from ..drawing.axes import fitted, legend, stretches
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import curve, of, report_figure

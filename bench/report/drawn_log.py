@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.beside import Clouds, Scans
-from ...frontend.se2 import Array
+from ...core.beside import Clouds, Scans
+from ...core.se2 import Array
 from ..measure.times import length
 from ..record.schema import Row
 from ..record.store import Store

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from ..drawing.axes import legend, short
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import WIDTH, of, report_figure

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...frontend.files import write_whole
+from ...core.files import write_whole
 from ..drawing.figure import write_figures
 from ..drawing.latex import latex
 from ..drawing.page import PURPOSES, rendered, script

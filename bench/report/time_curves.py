@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from ..drawing.axes import drawable, fitted, legend
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import curve, of, report_figure

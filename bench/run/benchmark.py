@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...frontend.errors import InputError, Interrupted
+from ...core.errors import InputError, Interrupted
 from ..plan.plan import Plan
 from ..record.schema import FILE
 from ..record.store import Store

@@ -10,11 +10,11 @@ from collections.abc import Generator, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ...core.errors import InputError
+from ...core.factors import Dataset, Log
+from ...core.files import write_whole
 from ...datasets import truth as truths
 from ...datasets.formats import log_folder
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Log
-from ...frontend.files import write_whole
 from ..plan.many import LIST
 from ..plan.spec import dataset_at, dataset_variants
 from .benchmark import begun

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...frontend.errors import InputError
-from ...frontend.factors import Truth
-from ...frontend.se2 import Array
+from ...core.errors import InputError
+from ...core.factors import Truth
+from ...core.se2 import Array
 from ..drawing.page import rendered
 from ..plan.spec import backend_variants
 from ..plan.values import as_whole

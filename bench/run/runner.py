@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..engine.engine import RunRequest, Watcher
 from ..engine.engine import run as run_cells
 from ..engine.log_files import FOLDER as LOGS

@@ -24,10 +24,10 @@ from rich.table import Table
 
 from ...backends import registry
 from ...backends.association.layer import Associating
-from ...frontend import compiled
-from ...frontend.errors import InputError
-from ...frontend.files import write_whole
-from ...frontend.se2 import Array, Ints
+from ...core.errors import InputError
+from ...core.files import write_whole
+from ...core.kernels import compiled
+from ...core.se2 import Array, Ints
 from ..measure.drive import WARM_UP
 from ..plan.spec import backend_variants
 from ..plan.variant import BackendVariant

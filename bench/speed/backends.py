@@ -12,8 +12,8 @@ from typing import NamedTuple, TypeVar
 
 from rich.console import Console
 
-from ...frontend.errors import InputError
-from ...frontend.files import write_whole
+from ...core.errors import InputError
+from ...core.files import write_whole
 from ..plan.spec import backend_variants
 from ..plan.variant import BackendVariant
 from ..words.console import ProgressBar, plain

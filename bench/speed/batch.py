@@ -16,11 +16,11 @@ from rich.console import Console
 from rich.table import Table
 
 from ...backends.api import Diverged
+from ...core.factors import Log, Map
+from ...core.files import write_whole
+from ...core.se2 import Array
 from ...datasets import registry as datasets
 from ...datasets.cache import generator
-from ...frontend.factors import Log, Map
-from ...frontend.files import write_whole
-from ...frontend.se2 import Array
 from ..words.console import plain
 
 OPTIONS = ("rounds",)  # the study's own options

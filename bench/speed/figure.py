@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from ..drawing.axes import logarithmic, short
 from ..drawing.picture import GRID, picture
 from ..words.styles import Look, looks

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.factors import Step
+from ...core.factors import Step
 from ..measure.clock import clock_cost
 from .timing import Row, timing
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import Step
+from ...core.factors import Step
 from .timing import Row, timing
 from .world import SIGHTING_SD, World
 

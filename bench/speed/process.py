@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 from ...backends import registry as backends
 from ...backends.api import Backend
-from ...frontend import compiled
-from ...frontend.errors import SlamduelError
+from ...core.errors import SlamduelError
+from ...core.kernels import compiled
 from ..measure.cell import generator, located
 from ..measure.drive import WARM_UP
 from .isam2_parts import isam2_parts

@@ -16,8 +16,8 @@ import numpy as np
 from ...backends.locating.locate import locate
 from ...backends.locating.locating import WINDOW
 from ...backends.locating.map_index import MapIndex
-from ...frontend.factors import UNKNOWN
-from ...frontend.se2 import Ints
+from ...core.factors import UNKNOWN
+from ...core.se2 import Ints
 from ..measure.clock import clock_cost
 from .timing import LEAST, Row, stepped, timing
 from .world import World

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from ...backends import registry as backends
 from ...backends.api import Backend
-from ...frontend import compiled
+from ...core.kernels import compiled
 from ..plan.variant import BackendVariant
 from .mrpt import Program, mrpt_row
 from .process import PATIENCE, Process, Subject, said_of, surveyed

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...frontend.factors import Map, Odometry, Prior, Step, Truth
-from ...frontend.se2 import Array
+from ...core.factors import Map, Odometry, Prior, Step, Truth
+from ...core.se2 import Array
 
 Sighting = tuple[int, Array, Array]  # id, z (2,) and its covariance (2, 2)
 

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import Step
-from ...frontend.se2 import Array, Ints
+from ...core.factors import Step
+from ...core.se2 import Array, Ints
 from ..measure.clock import clock_cost
 from ..measure.drive import timing_pass
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.factors import UNKNOWN, Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
-from ...frontend.se2 import Array, Ints, between, compose, wrap
+from ...core.factors import UNKNOWN, Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from ...core.se2 import Array, Ints, between, compose, wrap
 
 AREA = 4.0  # m² for each landmark
 NEAREST = 1.0  # m; nearer landmarks are not sighted: their bearing would be nearly uninformative

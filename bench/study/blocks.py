@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from ...frontend.errors import InputError
-from ...frontend.nearest import nearest
-from ...frontend.toml.lines import Place
-from ...frontend.toml.table import TomlTable, shown
+from ...core.errors import InputError
+from ...core.nearest import nearest
+from ...core.toml.lines import Place
+from ...core.toml.table import TomlTable, shown
 from ..plan.plan import Cell
 from ..plan.spec import backend_variants, dataset_variants, read_values
 from ..plan.values import MOST_CELLS, too_many

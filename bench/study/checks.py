@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ...frontend.errors import InputError
-from ...frontend.nearest import nearest
-from ...frontend.toml.table import TomlTable, is_number, shown
+from ...core.errors import InputError
+from ...core.nearest import nearest
+from ...core.toml.table import TomlTable, is_number, shown
 from ..words.columns import CELLS, METRICS
 from .blocks import Combination
 from .study import Claim, Figure

@@ -73,10 +73,10 @@ from math import inf
 from pathlib import Path
 from typing import Any, Literal
 
-from ...frontend.errors import InputError
-from ...frontend.nearest import nearest
-from ...frontend.toml.lines import Place
-from ...frontend.toml.table import LARGEST, TomlTable, called, shown, too_deep
+from ...core.errors import InputError
+from ...core.nearest import nearest
+from ...core.toml.lines import Place
+from ...core.toml.table import LARGEST, TomlTable, called, shown, too_deep
 from ..words.columns import about
 from .blocks import combinations
 from .checks import check_claim, check_figure

@@ -4,8 +4,8 @@ import re
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any
 
-from ...frontend.errors import InputError
-from ...frontend.nearest import nearest
+from ...core.errors import InputError
+from ...core.nearest import nearest
 from ..plan.work import PlannedCell
 from .study import Study
 

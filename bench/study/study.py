@@ -10,7 +10,7 @@ from math import inf
 from pathlib import Path
 from typing import Any, Literal
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..plan.work import Work
 
 Selection = Mapping[str, Any]

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...backends import registry as backends
+from ...core.errors import InputError
 from ...datasets import registry as datasets
-from ...frontend.errors import InputError
 from ..claims import answer as claim_answer
 from ..claims.answer import Answer
 from ..claims.conclusion import Conclusion, conclude

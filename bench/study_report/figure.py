@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from ..claims.answer import Answer
 from ..claims.curves import Medians, Place
 from ..drawing.axes import logarithmic, short

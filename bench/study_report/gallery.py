@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from urllib.parse import quote
 
-from ...frontend.errors import InputError, SlamduelError
-from ...frontend.files import write_whole
+from ...core.errors import InputError, SlamduelError
+from ...core.files import write_whole
 from ..drawing.page import rendered
 from ..record.schema import FILE
 from ..words.numerals import counted, lasting

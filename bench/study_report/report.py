@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ...frontend.files import write_whole
+from ...core.files import write_whole
 from ..claims import conclusion
 from ..drawing.figure import write_figures
 from ..drawing.page import rendered

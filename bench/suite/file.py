@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...frontend.errors import InputError
-from ...frontend.nearest import nearest
-from ...frontend.toml.table import TomlTable
+from ...core.errors import InputError
+from ...core.nearest import nearest
+from ...core.toml.table import TomlTable
 from ..plan.spec import backend_variants, dataset_variants
 
 FORMAT = (__doc__ or "").partition("\n\n")[2]  # the format, for `bench suite --help`

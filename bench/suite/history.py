@@ -12,8 +12,8 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from ...frontend.errors import InputError
-from ...frontend.files import write_whole
+from ...core.errors import InputError
+from ...core.files import write_whole
 from ..record.schema import COLUMNS, KEY, MORE, Row
 from ..record.store import Store
 from ..verdict.changes import QUANTITIES, Change, changes

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from ...frontend.errors import Absent
+from ...core.errors import Absent
 from ..run.benchmark import benchmark
 from ..run.progress import Screen
 from ..workers.executor import Executor

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.files import write_whole
+from ...core.errors import InputError
+from ...core.files import write_whole
 from ..drawing.figure import ReportFigure, write_figures
 from ..drawing.page import rendered
 from ..report.pareto import trade_off

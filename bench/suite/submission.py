@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...frontend.errors import InputError
-from ...frontend.files import write_whole
+from ...core.errors import InputError
+from ...core.files import write_whole
 from ..record.schema import FILE
 from ..record.store import Store
 from ..verify.verification import Verification

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 
 DOF = 3  # degrees of freedom of a pose's NEES
 LEVEL = 0.05  # share of times outside that is expected of a consistent belief

@@ -10,7 +10,7 @@ from statistics import NormalDist
 import numpy as np
 from scipy.special import stdtrit
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from .statistics import LEVEL
 
 RESAMPLES = 999

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from .costs import MARGIN
 from .two_way import two_way
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from ..record.schema import Row
 from ..words.columns import TIMED
 from ..words.numerals import counted, factor, listed, number, times

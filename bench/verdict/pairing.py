@@ -5,7 +5,7 @@ from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..record.schema import Row
 from ..record.sketch import ROUNDING, distance, from_words
 from ..record.store import Store

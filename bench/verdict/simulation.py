@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from .candidates import accelerated, mixed_model, percentile
 from .cost_simulation import COSTS
 from .statistics import compare, estimate, log_ratios

@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.se2 import Array
+from ...core.errors import InputError
+from ...core.se2 import Array
 from .units import INDEPENDENT, Units
 
 FEWEST = 6  # units below which no signed-rank test has p below 5 %, and no interval of a median covers 95 %

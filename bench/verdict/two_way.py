@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 from .statistics import LEVEL
 
 

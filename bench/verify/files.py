@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..record.files import export
 from ..record.schema import FILE, KEY, label
 from ..record.store import Store

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..plan.spec import backend_variants, dataset_variants
 from ..plan.variant import BackendVariant, DatasetVariant, OneLog
 from ..record.schema import FILE, Row, label

@@ -9,8 +9,8 @@ import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
+from ...core.factors import Dataset
 from ...datasets import archive
-from ...frontend.factors import Dataset
 from ..engine.log_files import LogFiles, same
 from ..plan.variant import OneLog
 from ..record.sketch import ROUNDING, distance, sketch

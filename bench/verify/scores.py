@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.factors import Map, Truth
-from ...frontend.se2 import Array
-from ...frontend.tum import read_tum
+from ...core.errors import InputError
+from ...core.factors import Map, Truth
+from ...core.se2 import Array
+from ...core.tum import read_tum
 from ..measure.accuracy import consistency_columns, path_accuracy, stretches
 from ..measure.metrics import nees
 from ..measure.relations import relation_columns

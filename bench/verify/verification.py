@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..words.numerals import counted, listed
 from ..workers.executor import Executor
 from .again import check_cells

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.errors import Absent, InputError, SlamduelError
+from ...core.factors import Dataset, Map, Start
 from ...datasets import archive
 from ...datasets import registry as datasets
 from ...datasets.remarks import remarks
 from ...datasets.truth import digest
-from ...frontend.errors import Absent, InputError, SlamduelError
-from ...frontend.factors import Dataset, Map, Start
 from ..measure import cell
 from ..measure.cell import Job, Result
 from ..plan.prepare import prepared

@@ -7,7 +7,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 
 CONNECT_S = 10  # for a scheduler to answer; reconnecting may take as long again
 GO_ON = "All finished cells are stored: the same command continues the study"

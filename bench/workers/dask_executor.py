@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..measure.cell import Result
 from ..record.fingerprint import PACKAGE
 from .batch import Batch, Finished, unmade

@@ -89,6 +89,6 @@ def _files(path: Path) -> Iterator[Path]:
     yield from sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
 
 
-for _layer in ("frontend", "backends", "datasets", "bench"):
+for _layer in ("core", "frontend", "backends", "datasets", "bench"):
     for _path in (Path(__file__).parents[2] / _layer).rglob("*.py"):
         _digest(_path)

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from .batch import Batch, Finished
 from .dask_cluster import GO_ON
 from .dask_requirements import Inventory, differences

@@ -9,7 +9,7 @@ import contextlib
 import gc
 
 from ...backends import registry
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..measure import cell  # noqa: F401
 from . import batch  # noqa: F401
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator
 from functools import cached_property
 from typing import Any
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from .dask_cluster import RESOURCE, Cluster, quieten
 from .dask_executor import Dask, to_stderr
 

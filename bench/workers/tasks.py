@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from .process import Worker
 
 

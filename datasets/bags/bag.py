@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 
 BAGS = (".bag", ".mcap", ".db3")
 """Endings of a bag's file."""

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ...core.errors import InputError
 from ...frontend.camera.camera import Camera
-from ...frontend.errors import InputError
 from .bag import Bag, Message, Topic
 from .topics import beside, choose
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.se2 import Array
+from ...core.errors import InputError
+from ...core.se2 import Array
 from ...frontend.wheels.motion import Poses
 from .bag import Bag, Topic
 

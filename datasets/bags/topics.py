@@ -3,7 +3,7 @@
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from .bag import Topic
 
 

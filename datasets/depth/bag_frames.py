@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.errors import InputError
+from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
-from ...frontend.errors import InputError
-from ...frontend.se2 import Array
 from ...frontend.wheels.motion import Poses
 from ..bags.bag import Bag, Topic
 from ..bags.cameras import CAMERA_INFO, camera_of, info_beside

@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ..bags import images
 from ..bags.bag import Bag, Topic
 from ..bags.cameras import COMPRESSED, IMAGE, in_order

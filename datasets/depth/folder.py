@@ -15,11 +15,11 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from ...frontend.csv_values import finite
-from ...frontend.errors import InputError
-from ...frontend.factors import Truth
-from ...frontend.se2 import Array
-from ...frontend.table import text
+from ...core.csv_values import finite
+from ...core.errors import InputError
+from ...core.factors import Truth
+from ...core.se2 import Array
+from ...core.table import text
 from ..bags.transforms import matrix
 from ..quiet_decoders import silenced
 from .shots import Flaw, Pixels, Shot, in_metres

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
+from ...core.errors import InputError
 from ...frontend.camera.camera import Camera
 from ...frontend.depth.frame import DepthFrame
-from ...frontend.errors import InputError
 from .registering import Registration
 from .shots import Flaw, Pixels, Shot, pairs
 

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.errors import InputError
+from ...core.factors import Dataset, Prior, Truth
+from ...core.files import check_regular
 from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Prior, Truth
-from ...frontend.files import check_regular
 from ...frontend.wheels.motion import Poses, Track
 from ..bags.bag import Bag, is_bag
 from ..bags.cameras import COMPRESSED, IMAGE

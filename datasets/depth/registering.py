@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
 from ...frontend.depth.frame import Depth
-from ...frontend.se2 import Array
 from ._registering import draw, draw_through_lens
 
 MORE = 1.1

@@ -22,16 +22,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import tomli_w
 
+from ...core.errors import InputError
+from ...core.factors import Prior
+from ...core.files import write_whole
+from ...core.se2 import Array
+from ...core.toml.table import TomlTable
 from ...frontend.camera.calibration import write_opencv
 from ...frontend.camera.camera import Camera
 from ...frontend.camera.mounting import mounting as ahead
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import RecordedSettings, Settings
-from ...frontend.errors import InputError
-from ...frontend.factors import Prior
-from ...frontend.files import write_whole
-from ...frontend.se2 import Array
-from ...frontend.toml.table import TomlTable
 from ...frontend.wheels.counters import MAX_SPEED
 from ...frontend.wheels.motion import Track, TrackNoise
 from ..bags.odometry import FRAME

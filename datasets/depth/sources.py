@@ -3,8 +3,8 @@
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
+from ...core.factors import Truth
 from ...frontend.camera.camera import Camera
-from ...frontend.factors import Truth
 from ...frontend.wheels.motion import Poses
 from .registering import Registration
 from .shots import Shot

@@ -23,10 +23,10 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.beside import KINDS, columns_of, misfit, names, restored
-from ...frontend.errors import InputError
-from ...frontend.factors import Log
-from ...frontend.files import read_arrays, replaced
+from ...core.beside import KINDS, columns_of, misfit, names, restored
+from ...core.errors import InputError
+from ...core.factors import Log
+from ...core.files import read_arrays, replaced
 
 FILES = {kind: f"{kind}.npz" for kind in KINDS}
 """Names of the files by the field of a log."""

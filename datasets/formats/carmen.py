@@ -21,13 +21,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Prior
+from ...core.errors import InputError
+from ...core.factors import Dataset, Prior
+from ...core.options import option
+from ...core.se2 import Array
 from ...frontend.laser.recording import FARTHEST, LaserRecording, jump
 from ...frontend.laser.scanner import CODES, Scanner, evenly, without_codes
 from ...frontend.laser.settings import Settings
-from ...frontend.options import option
-from ...frontend.se2 import Array
 from ..false_loops import FalseLoops
 from ..grid_file import grid_files, localised
 from ..prior import START_SD

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...frontend.csv_values import header_names, no_number, number, other_count, other_header, shown
-from ...frontend.errors import InputError
-from ...frontend.se2 import Array, Ints
-from ...frontend.table import CHUNK, Table, text
+from ...core.csv_values import header_names, no_number, number, other_count, other_header, shown
+from ...core.errors import InputError
+from ...core.se2 import Array, Ints
+from ...core.table import CHUNK, Table, text
 
 
 def read_columns(path: Path, *choices: Sequence[str], remarks: list[str] | None = None) -> Table:

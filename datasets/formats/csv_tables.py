@@ -16,14 +16,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.dead_reckoning import summed
-from ...frontend.elementary import arctan2, hypot
-from ...frontend.errors import InputError
-from ...frontend.factors import REMARKS, UNKNOWN, Dataset, Log, Map, Prior, Truth
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints, wrap
-from ...frontend.table import LARGEST, MOST, Table
-from ...frontend.tum import read_tum
+from ...core.dead_reckoning import summed
+from ...core.elementary import arctan2, hypot
+from ...core.errors import InputError
+from ...core.factors import REMARKS, UNKNOWN, Dataset, Log, Map, Prior, Truth
+from ...core.options import option
+from ...core.se2 import Array, Ints, wrap
+from ...core.table import LARGEST, MOST, Table
+from ...core.tum import read_tum
 from ...frontend.wheels.encoder import Floors, roll
 from ...frontend.wheels.holes import Holes, outside
 from ...frontend.wheels.motion import Track, TrackNoise

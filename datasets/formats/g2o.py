@@ -22,12 +22,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ...frontend.coordinates import before_motion
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Prior
-from ...frontend.options import option
-from ...frontend.small_matrices import symmetric
-from ...frontend.table import Table
+from ...core.coordinates import before_motion
+from ...core.errors import InputError
+from ...core.factors import Dataset, Prior
+from ...core.options import option
+from ...core.small_matrices import symmetric
+from ...core.table import Table
 from ..false_loops import FalseLoops
 from ..registry import Source
 from .pose_graph import START, PoseGraph, inverted, log_of, map_of, points_seen, wrapped

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...frontend.check import check
-from ...frontend.coordinates import after_motion, as_points
-from ...frontend.dead_reckoning import dead_reckoned
-from ...frontend.errors import InputError
-from ...frontend.factors import UNKNOWN, Log
-from ...frontend.se2 import Array, Ints, act
-from ...frontend.small_matrices import upper
+from ...core.check import check
+from ...core.coordinates import after_motion, as_points
+from ...core.dead_reckoning import dead_reckoned
+from ...core.errors import InputError
+from ...core.factors import UNKNOWN, Log
+from ...core.se2 import Array, Ints, act
+from ...core.small_matrices import upper
 from .pose_graph import inverses
 
 MOST_ID = 2**31 - 1

@@ -25,13 +25,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...frontend.coordinates import before_motion
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset
-from ...frontend.options import option
-from ...frontend.se2 import Array
-from ...frontend.small_matrices import product, symmetric
-from ...frontend.table import Table
+from ...core.coordinates import before_motion
+from ...core.errors import InputError
+from ...core.factors import Dataset
+from ...core.options import option
+from ...core.se2 import Array
+from ...core.small_matrices import product, symmetric
+from ...core.table import Table
 from ..false_loops import FalseLoops
 from ..registry import Source
 from .pose_graph import PoseGraph, inverted, joined, log_of, points_seen, wrapped

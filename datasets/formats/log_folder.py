@@ -7,7 +7,7 @@
                                                                      one row per loop closure, sorted by step; optional
     truth.tum        t x y z qx qy qz qw                             optional
     landmarks.csv    id,x,y[,moving]                                 the landmarks' true positions; optional
-    relations.csv    true motions between poses beside steps         optional: see `frontend.relations.COLUMNS`
+    relations.csv    true motions between poses beside steps         optional: see `core.relations.COLUMNS`
     scans.npz        laser scans, for maps and pictures              optional: see `beside_file`
     clouds.npz       clouds of a depth camera, for the same          optional
 
@@ -25,17 +25,17 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.beside import KINDS
-from ...frontend.check import LOOPS, ODOMETRY, SIGHTINGS, check, check_truth, problems, relation_problems
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Log, Truth
-from ...frontend.files import beside
-from ...frontend.options import option
-from ...frontend.scan import Scan, attempted, counted, strict
-from ...frontend.se2 import Array, Ints
-from ...frontend.small_matrices import symmetric, upper
-from ...frontend.table import CHUNK, Table, scan_csv
-from ...frontend.toml.table import TomlTable
+from ...core.beside import KINDS
+from ...core.check import LOOPS, ODOMETRY, SIGHTINGS, check, check_truth, problems, relation_problems
+from ...core.errors import InputError
+from ...core.factors import Dataset, Log, Truth
+from ...core.files import beside
+from ...core.options import option
+from ...core.scan import Scan, attempted, counted, strict
+from ...core.se2 import Array, Ints
+from ...core.small_matrices import symmetric, upper
+from ...core.table import CHUNK, Table, scan_csv
+from ...core.toml.table import TomlTable
 from ..registry import Source
 from ..truth import PLACES, POSES, RELATIONS, digest, scan_truth, write_truth
 from .beside_file import read_beside, write_beside

@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset
-from ...frontend.options import option
-from ...frontend.toml.table import TomlTable
+from ...core.errors import InputError
+from ...core.factors import Dataset
+from ...core.options import option
+from ...core.toml.table import TomlTable
 from ..registry import Source
 
 KEYS = ("path", "dataset", "cluster", "seed")

@@ -12,10 +12,10 @@ from typing import Any, Literal, NamedTuple, ParamSpec, TypeVar
 import numpy as np
 import tomli_w
 
-from ...frontend.errors import InputError
-from ...frontend.factors import STARTS, Log, Map, Prior
-from ...frontend.scan import Scan, attempted
-from ...frontend.toml.table import LARGEST, TomlTable
+from ...core.errors import InputError
+from ...core.factors import STARTS, Log, Map, Prior
+from ...core.scan import Scan, attempted
+from ...core.toml.table import LARGEST, TomlTable
 
 T = TypeVar("T")
 P = ParamSpec("P")

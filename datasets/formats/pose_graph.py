@@ -16,15 +16,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend import small_matrices
-from ...frontend.check import problems
-from ...frontend.coordinates import as_range_bearing
-from ...frontend.elementary import hypot, sincos
-from ...frontend.errors import InputError
-from ...frontend.factors import Log, Map, Prior
-from ...frontend.se2 import Array, Ints, inverse, wrap
-from ...frontend.small_matrices import propagated
-from ...frontend.table import Table
+from ...core import small_matrices
+from ...core.check import problems
+from ...core.coordinates import as_range_bearing
+from ...core.elementary import hypot, sincos
+from ...core.errors import InputError
+from ...core.factors import Log, Map, Prior
+from ...core.se2 import Array, Ints, inverse, wrap
+from ...core.small_matrices import propagated
+from ...core.table import Table
 
 START = 1e-9
 """m^2 and rad^2: variance of the first pose if the file has none."""

@@ -11,16 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Truth
+from ...core.errors import InputError
+from ...core.factors import Dataset, Truth
+from ...core.relations import LONGEST_GAP, Relations
+from ...core.se2 import wrap
+from ...core.table import LARGEST, Table, read_spaced
 from ...frontend.laser.anchors import anchors
 from ...frontend.laser.front_end import FrontEnd
 from ...frontend.laser.log import log_of
 from ...frontend.laser.recording import LaserRecording, matched
 from ...frontend.laser.settings import Settings
-from ...frontend.relations import LONGEST_GAP, Relations
-from ...frontend.se2 import wrap
-from ...frontend.table import LARGEST, Table, read_spaced
 from ..remarks import remarked
 
 COLUMNS = ("t1", "t2", "x", "y", "z", "roll", "pitch", "yaw")

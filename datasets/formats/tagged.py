@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...frontend.csv_values import no_number, number, shortened
-from ...frontend.errors import InputError
-from ...frontend.se2 import Array
-from ...frontend.table import LARGEST, Table, text
+from ...core.csv_values import no_number, number, shortened
+from ...core.errors import InputError
+from ...core.se2 import Array
+from ...core.table import LARGEST, Table, text
 
 LIST = ("id",)
 """The columns of rows with a variable number of ids: each becomes a row of its own."""

@@ -16,10 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset
-from ...frontend.options import option
-from ...frontend.small_matrices import symmetric
+from ...core.errors import InputError
+from ...core.factors import Dataset
+from ...core.options import option
+from ...core.small_matrices import symmetric
 from ..false_loops import FalseLoops
 from ..registry import Source
 from .pose_graph import PoseGraph, inverted, log_of

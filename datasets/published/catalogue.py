@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...frontend.errors import Absent
+from ...core.errors import Absent
 from ..cache import folder
 
 

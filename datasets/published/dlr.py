@@ -26,14 +26,14 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.coordinates import as_range_bearing
-from ...frontend.csv_values import shortened
-from ...frontend.elementary import hypot
-from ...frontend.errors import InputError
-from ...frontend.factors import UNKNOWN, Dataset, Log, Prior
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints
-from ...frontend.small_matrices import symmetric
+from ...core.coordinates import as_range_bearing
+from ...core.csv_values import shortened
+from ...core.elementary import hypot
+from ...core.errors import InputError
+from ...core.factors import UNKNOWN, Dataset, Log, Prior
+from ...core.options import option
+from ...core.se2 import Array, Ints
+from ...core.small_matrices import symmetric
 from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .catalogue import fetched

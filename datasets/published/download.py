@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from ...frontend.errors import InputError, SlamduelError
+from ...core.errors import InputError, SlamduelError
 from .unpack import NotFound
 
 RETRIES = 4

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urljoin
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from . import installed
 from .catalogue import FILE, PUBLISHED
 from .download import Watch, downloaded

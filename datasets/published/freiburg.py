@@ -26,14 +26,14 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.csv_values import shortened
-from ...frontend.elementary import sincos
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Log, Map, Prior, Truth
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints, wrap
-from ...frontend.small_matrices import propagated
-from ...frontend.table import LARGEST, read_spaced
+from ...core.csv_values import shortened
+from ...core.elementary import sincos
+from ...core.errors import InputError
+from ...core.factors import Dataset, Log, Map, Prior, Truth
+from ...core.options import option
+from ...core.se2 import Array, Ints, wrap
+from ...core.small_matrices import propagated
+from ...core.table import LARGEST, read_spaced
 from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .catalogue import fetched

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from .catalogue import PUBLISHED, place
 from .unpack import NotFound, sha256, unpacked
 

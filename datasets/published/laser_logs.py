@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.factors import Dataset
-from ...frontend.options import option
+from ...core.factors import Dataset
+from ...core.options import option
 from ..formats import carmen
 from ..registry import Source
 from .catalogue import PUBLISHED, fetched, place

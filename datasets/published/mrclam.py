@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.errors import InputError
-from ...frontend.factors import UNKNOWN, Dataset, Log, Prior, Truth
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints, wrap
-from ...frontend.table import Table
+from ...core.errors import InputError
+from ...core.factors import UNKNOWN, Dataset, Log, Prior, Truth
+from ...core.options import option
+from ...core.se2 import Array, Ints, wrap
+from ...core.table import Table
 from ...frontend.wheels.encoder import Floors, compose, roll
 from ..hidden_ids import HiddenIds
 from ..registry import Member, Source

@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.factors import Map
-from ...frontend.se2 import Array, Ints
-from ...frontend.table import Table, read_spaced
+from ...core.errors import InputError
+from ...core.factors import Map
+from ...core.se2 import Array, Ints
+from ...core.table import Table, read_spaced
 
 LAST_ROBOT = 5
 """Subjects up to this one are robots."""

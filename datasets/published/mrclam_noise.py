@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ...frontend.dead_reckoning import dead_reckoned
-from ...frontend.factors import Log, Truth
-from ...frontend.se2 import Array, Ints, between
-from ...frontend.truth_errors import difference, sighting_errors
+from ...core.dead_reckoning import dead_reckoned
+from ...core.factors import Log, Truth
+from ...core.se2 import Array, Ints, between
+from ...core.truth_errors import difference, sighting_errors
 
 GROSS = (1.0, 0.15)
 """m, rad. Sightings with larger errors count as gross, and are excluded from the figures."""

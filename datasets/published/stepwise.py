@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.csv_values import no_number, number, shortened
-from ...frontend.errors import InputError
-from ...frontend.se2 import Array
-from ...frontend.table import LARGEST, MOST, text
+from ...core.csv_values import no_number, number, shortened
+from ...core.errors import InputError
+from ...core.se2 import Array
+from ...core.table import LARGEST, MOST, text
 
 Flags = NDArray[np.bool_]
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from ...core.factors import Dataset
+from ...core.options import option
 from ...frontend.camera.mounting import mounting
 from ...frontend.depth.settings import RecordedSettings
-from ...frontend.factors import Dataset
-from ...frontend.options import option
 from ..depth.open import build, open_bag
 from ..depth.robot import DepthRobot
 from ..hidden_ids import HiddenIds

@@ -9,7 +9,7 @@ import zipfile
 from collections.abc import Collection, Iterator
 from pathlib import Path, PurePosixPath
 
-from ...frontend.errors import InputError, SlamduelError
+from ...core.errors import InputError, SlamduelError
 from .catalogue import PUBLISHED, named_in
 
 LARGEST = 2**28

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...frontend.factors import Dataset
-from ...frontend.options import option
+from ...core.factors import Dataset
+from ...core.options import option
 from ..formats import gtsam_text
 from ..hidden_ids import HiddenIds
 from ..registry import Source

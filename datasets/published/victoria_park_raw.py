@@ -27,12 +27,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.elementary import arctan2, hypot, sincos
-from ...frontend.errors import InputError
-from ...frontend.factors import UNKNOWN, Dataset, Log, Prior, Truth
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints, wrap
-from ...frontend.table import Table, read_spaced
+from ...core.elementary import arctan2, hypot, sincos
+from ...core.errors import InputError
+from ...core.factors import UNKNOWN, Dataset, Log, Prior, Truth
+from ...core.options import option
+from ...core.se2 import Array, Ints, wrap
+from ...core.table import Table, read_spaced
 from ...frontend.wheels.encoder import Floors, compose, roll
 from ..registry import Source
 from .catalogue import fetched

@@ -20,11 +20,11 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from ...frontend.csv_values import finite
-from ...frontend.errors import InputError
+from ...core.csv_values import finite
+from ...core.errors import InputError
+from ...core.table import text
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Frame
-from ...frontend.table import text
 from ..quiet_decoders import silenced
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff", ".webp")

@@ -15,7 +15,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ...frontend.markers.pipeline import Frame
 from ..quiet_decoders import silenced
 

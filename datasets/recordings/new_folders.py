@@ -6,7 +6,7 @@ from collections.abc import Collection, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 
 
 @contextmanager

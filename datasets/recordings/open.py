@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from ...frontend.errors import InputError
-from ...frontend.files import check_regular
+from ...core.errors import InputError
+from ...core.files import check_regular
 from ..bags.bag import is_bag
 from ..readings import ODOMETRY, TICKS, read_readings
 from ..scans.robot import ROBOT

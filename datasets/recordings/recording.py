@@ -18,12 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.errors import InputError
+from ...core.factors import Dataset, Truth
+from ...core.options import option
 from ...frontend.camera.camera import Camera
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Truth
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.pipeline import Frame, Recording, build_log
-from ...frontend.options import option
 from ...frontend.wheels.motion import Motion, Poses, Ticks, Track, Wheels
 from ..depth.open import build as build_depth
 from ..depth.open import open_depth

@@ -24,16 +24,16 @@ from typing import Any
 import numpy as np
 import tomli_w
 
+from ...core.errors import InputError
+from ...core.factors import Prior
+from ...core.files import write_whole
+from ...core.se2 import Array
+from ...core.toml.table import TomlTable
 from ...frontend.camera.calibration import write_opencv
 from ...frontend.camera.camera import Camera
 from ...frontend.camera.mounting import mounting
-from ...frontend.errors import InputError
-from ...frontend.factors import Prior
-from ...frontend.files import write_whole
 from ...frontend.markers.markers import Markers
 from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
-from ...frontend.se2 import Array
-from ...frontend.toml.table import TomlTable
 from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Drift, TrackNoise

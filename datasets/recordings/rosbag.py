@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
 from ...frontend.markers.pipeline import Frame
 from ...frontend.wheels.counters import unwrap
 from ...frontend.wheels.motion import Poses, Ticks

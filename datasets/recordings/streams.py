@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from ...core.factors import Truth
 from ...frontend.camera.camera import Camera
-from ...frontend.factors import Truth
 from ...frontend.markers.pipeline import Frame
 from ...frontend.wheels.motion import Poses, Ticks
 

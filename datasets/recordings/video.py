@@ -12,10 +12,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...frontend.errors import InputError
+from ...core.errors import InputError
+from ...core.table import read_csv
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Frame
-from ...frontend.table import read_csv
 from ..quiet_decoders import silenced
 from .frames_folder import FRAMES
 

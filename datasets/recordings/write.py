@@ -12,8 +12,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.factors import Truth
+from ...core.errors import InputError
+from ...core.factors import Truth
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Recording
 from ...frontend.wheels.motion import Drift, Track, Wheels

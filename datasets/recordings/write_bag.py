@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import InputError
+from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
-from ...frontend.errors import InputError
 from ...frontend.markers.aruco import Image
-from ...frontend.se2 import Array
 from ...frontend.wheels.motion import Motion, Track, Wheels
 from ..bags.cameras import CAMERA_INFO, COMPRESSED, IMAGE
 from ..bags.odometry import ODOMETRY

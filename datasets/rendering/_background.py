@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.compiled import compiled
+from ...core.kernels.compiled import compiled
 
 Singles = NDArray[np.float32]
 

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.compiled import compiled
-from ...frontend.se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 
 Singles = NDArray[np.float32]
 

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.elementary import hypot, sincos
-from ...frontend.errors import InputError
-from ...frontend.se2 import Array, act
+from ...core.elementary import hypot, sincos
+from ...core.errors import InputError
+from ...core.se2 import Array, act
 
 GAP = 0.05
 """m, between the circles around the boxes' footprints, and between such a circle and anything else."""

@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 
-from ...frontend.elementary import exp
-from ...frontend.se2 import Array
+from ...core.elementary import exp
+from ...core.se2 import Array
 from ._depth import measured, reach, smooth
 from .lens import Lens, Singles
 from .room import Room

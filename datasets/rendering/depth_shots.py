@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.se2 import Array
 from ...frontend.depth.frame import DepthFrame
 from ...frontend.markers.aruco import Image
-from ...frontend.se2 import Array
 from .boxes import Box
 from .depth import NOISE_SD, kinect, true_depth
 from .disturbances import raised, rocked

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ...core.se2 import Array
 from ...frontend.markers.pipeline import Frame
-from ...frontend.se2 import Array
 from .lens import Singles
 from .render import Conditions, Cover, Renderer
 

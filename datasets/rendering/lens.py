@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
-from ...frontend.se2 import Array
 
 Singles = NDArray[np.float32]
 Part = tuple[slice, slice]

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from ...core.errors import InputError
+from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
 from ...frontend.camera.shutter import CameraMotion
-from ...frontend.errors import InputError
 from ...frontend.markers.aruco import Image, square
 from ...frontend.markers.markers import find
-from ...frontend.se2 import Array
 from .clutter import BLUR, DICTIONARY
 from .render import Renderer
 from .room import Marker, Room

@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Image
-from ...frontend.se2 import Array
 from ._background import meet
 from .boxes import Box, Face
 from .lattice import jitter, lattice

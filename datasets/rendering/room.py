@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.elementary import sincos
-from ...frontend.factors import Map
-from ...frontend.se2 import Array
-from ...frontend.small_matrices import product
+from ...core.elementary import sincos
+from ...core.factors import Map
+from ...core.se2 import Array
+from ...core.small_matrices import product
 from .boxes import Box, place_boxes
 
 

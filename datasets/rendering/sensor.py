@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 from scipy.special import ndtri
 
+from ...core.se2 import Array
 from ...frontend.markers.aruco import Image
-from ...frontend.se2 import Array
 from .lens import COLOURS, Singles
 
 LINES = 10

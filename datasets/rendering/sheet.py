@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.se2 import Array
 from ...frontend.markers.aruco import square
 from ...frontend.markers.markers import find
-from ...frontend.se2 import Array
 from .lens import NOWHERE, Singles
 
 INK, PAPER = 34.0, 222.0

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.factors import Prior
+from ...core.errors import InputError
+from ...core.factors import Prior
+from ...core.se2 import Array
 from ...frontend.laser.recording import FARTHEST, LaserRecording, jump
 from ...frontend.laser.scanner import CODES, Scanner, without_codes
-from ...frontend.se2 import Array
 from ..bags.bag import Bag, Topic
 from ..bags.columns import check_clock, of_untimed
 from ..bags.topics import choose, found, plain

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.se2 import Array, wrap
+from ...core.errors import InputError
+from ...core.se2 import Array, wrap
 from ..bags.columns import LEVEL
 from ..bags.transforms import Transforms
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.errors import InputError
-from ...frontend.se2 import Array, between, compose
+from ...core.errors import InputError
+from ...core.se2 import Array, between, compose
 from ...frontend.wheels.motion import Poses
 from ..bags.bag import Bag, Topic
 from ..bags.odometry import ODOMETRY, Odometry, find_odometry

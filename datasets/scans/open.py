@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Truth
-from ...frontend.files import check_regular
+from ...core.errors import InputError
+from ...core.factors import Dataset, Truth
+from ...core.files import check_regular
 from ...frontend.laser.log import first_scan
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.settings import Settings

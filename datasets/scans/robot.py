@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...frontend.factors import Prior
+from ...core.factors import Prior
+from ...core.se2 import Array
+from ...core.toml.table import TomlTable
 from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
-from ...frontend.se2 import Array
-from ...frontend.toml.table import TomlTable
 from ..prior import read_prior
 from ..robot_tables import names_of, settings_in
 

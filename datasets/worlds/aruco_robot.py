@@ -10,15 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.elementary import cos, hypot, sincos
+from ...core.factors import Dataset, Log, Map, Truth
+from ...core.options import option
+from ...core.se2 import Array, Ints, wrap
+from ...core.small_matrices import product
+from ...core.truth_errors import sighted_from
 from ...frontend.camera.camera import Camera
 from ...frontend.camera.mounting import from_matrix
-from ...frontend.elementary import cos, hypot, sincos
-from ...frontend.factors import Dataset, Log, Map, Truth
 from ...frontend.markers.noise import ProportionalNoise
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints, wrap
-from ...frontend.small_matrices import product
-from ...frontend.truth_errors import sighted_from
 from ...frontend.wheels.encoder import Encoder
 from ..hidden_ids import HiddenIds
 from ..on_map import OnMap

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...frontend.elementary import hypot, sincos
-from ...frontend.errors import InputError
-from ...frontend.factors import UNKNOWN, Dataset, Log, Prior, Truth
+from ...core.elementary import hypot, sincos
+from ...core.errors import InputError
+from ...core.factors import UNKNOWN, Dataset, Log, Prior, Truth
+from ...core.options import option
+from ...core.se2 import Ints
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.markers import Markers, find
 from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
 from ...frontend.markers.pipeline import Recording, build_log
-from ...frontend.options import option
-from ...frontend.se2 import Ints
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Wheels
 from ..hidden_ids import HiddenIds

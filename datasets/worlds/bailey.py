@@ -12,11 +12,11 @@ from math import pi, radians, remainder
 
 import numpy as np
 
-from ...frontend.elementary import arctan2, hypot, sincos
-from ...frontend.factors import Dataset, Log, Map, Truth
-from ...frontend.options import option
-from ...frontend.se2 import Array
-from ...frontend.small_matrices import product
+from ...core.elementary import arctan2, hypot, sincos
+from ...core.factors import Dataset, Log, Map, Truth
+from ...core.options import option
+from ...core.se2 import Array
+from ...core.small_matrices import product
 from ...frontend.wheels.encoder import compose
 from ..hidden_ids import HiddenIds
 from ..on_map import OnMap

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, replace
 
+from ...core.options import option
 from ...frontend.camera.camera import Camera
-from ...frontend.options import option
 from ..rendering.sensor import LINEAR, MOSAICS, SENSORS, SRGB, Sensor
 from ..rendering.sheet import Print
 

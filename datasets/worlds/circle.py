@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...frontend.elementary import sincos
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Log, Map, Truth
-from ...frontend.options import option
-from ...frontend.se2 import Array, wrap
+from ...core.elementary import sincos
+from ...core.errors import InputError
+from ...core.factors import Dataset, Log, Map, Truth
+from ...core.options import option
+from ...core.se2 import Array, wrap
 from ..hidden_ids import HiddenIds
 from ..on_map import OnMap
 from ..registry import Source

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...frontend.elementary import arctan2, sin, sinc, sincos
-from ...frontend.factors import Dataset, Log, Map, Truth
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints, wrap
+from ...core.elementary import arctan2, sin, sinc, sincos
+from ...core.factors import Dataset, Log, Map, Truth
+from ...core.options import option
+from ...core.se2 import Array, Ints, wrap
 from ..hidden_ids import HiddenIds
 from ..on_map import OnMap
 from ..registry import Source

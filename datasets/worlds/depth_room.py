@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.elementary import hypot
+from ...core.errors import InputError
+from ...core.factors import Dataset, Prior, Truth
+from ...core.options import option
+from ...core.se2 import Array, between, compose
 from ...frontend.camera.camera import Camera
 from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
-from ...frontend.elementary import hypot
-from ...frontend.errors import InputError
-from ...frontend.factors import Dataset, Prior, Truth
-from ...frontend.options import option
-from ...frontend.se2 import Array, between, compose
 from ...frontend.wheels.motion import Track, TrackNoise
 from ..hidden_ids import HiddenIds
 from ..registry import Source

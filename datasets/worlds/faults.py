@@ -12,11 +12,11 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.elementary import hypot
-from ...frontend.factors import UNKNOWN, Dataset, Log, Truth
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints, between, wrap
-from ...frontend.truth_errors import difference, rows_of, sighted_from
+from ...core.elementary import hypot
+from ...core.factors import UNKNOWN, Dataset, Log, Truth
+from ...core.options import option
+from ...core.se2 import Array, Ints, between, wrap
+from ...core.truth_errors import difference, rows_of, sighted_from
 from ..remarks import KIDNAPPED
 from .kidnapping import kidnapped
 from .moving import moved

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.se2 import Array
+from ...core.se2 import Array
 
 CORRIDOR = 2.2
 """m, its width."""

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ...frontend.elementary import hypot
-from ...frontend.errors import InputError
-from ...frontend.factors import Log, Truth
-from ...frontend.se2 import Array, Ints
+from ...core.elementary import hypot
+from ...core.errors import InputError
+from ...core.factors import Log, Truth
+from ...core.se2 import Array, Ints
 
 
 def kidnapped(log: Log, truth: Truth, at: float, rng: np.random.Generator) -> tuple[Log, Truth, int]:

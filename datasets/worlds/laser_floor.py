@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...frontend.elementary import arctan2, hypot, sincos
-from ...frontend.factors import Dataset, Prior, Truth
+from ...core.elementary import arctan2, hypot, sincos
+from ...core.factors import Dataset, Prior, Truth
+from ...core.options import option
+from ...core.se2 import Array, between, compose, wrap
 from ...frontend.laser.log import build_log, first_scan
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
-from ...frontend.options import option
-from ...frontend.se2 import Array, between, compose, wrap
 from ..false_loops import FalseLoops
 from ..grid_file import grid_files, localised
 from ..registry import Source

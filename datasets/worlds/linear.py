@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...frontend.elementary import sincos
-from ...frontend.factors import Dataset, Log, Map, Prior, Truth
-from ...frontend.options import option
-from ...frontend.se2 import Array, between, wrap
+from ...core.elementary import sincos
+from ...core.factors import Dataset, Log, Map, Prior, Truth
+from ...core.options import option
+from ...core.se2 import Array, between, wrap
 from ..hidden_ids import HiddenIds
 from ..on_map import OnMap
 from ..registry import Source

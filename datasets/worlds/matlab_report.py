@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...frontend.elementary import cos, hypot, sin, sincos
-from ...frontend.factors import Dataset, Log, Map, Truth
-from ...frontend.options import option
-from ...frontend.se2 import Array, Ints
+from ...core.elementary import cos, hypot, sin, sincos
+from ...core.factors import Dataset, Log, Map, Truth
+from ...core.options import option
+from ...core.se2 import Array, Ints
 from ...frontend.wheels.encoder import Encoder
 from ..hidden_ids import HiddenIds
 from ..on_map import OnMap

@@ -4,11 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...frontend.elementary import hypot
-from ...frontend.factors import Prior
-from ...frontend.se2 import Array, Ints, between, wrap
-from ...frontend.small_matrices import cholesky, product
-from ...frontend.truth_errors import sighted_from
+from ...core.elementary import hypot
+from ...core.factors import Prior
+from ...core.se2 import Array, Ints, between, wrap
+from ...core.small_matrices import cholesky, product
+from ...core.truth_errors import sighted_from
 from ...frontend.wheels.encoder import Encoder, Floors, roll
 from ...frontend.wheels.motion import Ticks, readings
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...frontend.elementary import hypot
-from ...frontend.se2 import Array, compose
+from ...core.elementary import hypot
+from ...core.se2 import Array, compose
 from ..rendering.boxes import GAP, Box
 from ..rendering.depth_shots import Visitor
 from ..rendering.posters import poster

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...frontend.elementary import sincos
-from ...frontend.factors import Log, Truth
-from ...frontend.se2 import Array, Ints, wrap
-from ...frontend.truth_errors import rows_of, sighted_from
+from ...core.elementary import sincos
+from ...core.factors import Log, Truth
+from ...core.se2 import Array, Ints, wrap
+from ...core.truth_errors import rows_of, sighted_from
 
 PAUSES = (5.0, 15.0)
 """s, from the shortest to the longest, that a landmark stands and then goes; each has its own."""

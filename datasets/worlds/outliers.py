@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...frontend.factors import Dataset, Log, Truth
+from ...core.factors import Dataset, Log, Truth
 
 
 def swapped(log: Log, truth: Truth, share: float, rng: np.random.Generator) -> Dataset:

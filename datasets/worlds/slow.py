@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...frontend.elementary import exp
-from ...frontend.factors import Log, Truth
-from ...frontend.se2 import Array, wrap
-from ...frontend.truth_errors import difference, rows_of, sighted_from
+from ...core.elementary import exp
+from ...core.factors import Log, Truth
+from ...core.se2 import Array, wrap
+from ...core.truth_errors import difference, rows_of, sighted_from
 from .._information import FIRST, information, kept
 
 WEAKEST = 1e-4

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...frontend.elementary import arctan2, exp, sincos
-from ...frontend.se2 import Array, wrap
-from ...frontend.small_matrices import product
+from ...core.elementary import arctan2, exp, sincos
+from ...core.se2 import Array, wrap
+from ...core.small_matrices import product
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Ticks
 

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from ..errors import InputError
+from ...core.errors import InputError
+from ...core.options import option
+from ...core.se2 import Array, Ints
 from ..markers.aruco import Image
 from ..markers.markers import find
-from ..options import option
-from ..se2 import Array, Ints
 
 FEWEST_CORNERS = 8
 """Fewest corners of a usable image; they must not be collinear."""

@@ -12,9 +12,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import InputError
+from ...core.se2 import Array
 from ..camera.camera import Camera
-from ..errors import InputError
-from ..se2 import Array
 from .board import View
 
 FEWEST_VIEWS = 4

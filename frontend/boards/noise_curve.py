@@ -6,10 +6,10 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from ...core.se2 import Array
 from ..camera.camera import Camera
 from ..camera.response import BRIGHTEST, Measured
 from ..markers.aruco import Image
-from ..se2 import Array
 from .board import Board
 
 BLOCK = 3

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from ...core.se2 import Array
 from ..camera.camera import Camera
 from ..camera.response import Measured, Response
 from ..markers import template
@@ -19,7 +20,6 @@ from ..markers._pixels import MARGIN
 from ..markers._step import LIMITED, LIMITS
 from ..markers.aruco import Image
 from ..markers.prior import UNKNOWN_CAMERA
-from ..se2 import Array
 from .board import Board
 from .charuco import Fit
 from .noise_curve import Flat, flat_areas, noise_curve

@@ -20,9 +20,9 @@ from ruamel.yaml import YAML
 from ruamel.yaml.constructor import SafeConstructor
 from ruamel.yaml.error import YAMLError
 
-from ..errors import InputError
-from ..files import check_regular, write_whole
-from ..se2 import Array
+from ...core.errors import InputError
+from ...core.files import check_regular, write_whole
+from ...core.se2 import Array
 from .camera import DISTORTION_LENGTHS, Camera, Model
 from .response import read_response
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.polynomial.polynomial import polyval
 
-from ..errors import InputError
-from ..se2 import Array
+from ...core.errors import InputError
+from ...core.se2 import Array
 from .response import Response
 
 Model = Literal["pinhole", "fisheye"]

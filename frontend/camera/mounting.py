@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..se2 import Array
+from ...core.errors import InputError
+from ...core.se2 import Array
 
 _ROUNDING = 1e-3
 """Largest deviation from a rotation that is accepted, for matrices written with few digits."""

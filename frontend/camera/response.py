@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ...core.errors import InputError
 
 BRIGHTEST = 255.0
 """Grey levels, of white."""

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..se2 import Array
+from ...core.se2 import Array
 
 Image = NDArray[np.uint8]
 

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..factors import Odometry
-from ..se2 import Array
+from ...core.factors import Odometry
+from ...core.se2 import Array
 from .camera import Camera
 
 _ROUNDS = 4

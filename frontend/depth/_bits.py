@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import compiled
-from ..se2 import Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Ints
 
 Bits = NDArray[np.uint64]
 """(n, w) the bits of n descriptors, 64 in a column."""

@@ -9,8 +9,8 @@ from math import cos, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import compiled
-from ..se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 
 ITERATIONS = 12
 """Of Gauss-Newton, at most."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..compiled import compiled
-from ..se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 
 
 @compiled

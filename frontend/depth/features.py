@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.se2 import Array, Ints
 from ..camera.camera import Camera
-from ..se2 import Array, Ints
 from ._bits import Bits, two_nearest
 from ._depth_image import depths_at
 from .points import Points, points_of

@@ -12,11 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.errors import InputError
+from ...core.se2 import Array
 from ..camera.camera import Camera
-from ..errors import InputError
 from ..maps.cloud import BLUR, Cloud, cloud_of
 from ..maps.spool import Spool
-from ..se2 import Array
 from ..wheels.motion import Motion
 from .features import Features, Finder
 from .frame import DepthFrame

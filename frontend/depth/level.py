@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.elementary import arctan2, hypot
+from ...core.se2 import Array
 from ..camera.camera import Camera
-from ..elementary import arctan2, hypot
-from ..se2 import Array
 from ._depth_image import floor_plane, floor_points
 from .settings import Settings
 

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..check import check
-from ..errors import InputError
-from ..factors import REMARKS, Log
+from ...core.check import check
+from ...core.errors import InputError
+from ...core.factors import REMARKS, Log
 from ..wheels.holes import outside
 from .front_end import FrontEnd
 from .recording import DepthRecording

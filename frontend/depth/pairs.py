@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.se2 import Ints
 from ..camera.camera import Camera
 from ..maps.cloud import NOTHING, Cloud
-from ..se2 import Ints
 from .features import Features, matched
 from .level import Level
 from .planar import Planar, camera_motion, distance, planar

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..elementary import arctan2, sincos
-from ..se2 import Array, compose_jacobians, rotation, wrap
-from ..se2 import inverse as opposite
-from ..small_matrices import inverse, propagated
+from ...core.elementary import arctan2, sincos
+from ...core.se2 import Array, compose_jacobians, rotation, wrap
+from ...core.se2 import inverse as opposite
+from ...core.small_matrices import inverse, propagated
 from ._registration import turn_by
 from .level import Level
 from .registration import Registration

@@ -4,8 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.se2 import Array
 from ..camera.camera import Camera
-from ..se2 import Array
 from ._depth_image import crowds
 from .settings import Settings
 

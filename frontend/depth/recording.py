@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
+from ...core.errors import InputError
+from ...core.factors import Prior
 from ..camera.camera import Camera
-from ..errors import InputError
-from ..factors import Prior
 from ..wheels.motion import Motion
 from .frame import DepthFrame
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..se2 import Array, Ints
+from ...core.se2 import Array, Ints
 from ._registration import msac, refined
 from .points import Points
 from .settings import Settings

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from ..errors import InputError
-from ..options import option
+from ...core.errors import InputError
+from ...core.options import option
 
 KINDS, ODOMETERS = ("orb", "sift"), ("wheels", "visual")
 

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.se2 import Array
 from ..camera.camera import Camera
-from ..se2 import Array
 from ._depth_image import AGAINST, AGREE, compared
 from .settings import Settings
 

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..elementary import arctan2, hypot
-from ..files import Rows
-from ..se2 import Array, Ints
-from ..small_matrices import propagated
+from ...core.elementary import arctan2, hypot
+from ...core.files import Rows
+from ...core.se2 import Array, Ints
+from ...core.small_matrices import propagated
 from ._depth_image import apart
 from .pairs import Keyframe, Pair
 from .points import SHARED

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..se2 import Array, Ints, compose, inverse
+from ...core.se2 import Array, Ints, compose, inverse
 from ._ways import ways_to
 from .planar import Planar, back, chained
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..se2 import Array
+from ...core.se2 import Array
 from ._bits import Bits, moved, nearest
 from .features import bits_of
 from .pairs import Keyframe

@@ -4,9 +4,9 @@ from math import atan2, cos, floor, pi, sin, sqrt
 
 import numpy as np
 
-from ..compiled import compiled
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from ..maps._grid import DX, DY, HIT, Cells, is_wall
-from ..se2 import Array
 
 LINE = 2
 """Cells around the nearest one that a line is laid through."""

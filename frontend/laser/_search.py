@@ -10,8 +10,8 @@ from math import ceil, cos, exp, floor, pi, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import compiled
-from ..se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 
 Bytes = NDArray[np.uint8]
 

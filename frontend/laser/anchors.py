@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..relations import LONGEST_GAP, Anchors
-from ..se2 import Array, between, compose
+from ...core.relations import LONGEST_GAP, Anchors
+from ...core.se2 import Array, between, compose
 from .front_end import FrontEnd
 
 SAME = 2e-5

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..se2 import Array
-from ..small_matrices import inverse
+from ...core.se2 import Array
+from ...core.small_matrices import inverse
 from .loops import Loop
 from .pose_graph import Edges, optimised
 from .rows import Rows

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..se2 import Array, Ints
+from ...core.se2 import Array, Ints
 from .settings import Settings
 from .submap import Submap
 

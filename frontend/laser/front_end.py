@@ -9,8 +9,8 @@ from collections import Counter, deque
 
 import numpy as np
 
-from ..se2 import Array, between, compose, rotation
-from ..small_matrices import inverse
+from ...core.se2 import Array, between, compose, rotation
+from ...core.small_matrices import inverse
 from ._matching import match
 from ._search import correlated
 from .estimate import Estimate

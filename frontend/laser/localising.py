@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.se2 import Array, compose, compose_jacobians
+from ...core.small_matrices import inverse
 from ..maps.occupancy import Occupancy
-from ..se2 import Array, compose, compose_jacobians
-from ..small_matrices import inverse
 from ._matching import match
 from ._search import ANYWHERE, branch_and_bound
 from .loops import FARTHEST, WEAK, searched

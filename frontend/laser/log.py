@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..beside import Scans
-from ..errors import InputError
-from ..factors import REMARKS, Log, Prior
-from ..se2 import Array, Ints, between, rotation, wrap
+from ...core.beside import Scans
+from ...core.errors import InputError
+from ...core.factors import REMARKS, Log, Prior
+from ...core.se2 import Array, Ints, between, rotation, wrap
 from .anchors import anchors
 from .front_end import FrontEnd
 from .localising import Localiser

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.se2 import Array, between, compose, rotation, wrap
+from ...core.small_matrices import inverse
 from ..maps._grid import one_a_cell, seen_through
-from ..se2 import Array, between, compose, rotation, wrap
-from ..small_matrices import inverse
 from ._matching import match
 from ._search import ANYWHERE, branch_and_bound
 from .scanner import Scan

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-from ..se2 import Array, Ints, between, wrap
+from ...core.se2 import Array, Ints, between, wrap
 
 CAUCHY = 2.0
 """Scale of the loss on loops, in standard deviations."""

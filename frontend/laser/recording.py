@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ..factors import Prior, Start
+from ...core.factors import Prior, Start
+from ...core.se2 import Array, between, compose
 from ..maps.occupancy import Occupancy
-from ..se2 import Array, between, compose
 from .anchors import anchors
 from .front_end import FrontEnd
 from .localising import Localiser

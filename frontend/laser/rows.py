@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..se2 import Array
+from ...core.se2 import Array
 
 FIRST = 256
 """Rows that there is room for at first; then always for twice as many."""

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..beside import returns
+from ...core.beside import returns
+from ...core.se2 import Array
 from ..maps._grid import thinned
-from ..se2 import Array
 
 CODES = (81.825, 81.915)
 """m; a SICK scanner says 81.83 to 81.91 where it has no return."""

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from ..factors import STARTS
-from ..options import option
+from ...core.factors import STARTS
+from ...core.options import option
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ..se2 import Array
+from ...core.se2 import Array
 
 
 class Step(NamedTuple):

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 
+from ...core.se2 import Array
 from ..maps._grid import Box, Cells, Mask, insert, walls, walls_within
-from ..se2 import Array
 from ._search import FULL, LEVELS, Bytes, coarser
 from .packed import Packed
 from .scanner import Scan, Scanner

@@ -8,7 +8,7 @@ from collections import deque
 
 import numpy as np
 
-from ..se2 import Array, between, compose, wrap
+from ...core.se2 import Array, between, compose, wrap
 
 WAY, LONGEST = 0.5, 200
 """m between the ends of what is compared, by the wheels; scans at most: a robot may stand for hours."""

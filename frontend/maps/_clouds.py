@@ -5,8 +5,8 @@ from math import asin, atan2, floor, pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import compiled
-from ..se2 import Array, Ints
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array, Ints
 
 Bytes = NDArray[np.uint8]
 

@@ -10,8 +10,8 @@ from math import cos, floor, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import compiled
-from ..se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 
 Cells = NDArray[np.float32]
 Mask = NDArray[np.bool_]

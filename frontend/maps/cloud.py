@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..beside import Clouds
+from ...core.beside import Clouds
+from ...core.se2 import Array, act
 from ..camera.camera import Camera
-from ..se2 import Array, act
 from ._clouds import lifted, one_a_voxel
 
 EVERY = 2

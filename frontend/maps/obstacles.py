@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..beside import Beams, Clouds
-from ..relations import Anchors
+from ...core.beside import Beams, Clouds
+from ...core.relations import Anchors
 from ._clouds import swept
 from ._grid import one_a_cell
 from .cloud import VOXEL

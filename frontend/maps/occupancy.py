@@ -5,9 +5,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ..beside import Beams
-from ..relations import Anchors
-from ..se2 import Array, act
+from ...core.beside import Beams
+from ...core.relations import Anchors
+from ...core.se2 import Array, act
 from ._grid import DX, DY, HIT, THROUGH, Cells, insert_beams, walls
 
 CELL = 0.05

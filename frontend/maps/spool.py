@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ..beside import UNIT, Clouds
+from ...core.beside import UNIT, Clouds
+from ...core.files import Rows
+from ...core.relations import Anchors
 from ..camera.camera import Camera
-from ..files import Rows
-from ..relations import Anchors
 from .cloud import Cloud
 
 

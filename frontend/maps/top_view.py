@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..beside import Clouds
-from ..se2 import Array
+from ...core.beside import Clouds
+from ...core.se2 import Array
 from ._clouds import from_above
 from .cloud import placed
 from .obstacles import HIGH

@@ -8,8 +8,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import compiled
-from ..se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from ._edges import COLUMNS, EDGE, RESIDUAL, WEIGHT, edge_of, sum_edges
 from ._grey import BLACK, BLACKEST, INK, PARAMETERS, SHARED, STIFF, WHITE, A, C, curve_of, eye_of, predict
 from ._pixels import box_of, extremes, gather

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from ..compiled import compiled
-from ..se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 
 STEP = 1e-5
 """Of a ray, for the derivative of its pixel."""

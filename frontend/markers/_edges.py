@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from ..compiled import compiled
-from ..se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from ._grey import PARAMETERS
 
 RESIDUAL, WEIGHT, EDGE, COLUMNS = PARAMETERS, PARAMETERS + 1, PARAMETERS + 2, PARAMETERS + 3

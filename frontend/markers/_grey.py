@@ -24,8 +24,8 @@ import math
 
 import numpy as np
 
-from ..compiled import compiled
-from ..se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from ._share import BY_INK, BY_SIGMA_U, BY_SIGMA_V, BY_U, BY_UV, BY_V, PAPER, RIM, VALUE, share
 
 PARAMETERS, STIFF = 24, 10

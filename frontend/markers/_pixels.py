@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiled import compiled
-from ..se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from ._grey import BLACK, LIGHT, WHITE, covariance, slopes
 from ._share import RIM
 

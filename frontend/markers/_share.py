@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from ..compiled import compiled
-from ..se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 
 RIM, PAPER = 4, 2
 """Modules of white paper around a pattern, and up to how far out a pixel may lie: it sees two modules either way."""

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from ..compiled import compiled
-from ..se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 
 SAME = 1e-3
 """Rotations that differ by less in every element count as equal."""

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
-from ..compiled import compiled
-from ..se2 import Array
+from ...core.kernels.compiled import compiled
+from ...core.se2 import Array
 from ._grey import BLACK, BLACKEST, INK, SHARP, TONE, WHITE, A, C
 
 LIMITED = np.array([INK, TONE, SHARP])

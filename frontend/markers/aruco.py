@@ -11,12 +11,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.errors import InputError
+from ...core.factors import UNKNOWN
+from ...core.kernels.compile_ahead import compile_ahead
+from ...core.se2 import Array
 from ..camera.camera import Camera
 from ..camera.shutter import CameraMotion, SweptPlane
-from ..compile_ahead import compile_ahead
-from ..errors import InputError
-from ..factors import UNKNOWN
-from ..se2 import Array
 from . import template
 from ._corners import judge, mixture, slopes, to_project
 from .bits import sample

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..se2 import Array
+from ...core.se2 import Array
 
 CLEAN = 0.9
 """Least share of a sample's cells whose points agree, all but one."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..compile_ahead import Kernels
+from ...core.kernels.compile_ahead import Kernels
 from . import _alignment, _corners, _edges, _pixels, _square_pose
 
 

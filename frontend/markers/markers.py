@@ -11,8 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ..errors import InputError
-from ..files import write_whole
+from ...core.errors import InputError
+from ...core.files import write_whole
 
 LONGEST = 10.0
 """m; longer than any printed marker, but shorter than lengths given in millimetres or centimetres."""

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ..se2 import Array
+from ...core.se2 import Array
 from .aruco import Sighting, range_bearing
 
 

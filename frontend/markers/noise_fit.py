@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from ..se2 import Array
+from ...core.errors import InputError
+from ...core.se2 import Array
 
 GATE = 4.0
 """Standard deviations; for both coordinates of a sighting together, the chi-square bound of the same probability."""

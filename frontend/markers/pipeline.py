@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.check import check
+from ...core.errors import InputError
+from ...core.factors import REMARKS, Log, Prior, RangeBearing, RelativePoses, Step
+from ...core.se2 import Array
 from ..camera.shutter import CameraMotion, carried
-from ..check import check
-from ..errors import InputError
-from ..factors import REMARKS, Log, Prior, RangeBearing, RelativePoses, Step
-from ..se2 import Array
 from ..wheels.holes import outside
 from ..wheels.motion import Motion
 from .aruco import Detector, Image, Sighting

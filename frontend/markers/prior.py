@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
+from ...core.se2 import Array
 from ..camera.response import Measured, Response
-from ..se2 import Array
 from ._grey import CURL, SHARP, TONE, A, C
 
 BLUR, LOG_BLUR_SD = 0.65, 1.0

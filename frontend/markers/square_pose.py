@@ -5,7 +5,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from ..se2 import Array
+from ...core.se2 import Array
 from ._square_pose import explain
 
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..se2 import Array
+from ...core.se2 import Array
 from ._alignment import align
 from ._corners import corner_rays, homography
 from ._edges import spread

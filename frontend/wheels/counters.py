@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from ..se2 import Array
+from ...core.errors import InputError
+from ...core.se2 import Array
 
 Flags = NDArray[np.bool_]
 

@@ -17,10 +17,10 @@ from typing import Literal
 
 import numpy as np
 
-from ..elementary import sinc, sincos
-from ..factors import Odometry
-from ..se2 import Array, wrap
-from ..small_matrices import product, propagated
+from ...core.elementary import sinc, sincos
+from ...core.factors import Odometry
+from ...core.se2 import Array, wrap
+from ...core.small_matrices import product, propagated
 
 Curve = Literal["midpoint", "arc"]
 

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import InputError
-from ..se2 import Array, Ints
+from ...core.errors import InputError
+from ...core.se2 import Array, Ints
 
 LEAST = 0.5
 """s. In a shorter time, a robot at 0.5 m/s that turns by 1 rad/s is at most 2 cm off the straight line."""

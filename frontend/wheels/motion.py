@@ -6,10 +6,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..elementary import hypot
-from ..errors import InputError
-from ..factors import Odometry
-from ..se2 import Array, Ints, between
+from ...core.elementary import hypot
+from ...core.errors import InputError
+from ...core.factors import Odometry
+from ...core.se2 import Array, Ints, between
 from .counters import MAX_SPEED, check_counts
 from .encoder import Encoder, Floors, compose
 from .holes import Holes, find_holes

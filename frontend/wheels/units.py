@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..elementary import arctan2, hypot, sincos
-from ..se2 import Array
+from ...core.elementary import arctan2, hypot, sincos
+from ...core.se2 import Array
 
 FEW = 10
 """Readings below which nothing is odd."""

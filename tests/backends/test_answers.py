@@ -14,8 +14,8 @@ from slamduel.backends.api import Expected
 from slamduel.backends.association.quantiles import gates, quantile
 from slamduel.backends.gaussian.ekf import Ekf
 from slamduel.bench.speed.world import world
-from slamduel.frontend.factors import UNKNOWN, Odometry, RangeBearing, Step
-from slamduel.frontend.se2 import Ints
+from slamduel.core.factors import UNKNOWN, Odometry, RangeBearing, Step
+from slamduel.core.se2 import Ints
 
 FILL: dict[str, dict[str, Any]] = {
     "ekf": {},

@@ -25,10 +25,10 @@ from slamduel.bench.speed.textbook_fastslam import (
     _sight,  # pyright: ignore[reportPrivateUsage]
     _wrapped,  # pyright: ignore[reportPrivateUsage]
 )
+from slamduel.core.errors import InputError
+from slamduel.core.factors import UNKNOWN, Dataset, Log, Prior, Step
+from slamduel.core.se2 import Array, Ints
 from slamduel.datasets import registry as datasets
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Prior, Step
-from slamduel.frontend.se2 import Array, Ints
 
 make = partial(driven.make, "fastslam", association="particle")
 

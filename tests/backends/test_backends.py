@@ -10,9 +10,9 @@ from random_logs import TextbookKalman, random_log
 from slamduel.backends import models
 from slamduel.backends.api import Diverged, Solution
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
+from slamduel.core.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
+from slamduel.core.se2 import Array, act_jacobians, compose, compose_jacobians, wrap
 from slamduel.datasets import registry as datasets
-from slamduel.frontend.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
-from slamduel.frontend.se2 import Array, act_jacobians, compose, compose_jacobians, wrap
 
 GAUSSIAN = ("ekf", "isam2", "graph")
 

@@ -8,8 +8,8 @@ import pytest
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.api import Backend, Diverged
-from slamduel.frontend.factors import Log, Map, RangeBearing, Step
-from slamduel.frontend.se2 import Array, wrap
+from slamduel.core.factors import Log, Map, RangeBearing, Step
+from slamduel.core.se2 import Array, wrap
 
 SLOW: dict[str, Any] = {"range_share": 0.9, "range_time": 0.7, "bearing_share": 0.6, "bearing_time": 2.0}
 

@@ -19,10 +19,10 @@ from slamduel.backends.api import Diverged, WantsTruth
 from slamduel.bench.measure.metrics import nees
 from slamduel.bench.plan.spec import backend_variants
 from slamduel.bench.plan.variant import BackendVariant
+from slamduel.core.factors import Dataset, Step
+from slamduel.core.se2 import Array
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.circle import Options, circle
-from slamduel.frontend.factors import Dataset, Step
-from slamduel.frontend.se2 import Array
 
 IDEAL, FIRST, INVARIANT, STANDARD = (
     "ekf[jacobians=ideal]",

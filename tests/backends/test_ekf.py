@@ -7,14 +7,14 @@ import pytest
 
 from driven import NO_LOOPS, asking_changes_nothing
 from random_logs import TextbookKalman, random_log
-from slamduel.backends._blas import routine
 from slamduel.backends.api import Diverged, TruthWanted, WantsTruth
 from slamduel.backends.gaussian import _triangle, compressed
 from slamduel.backends.gaussian.ekf import Ekf, Options, build
 from slamduel.backends.gaussian.joint import Joint
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
-from slamduel.frontend.factors import Dataset, Log, Map, Odometry, Prior, RangeBearing, Step, Truth
-from slamduel.frontend.se2 import Array, between, compose_jacobians, wrap
+from slamduel.core.factors import Dataset, Log, Map, Odometry, Prior, RangeBearing, Step, Truth
+from slamduel.core.kernels._blas import routine
+from slamduel.core.se2 import Array, between, compose_jacobians, wrap
 
 DENSE, COMPRESSED = 10**6, 0
 

@@ -17,7 +17,7 @@ from slamduel.backends.particles._proposal import propose
 from slamduel.backends.particles.particle_maps import RESERVED, ParticleMaps
 from slamduel.backends.particles.particle_paths import ParticlePaths
 from slamduel.bench.speed.textbook_fastslam import TextbookFastSlam
-from slamduel.frontend.se2 import Array, Ints, compose, wrap
+from slamduel.core.se2 import Array, Ints, compose, wrap
 
 make = partial(driven.make, "fastslam")
 

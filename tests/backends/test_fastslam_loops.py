@@ -15,8 +15,8 @@ from slamduel.backends.particles import _loops, resampling
 from slamduel.backends.particles.particle_paths import ParticlePaths
 from slamduel.backends.registry import find
 from slamduel.bench.speed.textbook_fastslam import Particle, TextbookFastSlam
-from slamduel.frontend.factors import Log, RelativePoses
-from slamduel.frontend.se2 import Array, Ints, between, compose, wrap
+from slamduel.core.factors import Log, RelativePoses
+from slamduel.core.se2 import Array, Ints, between, compose, wrap
 
 make = partial(driven.make, "fastslam")
 

@@ -10,7 +10,7 @@ from random_logs import random_log
 from slamduel.backends.api import Diverged
 from slamduel.backends.window import fixed_lag
 from slamduel.bench.measure.misfit import misfit
-from slamduel.frontend.factors import Log, Odometry
+from slamduel.core.factors import Log, Odometry
 
 KINDS = ("plain", "blocks", "joint", "fixed")
 

@@ -19,11 +19,11 @@ from slamduel.backends.graphs.first_values import first_values
 from slamduel.backends.graphs.gauss_newton import STILL
 from slamduel.backends.smoothing.smoother import LOSSES
 from slamduel.bench.measure.misfit import misfit, misfits
+from slamduel.core.factors import Log, Map, Odometry, Prior, RangeBearing, Step
+from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.outliers import swapped
-from slamduel.frontend.factors import Log, Map, Odometry, Prior, RangeBearing, Step
-from slamduel.frontend.se2 import Array, between, wrap
 
 STARTS = ("incremental", "odometry")
 

@@ -11,9 +11,9 @@ from random_logs import random_covariance, random_log
 from slamduel.backends import newcomers
 from slamduel.backends.api import Diverged
 from slamduel.backends.graphs import _gtsam
+from slamduel.core.factors import Dataset, Log, Odometry, Prior, RangeBearing, Step
+from slamduel.core.se2 import Array, between, compose, rotation
 from slamduel.datasets import registry as datasets
-from slamduel.frontend.factors import Dataset, Log, Odometry, Prior, RangeBearing, Step
-from slamduel.frontend.se2 import Array, between, compose, rotation
 
 ROBUST = ("huber", "cauchy", "geman-mcclure")
 

@@ -8,13 +8,13 @@ import pytest
 from dense_invariant import DenseInvariantEkf, turning
 from driven import asking_changes_nothing
 from random_logs import random_log
-from slamduel.backends._blas import routine
 from slamduel.backends.api import Diverged
 from slamduel.backends.gaussian import _invariant, _triangle
 from slamduel.backends.gaussian.invariant_ekf import InvariantEkf, Options
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
-from slamduel.frontend.factors import Log, Map, Prior, RangeBearing
-from slamduel.frontend.se2 import Array, compose, wrap
+from slamduel.core.factors import Log, Map, Prior, RangeBearing
+from slamduel.core.kernels._blas import routine
+from slamduel.core.se2 import Array, compose, wrap
 
 
 def make(prior: Prior) -> InvariantEkf:

@@ -14,8 +14,8 @@ from slamduel.backends.api import Diverged, Solution
 from slamduel.backends.gaussian import _invariant_loops, _loops, compressed
 from slamduel.backends.gaussian.kept_poses import KeptPoses
 from slamduel.bench.check.small_logs import dead_reckoned
-from slamduel.frontend.factors import Dataset, Log, RelativePoses
-from slamduel.frontend.se2 import Array, Ints, between, compose, wrap
+from slamduel.core.factors import Dataset, Log, RelativePoses
+from slamduel.core.se2 import Array, Ints, between, compose, wrap
 
 DENSE, COMPRESSED = 10**6, 0
 GATE, LOOP_GATE = 0.99, 11.344866730144373

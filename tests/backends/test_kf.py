@@ -12,10 +12,10 @@ from slamduel.backends.gaussian.ekf import Options as EkfOptions
 from slamduel.backends.gaussian.kf import Kf, build
 from slamduel.bench.check.candidate import Candidate
 from slamduel.bench.check.suite import chosen, examine
+from slamduel.core.factors import Log, Map, Prior
+from slamduel.core.options import NoOptions
+from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.worlds.linear import Options, linear
-from slamduel.frontend.factors import Log, Map, Prior
-from slamduel.frontend.options import NoOptions
-from slamduel.frontend.se2 import Array, wrap
 
 
 def turning(angle: float) -> Array:

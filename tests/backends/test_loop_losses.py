@@ -23,9 +23,9 @@ from slamduel.backends.graphs.batch import Batch
 from slamduel.backends.smoothing import _cost, _graph
 from slamduel.backends.smoothing.smoother import LOSSES
 from slamduel.bench.measure.misfit import loop_misfits
+from slamduel.core.factors import Dataset
+from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.false_loops import planted
-from slamduel.frontend.factors import Dataset
-from slamduel.frontend.se2 import Array, wrap
 
 ROBUST = ("huber", "cauchy", "geman-mcclure")
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from driven import aligned_error, final, run
+from slamduel.core.factors import Dataset
+from slamduel.core.se2 import Array
 from slamduel.datasets import registry as datasets
-from slamduel.frontend.factors import Dataset
-from slamduel.frontend.se2 import Array
 
 FOLDER = os.environ.get("SLAMDUEL_DATA")
 ROBOTS = (1, 2, 3, 4, 5)

@@ -11,8 +11,8 @@ from driven import make
 from random_logs import random_log
 from slamduel.backends.graphs import neighbourhood
 from slamduel.bench.speed.world import world
-from slamduel.frontend.factors import Log
-from slamduel.frontend.se2 import rotation
+from slamduel.core.factors import Log
+from slamduel.core.se2 import rotation
 
 WIDE = 1e9
 """A gate that lets everything through."""

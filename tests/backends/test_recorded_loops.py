@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from driven import final, run
+from slamduel.core.se2 import between
 from slamduel.datasets.formats.carmen import Options, read
 from slamduel.frontend.laser.log import build_log
-from slamduel.frontend.se2 import between
 
 INTEL = Path(os.environ.get("SLAMDUEL_DATA", "")) / "lidar" / "intel.clf.gz"
 

@@ -12,7 +12,7 @@ from slamduel.backends._assignment import cheapest
 from slamduel.backends._joint_compatibility import search
 from slamduel.backends._rules import CHEAPEST, JOINT, NEAREST, NEW, OPEN, decide, decide_frame
 from slamduel.backends.association.quantiles import gates, quantile
-from slamduel.frontend.se2 import Array, Ints, wrap
+from slamduel.core.se2 import Array, Ints, wrap
 
 FAR, MATCH = quantile(0.9999, 1), quantile(0.999, 1)
 GATES = gates(0.9999, 40)

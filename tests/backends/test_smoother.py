@@ -9,7 +9,7 @@ from hard_logs import with_loops
 from random_logs import random_log
 from slamduel.backends.api import Diverged
 from slamduel.backends.smoothing import forest, smoother
-from slamduel.frontend.factors import Log, Odometry, Prior, RangeBearing, Step
+from slamduel.core.factors import Log, Odometry, Prior, RangeBearing, Step
 
 pytestmark = pytest.mark.slow
 

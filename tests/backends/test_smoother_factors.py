@@ -11,7 +11,7 @@ from slamduel.backends.smoothing import _factors, _graph, _links, _log
 from slamduel.backends.smoothing._graph import NO_VARIABLE, Graph
 from slamduel.backends.smoothing.arrays import made, with_rows
 from slamduel.backends.smoothing.smoother import LOSSES
-from slamduel.frontend.se2 import Array, between, compose, wrap
+from slamduel.core.se2 import Array, between, compose, wrap
 
 
 def a_graph(rng: np.random.Generator, inner: int = 0, loss: int = 0) -> Graph:

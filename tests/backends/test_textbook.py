@@ -8,8 +8,8 @@ import pytest
 
 from random_logs import TextbookKalman, moved, random_log
 from slamduel.bench.speed.textbook_ekf import TextbookEkf, wrapped
-from slamduel.frontend.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
-from slamduel.frontend.se2 import Array, between
+from slamduel.core.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from slamduel.core.se2 import Array, between
 
 
 def differences(function: Callable[[Array], Array], at: Array, step: float = 1e-6) -> Array:

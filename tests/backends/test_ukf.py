@@ -12,8 +12,8 @@ from slamduel.backends.gaussian._ekf import OWED
 from slamduel.backends.gaussian.joint import SPACE
 from slamduel.backends.gaussian.ukf import Options, Ukf
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
-from slamduel.frontend.factors import Log, Map, Odometry, Prior, Step
-from slamduel.frontend.se2 import Array, compose, wrap
+from slamduel.core.factors import Log, Map, Odometry, Prior, Step
+from slamduel.core.se2 import Array, compose, wrap
 
 
 class DenseUkf:

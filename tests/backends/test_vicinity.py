@@ -12,8 +12,8 @@ from slamduel.backends.gaussian import _plain, compressed
 from slamduel.backends.smoothing import _step
 from slamduel.backends.vicinity import Vicinity
 from slamduel.bench.speed.world import world
-from slamduel.frontend.factors import Odometry, RangeBearing
-from slamduel.frontend.se2 import Array, between, compose
+from slamduel.core.factors import Odometry, RangeBearing
+from slamduel.core.se2 import Array, between, compose
 
 SD = np.array([0.05, 0.02, 0.03])
 

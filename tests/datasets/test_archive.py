@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset, Log, Prior, Truth
 from slamduel.datasets import archive
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Log, Prior, Truth
 from small_log import assert_same, columns, small_dataset
 
 bare_truth = Truth(np.zeros(0), np.zeros((0, 3)), None, None, "reference")

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset
+from slamduel.core.options import option
 from slamduel.datasets import cache
 from slamduel.datasets.registry import Source
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset
-from slamduel.frontend.options import option
 from small_log import assert_same, small_log
 
 

@@ -11,16 +11,16 @@ import slamduel
 from laps import laps
 from slamduel.bench.plan import reference
 from slamduel.bench.plan.spec import read_options
+from slamduel.core.check import check_truth, problems
+from slamduel.core.dead_reckoning import dead_reckoned
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset, Log, Truth
+from slamduel.core.se2 import Array, Ints, between, compose
 from slamduel.datasets import archive, registry
 from slamduel.datasets.cache import generator
 from slamduel.datasets.false_loops import FALSE_NOTE, FalseLoops, planted
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.truth import digest
-from slamduel.frontend.check import check_truth, problems
-from slamduel.frontend.dead_reckoning import dead_reckoned
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Log, Truth
-from slamduel.frontend.se2 import Array, Ints, between, compose
 
 SHARES = (0.05, 0.2, 0.5)
 

@@ -10,8 +10,8 @@ import pytest
 from slamduel import run
 from slamduel.bench.cli import main
 from slamduel.bench.drawing.map_files import write_grid
+from slamduel.core.errors import InputError
 from slamduel.datasets.grid_file import NAME, read_grid
-from slamduel.frontend.errors import InputError
 from slamduel.frontend.maps.occupancy import FREE, UNKNOWN, WALL, Occupancy, of_states
 
 

@@ -11,15 +11,15 @@ import slamduel
 from slamduel.backends import registry as backends
 from slamduel.bench.measure.drive import drive
 from slamduel.bench.plan.spec import read_options
+from slamduel.core.check import problems
+from slamduel.core.dead_reckoning import dead_reckoned
+from slamduel.core.errors import InputError
+from slamduel.core.factors import UNKNOWN, Dataset, Log
+from slamduel.core.se2 import Ints
 from slamduel.datasets import cache, registry
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.hidden_ids import HiddenIds, hidden
 from slamduel.datasets.remarks import remarks
-from slamduel.frontend.check import problems
-from slamduel.frontend.dead_reckoning import dead_reckoned
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import UNKNOWN, Dataset, Log
-from slamduel.frontend.se2 import Ints
 
 DATA = os.environ.get("SLAMDUEL_DATA")
 

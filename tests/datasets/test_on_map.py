@@ -7,11 +7,11 @@ import slamduel
 from slamduel.backends.locating.locating import begin
 from slamduel.backends.registry import find
 from slamduel.bench.plan.given_map import localising
+from slamduel.core.check import problems
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Log, Map, Truth
 from slamduel.datasets import registry
 from slamduel.datasets.on_map import OnMap
-from slamduel.frontend.check import problems
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Log, Map, Truth
 
 WORLD = "city[landmarks=200,steps=60"
 

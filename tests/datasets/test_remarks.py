@@ -11,12 +11,12 @@ import pytest
 
 from slamduel.bench.plan.load import load, made
 from slamduel.bench.study import file as study_file
+from slamduel.core.errors import InputError
+from slamduel.core.factors import REMARKS, Dataset
 from slamduel.datasets import archive
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published import catalogue
 from slamduel.datasets.remarks import NO_SIGHTING, refuse, remarks
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import REMARKS, Dataset
 from small_log import small_dataset
 
 DRAWN = ("aruco-robot", "bailey", "circle", "city", "linear", "matlab-report", "victoria-park")

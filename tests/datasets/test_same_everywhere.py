@@ -11,10 +11,10 @@ import pytest
 
 import older_machine
 from places import SUPPORT
+from slamduel.core.factors import Dataset
 from slamduel.datasets import cache as datasets
 from slamduel.datasets import registry
 from slamduel.datasets.truth import digest
-from slamduel.frontend.factors import Dataset
 
 DATA = os.environ.get("SLAMDUEL_DATA")
 WORLDS = ("aruco-robot", "bailey", "circle", "city", "linear", "matlab-report")

@@ -1,7 +1,7 @@
 """An import only ever goes down.
 
-The layers are bench, then datasets and backends, which never see each other, then frontend. A layer has rooms, and a
-room sees those that `ROOMS` allows it.
+The layers are bench, then datasets and backends, which never see each other, then frontend, which backends do not see,
+then core. A layer has rooms, and a room sees those that `ROOMS` allows it.
 """
 
 import ast
@@ -20,19 +20,23 @@ import pytest
 from places import ROOT
 
 BELOW: dict[str, set[str]] = {
-    "frontend": set(),
-    "backends": {"frontend"},
-    "datasets": {"frontend"},
-    "bench": {"frontend", "backends", "datasets"},
+    "core": set(),
+    "frontend": {"core"},
+    "backends": {"core"},
+    "datasets": {"core", "frontend"},
+    "bench": {"core", "frontend", "backends", "datasets"},
 }
 
 TOP = "."
 """The files of a layer that are in none of its rooms."""
 
 ROOMS: dict[str, dict[str, set[str]]] = {
-    "frontend": {
+    "core": {
         TOP: set(),
         "toml": {TOP},
+        "kernels": {TOP},
+    },
+    "frontend": {
         "wheels": {TOP},
         "camera": {TOP},
         "markers": {TOP, "wheels", "camera"},
@@ -317,8 +321,9 @@ PLANTED = {
     "from .. import datasets": "sideways",
     "def f():\n    from ..bench import cli": "up, in a function",
     "from ... import other": "out of the package",
-    "import slamduel.frontend.se2": "by its own name",
-    "from slamduel.frontend import se2": "by its own name",
+    "from ..frontend.laser import step": "sideways, into perception",
+    "import slamduel.core.se2": "by its own name",
+    "from slamduel.core import se2": "by its own name",
     "from datasets import load_dataset": "as if it were installed by that name",
 }
 
@@ -329,9 +334,9 @@ def house(tmp_path: Path) -> Path:
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text("")
     (tmp_path / "__init__.py").write_text("")
-    (tmp_path / "frontend" / "se2.py").write_text("import numpy as np\n")
-    (tmp_path / "backends" / "api.py").write_text("from ..frontend.se2 import np\nfrom . import ekf\n")
-    (tmp_path / "backends" / "ekf.py").write_text("from ..frontend import se2\n")
+    (tmp_path / "core" / "se2.py").write_text("import numpy as np\n")
+    (tmp_path / "backends" / "api.py").write_text("from ..core.se2 import np\nfrom . import ekf\n")
+    (tmp_path / "backends" / "ekf.py").write_text("from ..core import se2\n")
     (tmp_path / "bench" / "cli.py").write_text("from ..backends import api\nfrom ..datasets import registry\n")
     (tmp_path / "tests").mkdir()
     (tmp_path / "tests" / "test_x.py").write_text("import slamduel\n")
@@ -346,9 +351,15 @@ def test_the_walker_sees_an_import_that_climbs(house: Path, planted: str) -> Non
     assert found.startswith(os.path.join("backends", "ekf.py:"))
 
 
-def test_the_walker_sees_a_frontend_that_looks_up(house: Path) -> None:
-    (house / "frontend" / "se2.py").write_text("from ..backends import api\n")
-    assert climbing(house) == [os.path.join("frontend", "se2.py:1") + " .backends.api"]
+@pytest.mark.parametrize("above", ["frontend", "backends", "datasets", "bench"])
+def test_the_walker_sees_a_core_that_looks_up(house: Path, above: str) -> None:
+    (house / "core" / "se2.py").write_text(f"from ..{above} import api\n")
+    assert climbing(house) == [os.path.join("core", "se2.py:1") + f" .{above}.api"]
+
+
+def test_the_walker_sees_a_front_end_that_looks_up(house: Path) -> None:
+    (house / "frontend" / "wheels.py").write_text("from ..core import se2\nfrom ..datasets import registry\n")
+    assert climbing(house) == [os.path.join("frontend", "wheels.py:2") + " .datasets.registry"]
 
 
 @pytest.mark.parametrize("planted", ["import scipy.stats", "from evo import core", "if True:\n    import gtsam"])
@@ -370,7 +381,7 @@ def test_the_walker_sees_a_room_that_looks_up(house: Path, planted: str) -> None
         (house / "bench" / room).mkdir()
         (house / "bench" / room / "__init__.py").write_text("")
     (house / "bench" / "run" / "runner.py").write_text("from ..measure.cell import run\nfrom ..measure import cell\n")
-    (house / "bench" / "measure" / "cell.py").write_text("from . import clock\nfrom ...frontend.se2 import np\n")
+    (house / "bench" / "measure" / "cell.py").write_text("from . import clock\nfrom ...core.se2 import np\n")
     assert straying(house) == []
     (house / "bench" / "measure" / "clock.py").write_text(planted + "\n")
     (found,) = straying(house)

@@ -16,8 +16,8 @@ from slamduel.backends import registry
 from slamduel.backends.api import Builder
 from slamduel.bench.check.suite import check
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
-from slamduel.frontend.factors import Log
-from slamduel.frontend.se2 import Array, between
+from slamduel.core.factors import Log
+from slamduel.core.se2 import Array, between
 
 EXAMPLE = SUPPORT / "example_plugin"
 

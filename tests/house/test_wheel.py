@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from places import ROOT
+from places import LAYERS, ROOT
 from random_logs import random_log
 from slamduel.datasets.formats import log_folder
 from sources import kept
 from sources import source as copied
 
 SETUPTOOLS = 77  # the first to read a licence expression
-MODULES = ("__init__.py", "__main__.py", "backends", "bench", "datasets", "frontend")
+MODULES = ("__init__.py", "__main__.py", *LAYERS)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
         "__main__.py",
         "py.typed",
         "backends/api.py",
-        "frontend/se2.py",
+        "core/se2.py",
         "bench/check/suite.py",
     } <= packaged
     with zipfile.ZipFile(wheel) as archive:

@@ -9,7 +9,7 @@ from dense_fit import Dense, dense_fit
 from hard_logs import with_given, with_loops
 from slamduel.backends.api import Solution
 from slamduel.bench.measure.misfit import misfit
-from slamduel.frontend.factors import Dataset, Log
+from slamduel.core.factors import Dataset, Log
 
 KINDS = ("plain", "loops", "blocks", "joint", "fixed")
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from dense_fit import dense_fit
 from slamduel.backends.api import Expected
-from slamduel.frontend.factors import Log, Odometry, RangeBearing
-from slamduel.frontend.se2 import Array, compose, wrap
+from slamduel.core.factors import Log, Odometry, RangeBearing
+from slamduel.core.se2 import Array, compose, wrap
 
 
 def differences(function: Callable[[Array], Array], at: Array, step: float = 1e-6) -> Array:

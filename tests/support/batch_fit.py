@@ -7,8 +7,8 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from motions import between_jacobians
-from slamduel.frontend.factors import Log, Map
-from slamduel.frontend.se2 import Array, Ints, act, between, wrap
+from slamduel.core.factors import Log, Map
+from slamduel.core.se2 import Array, Ints, act, between, wrap
 
 
 class Fit(NamedTuple):

@@ -6,7 +6,7 @@ import numpy as np
 
 from slamduel.backends.api import Belief, Diverged, Map, Odometry, Pose, Prior, RangeBearing, Solution, Step
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
-from slamduel.frontend.se2 import Array
+from slamduel.core.se2 import Array
 
 
 class Sound:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from slamduel.core.se2 import Array
 from slamduel.frontend.laser.recording import LaserRecording
-from slamduel.frontend.se2 import Array
 
 
 def flaser(t: float, ranges: Array, pose: Array) -> str:

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.sensor import Sensor
 from slamduel.frontend.boards.board import Board, View
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.markers.aruco import Image
-from slamduel.frontend.se2 import Array
 
 BOARD = Board(columns=8, rows=6, square=0.04, marker=0.03, dictionary="4X4_50")
 _SHARPNESS = 24

@@ -8,8 +8,8 @@ from scipy.linalg import expm, logm
 from dense_invariant import DenseInvariantEkf, derivative, hat, turning
 from random_logs import random_covariance
 from slamduel.bench.speed.textbook_ekf import TextbookEkf, wrapped
-from slamduel.frontend.factors import Dataset, Log, Prior, RelativePoses, Step
-from slamduel.frontend.se2 import Array, between, wrap
+from slamduel.core.factors import Dataset, Log, Prior, RelativePoses, Step
+from slamduel.core.se2 import Array, between, wrap
 
 PLACE, TURN = -10, -11
 """Ids of a kept pose's halves, less twice its step: the textbook filter has pairs of entries only."""

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from motions import between_jacobians
-from slamduel.frontend.factors import Log
-from slamduel.frontend.se2 import Array, between, wrap
+from slamduel.core.factors import Log
+from slamduel.core.se2 import Array, between, wrap
 
 
 class Dense(NamedTuple):

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
-from slamduel.frontend.factors import Odometry, Prior, Step
-from slamduel.frontend.se2 import Array, wrap
+from slamduel.core.factors import Odometry, Prior, Step
+from slamduel.core.se2 import Array, wrap
 
 
 def turning(angle: Any) -> Any:

@@ -6,8 +6,8 @@ import numpy as np
 
 from dense_fit import Normal
 from motions import between_jacobians
-from slamduel.frontend.factors import Prior, Step
-from slamduel.frontend.se2 import Array, between, compose, wrap
+from slamduel.core.factors import Prior, Step
+from slamduel.core.se2 import Array, between, compose, wrap
 
 Key = tuple[str, int, int]
 """A pose ("x", step, 0), or a landmark ("l", id, number of times it has left)."""

@@ -5,17 +5,17 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from slamduel.core.beside import Clouds
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.boxes import Box
 from slamduel.datasets.rendering.cameras import MOUNTING
 from slamduel.datasets.rendering.depth import true_depth
 from slamduel.datasets.rendering.disturbances import raised
 from slamduel.datasets.rendering.lens import through
 from slamduel.datasets.rendering.room import Room
-from slamduel.frontend.beside import Clouds
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.maps.cloud import Cloud, cloud_of
 from slamduel.frontend.maps.spool import Spool
-from slamduel.frontend.se2 import Array
 
 CAMERA = Camera(320, 240, (288.0, 288.0), (159.5, 119.5), (), MOUNTING)
 HALF = (2.5, 2.0)

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 
+from slamduel.core.factors import Truth
 from slamduel.datasets.rendering.depth_shots import DepthShots
 from slamduel.datasets.worlds.depth_room import Drive, record
 from slamduel.frontend.depth.features import Finder
@@ -14,7 +15,6 @@ from slamduel.frontend.depth.pairs import Keyframe, without_ids
 from slamduel.frontend.depth.recording import DepthRecording
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.depth.surfaces import Surfaces
-from slamduel.frontend.factors import Truth
 
 
 @cache

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from slamduel.core.se2 import Array
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
 from slamduel.frontend.depth.points import Points
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.se2 import Array
 
 CAMERA = Camera(320, 240, (290.0, 288.0), (161.0, 118.0), (), mounting(0.1, 0.02, 0.7, np.radians(20)))
 

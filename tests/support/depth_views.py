@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import bags
 from bags import Said
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.boxes import Box
 from slamduel.datasets.rendering.cameras import MOUNTING
 from slamduel.datasets.rendering.depth import true_depth
@@ -18,7 +19,6 @@ from slamduel.datasets.rendering.lens import through
 from slamduel.datasets.rendering.room import Room
 from slamduel.frontend.camera.calibration import write_opencv
 from slamduel.frontend.camera.camera import Camera
-from slamduel.frontend.se2 import Array
 
 SIZE = (160, 120)
 CAMERA = Camera(*SIZE, (144.0, 144.0), (79.5, 59.5), (), MOUNTING)

@@ -7,8 +7,8 @@ import numpy as np
 from slamduel.backends.api import WantsTruth
 from slamduel.bench.measure.metrics import nees
 from slamduel.bench.plan.spec import backend_variants
-from slamduel.frontend.factors import Dataset, Map, Truth
-from slamduel.frontend.se2 import Array, between, wrap
+from slamduel.core.factors import Dataset, Map, Truth
+from slamduel.core.se2 import Array, between, wrap
 
 
 class Errors(NamedTuple):

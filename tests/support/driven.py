@@ -6,8 +6,8 @@ import numpy as np
 
 from slamduel.backends.registry import find
 from slamduel.bench.measure.metrics import align, aligned, ate
-from slamduel.frontend.factors import Log, Prior, RangeBearing, RelativePoses
-from slamduel.frontend.se2 import Array
+from slamduel.core.factors import Log, Prior, RangeBearing, RelativePoses
+from slamduel.core.se2 import Array
 
 NO_SIGHTINGS = RangeBearing(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
 NO_LOOPS = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))

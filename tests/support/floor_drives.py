@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 import bags
+from slamduel.core.se2 import Array
 from slamduel.datasets.worlds import laser_floor
 from slamduel.frontend.laser.recording import LaserRecording
-from slamduel.frontend.se2 import Array
 
 NS = 10**9
 BEGIN = 100

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 
 T = TypeVar("T")
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from random_logs import random_covariance
-from slamduel.frontend.factors import Dataset, Log, Map, RelativePoses
-from slamduel.frontend.se2 import between
+from slamduel.core.factors import Dataset, Log, Map, RelativePoses
+from slamduel.core.se2 import between
 
 
 def with_loops(made: Dataset, count: int, rng: np.random.Generator) -> Dataset:

@@ -3,8 +3,8 @@
 import numpy as np
 
 from random_logs import moved, random_covariance
-from slamduel.frontend.factors import Dataset, Log, Prior, Truth
-from slamduel.frontend.se2 import between, wrap
+from slamduel.core.factors import Dataset, Log, Prior, Truth
+from slamduel.core.se2 import between, wrap
 
 SIDE = 20
 """Steps of half a metre to a side."""

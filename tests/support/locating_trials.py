@@ -28,9 +28,9 @@ from slamduel.backends.locating.locating import begin
 from slamduel.backends.registry import find
 from slamduel.bench.measure.drive import drive
 from slamduel.bench.plan.reference import known as referenced
+from slamduel.core.factors import Log, Map, Truth
+from slamduel.core.se2 import Array
 from slamduel.datasets.on_map import elsewhere
-from slamduel.frontend.factors import Log, Map, Truth
-from slamduel.frontend.se2 import Array
 
 RAW = "victoria-park-raw"
 MAPS = {

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from slamduel.bench.measure.locating import TURNED, gap
-from slamduel.frontend.factors import UNKNOWN, Log, Map, Step, Truth
-from slamduel.frontend.se2 import Array, wrap
+from slamduel.core.factors import UNKNOWN, Log, Map, Step, Truth
+from slamduel.core.se2 import Array, wrap
 
 RING = "circle[steps=400,landmarks=80,sighting=0.05,odometry=0.02]"
 MAP_SD = 0.01

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from slamduel.frontend.se2 import Array, compose, compose_jacobians
+from slamduel.core.se2 import Array, compose, compose_jacobians
 
 
 def between_jacobians(a: Array, b: Array) -> tuple[Array, Array]:

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from slamduel.bench.plan.load import load
-from slamduel.frontend.factors import Dataset, Log
-from slamduel.frontend.se2 import Array, between, wrap
-from slamduel.frontend.truth_errors import rows_of, sighted_from
+from slamduel.core.factors import Dataset, Log
+from slamduel.core.se2 import Array, between, wrap
+from slamduel.core.truth_errors import rows_of, sighted_from
 
 
 class Slow(NamedTuple):

@@ -6,8 +6,8 @@ import gtsam
 import numpy as np
 
 from motions import between_jacobians
-from slamduel.frontend.factors import Log, Map
-from slamduel.frontend.se2 import Array, between, rotation, wrap
+from slamduel.core.factors import Log, Map
+from slamduel.core.se2 import Array, between, rotation, wrap
 
 
 def optimised(

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from slamduel.bench.speed.textbook_ekf import wrapped
-from slamduel.frontend.factors import Dataset, Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
-from slamduel.frontend.se2 import Array, Ints
+from slamduel.core.factors import Dataset, Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
+from slamduel.core.se2 import Array, Ints
 
 
 class TextbookKalman:

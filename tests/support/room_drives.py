@@ -1,8 +1,8 @@
 """More than a lap through the rendered room, at a low frame rate: rendered once per test session."""
 
+from slamduel.core.factors import Dataset, Truth
 from slamduel.datasets import cache, registry
 from slamduel.datasets.worlds.aruco_room import Options
-from slamduel.frontend.factors import Dataset, Truth
 
 DRIVE = Options(seconds=45.0, frame_rate=1.0)
 

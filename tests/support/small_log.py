@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
-from slamduel.frontend.se2 import Array
+from slamduel.core.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
+from slamduel.core.se2 import Array
 
 
 def positive_definite(rng: np.random.Generator, m: int, k: int) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from slamduel.bench.record.schema import COLUMNS, KEY, label
 from slamduel.bench.record.store import Known, Store
-from slamduel.frontend.se2 import Array
+from slamduel.core.se2 import Array
 
 STEPS, LANDMARKS = 60, 5
 

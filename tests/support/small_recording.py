@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from slamduel.core.factors import Map, Prior, Truth
+from slamduel.core.se2 import Array, wrap
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.shutter import CameraMotion
-from slamduel.frontend.factors import Map, Prior, Truth
 from slamduel.frontend.markers.aruco import Detector, Image, Sighting, square
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import ProportionalNoise
 from slamduel.frontend.markers.pipeline import Frame, Recording
-from slamduel.frontend.se2 import Array, wrap
 from slamduel.frontend.wheels.motion import Track, TrackNoise
 
 MOUNTING = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0.3], [0, 0, 0, 1]])  # at the robot's origin, level

@@ -9,8 +9,8 @@ from asked import ANYWHERE, batch_state, expected_of, ordered
 from driven import make
 from random_logs import random_log
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
-from slamduel.frontend.factors import Log, RangeBearing
-from slamduel.frontend.se2 import Array, Ints, wrap
+from slamduel.core.factors import Log, RangeBearing
+from slamduel.core.se2 import Array, Ints, wrap
 
 WIDE = 1e9
 """A gate that lets everything through."""

@@ -16,10 +16,10 @@ from slamduel.backends.association.layer import FIRST, Associating
 from slamduel.backends.association.options import Association, Moved, check
 from slamduel.backends.gaussian import ekf
 from slamduel.bench.measure.association import association_columns
+from slamduel.core.errors import InputError
+from slamduel.core.factors import UNKNOWN, Dataset, Log, Map, RangeBearing
+from slamduel.core.options import option
 from slamduel.datasets import registry as datasets
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Map, RangeBearing
-from slamduel.frontend.options import option
 
 BACKENDS = ("ekf", "fastslam", "fixed-lag", "invariant-ekf", "isam2", "kf", "smoother", "ukf")
 

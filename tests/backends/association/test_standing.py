@@ -9,9 +9,9 @@ import pytest
 from driven import aligned_error, asking_changes_nothing, make
 from random_logs import random_log
 from slamduel.backends.api import Unsuited
+from slamduel.core.factors import UNKNOWN, Dataset, Log, Map
+from slamduel.core.se2 import Array
 from slamduel.datasets import registry as datasets
-from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Map
-from slamduel.frontend.se2 import Array
 
 BACKENDS = ("ekf", "smoother", *(pytest.param(name, marks=pytest.mark.slow) for name in (
     "fastslam", "fixed-lag", "invariant-ekf", "isam2", "ukf"

@@ -11,8 +11,8 @@ from lost_logs import RING, astray, surveyed, unnamed, window
 from slamduel.backends.locating.locate import LEAST, MARGIN, SIGHTINGS, locate
 from slamduel.backends.locating.map_index import MapIndex
 from slamduel.bench.measure.metrics import nees
-from slamduel.frontend.factors import UNKNOWN, Log, Map, Truth
-from slamduel.frontend.se2 import Array, act, compose
+from slamduel.core.factors import UNKNOWN, Log, Map, Truth
+from slamduel.core.se2 import Array, act, compose
 
 STARTS = range(0, 360, 30)
 

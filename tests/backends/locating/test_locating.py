@@ -14,8 +14,8 @@ from slamduel.backends.locating.locating import Locating, begin
 from slamduel.backends.registry import find
 from slamduel.bench.measure.drive import Outcome, drive
 from slamduel.bench.measure.score import score
-from slamduel.frontend.factors import Log, Map, Truth
-from slamduel.frontend.se2 import Array, compose
+from slamduel.core.factors import Log, Map, Truth
+from slamduel.core.se2 import Array, compose
 
 BACKENDS = ("ekf", "invariant-ekf", "isam2", "fixed-lag", "smoother", "fastslam")
 FOUND_AGAIN = 20

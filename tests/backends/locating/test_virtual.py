@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from slamduel.backends.locating.virtual import backward, virtual
-from slamduel.frontend.factors import Odometry, RangeBearing, RelativePoses, Step
-from slamduel.frontend.se2 import Array, act, compose
+from slamduel.core.factors import Odometry, RangeBearing, RelativePoses, Step
+from slamduel.core.se2 import Array, act, compose
 
 NO_LOOPS = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
 

@@ -12,7 +12,7 @@ import pytest
 from slamduel.bench.camera.annotate import annotated
 from slamduel.bench.camera.kept_frames import MOST, PICTURES, STRETCHES, ContactSheet, EmptyFrames, sheet
 from slamduel.bench.camera.preview import Preview
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 from slamduel.frontend.markers.pipeline import Frame, Seen, build_log
 from small_recording import picture, sighting, small_recording
 

@@ -20,11 +20,11 @@ from slamduel.bench.camera.sightings import Detection, in_log, markers, per_fram
 from slamduel.bench.camera.summary import Findings, as_json, headline, left_out, left_out_words
 from slamduel.bench.cli import main
 from slamduel.bench.commands import detect as command_detect
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Truth
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.recordings.write import write
 from slamduel.datasets.worlds.aruco_room import Options, record
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Truth
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import ProportionalNoise
 from slamduel.frontend.markers.pipeline import Frame, Recording, build_log, see

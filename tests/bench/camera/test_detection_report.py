@@ -20,7 +20,7 @@ from slamduel.bench.camera.figures import range_bins
 from slamduel.bench.camera.noise_calibration import range_table
 from slamduel.bench.camera.sightings import in_log
 from slamduel.bench.camera.summary import Findings, marker_rows
-from slamduel.frontend.factors import Truth
+from slamduel.core.factors import Truth
 from slamduel.frontend.markers.pipeline import Recording
 from small_recording import sighting, small_recording
 

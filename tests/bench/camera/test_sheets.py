@@ -13,10 +13,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from slamduel.bench.camera import paper
 from slamduel.bench.camera.sheets import EDGE, FOOT, PAGES, STRIP, lay_out, sheets
 from slamduel.bench.commands.markers import arguments, main
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
+from slamduel.core.se2 import Array
 from slamduel.frontend.markers.aruco import Image
 from slamduel.frontend.markers.markers import Markers, find
-from slamduel.frontend.se2 import Array
 
 DPI = 300
 PIXEL = 25.4 / DPI

@@ -15,10 +15,10 @@ from slamduel.bench.check.small_logs import dead_reckoned
 from slamduel.bench.check.suite import ADVERSARIAL, CHECKS, Outcome, check, chosen, examine
 from slamduel.bench.cli import main
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
-from slamduel.frontend.check import problems
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Log, Truth
-from slamduel.frontend.se2 import wrap
+from slamduel.core.check import problems
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Log, Truth
+from slamduel.core.se2 import wrap
 
 BY_NAME = {adversary.name: adversary for adversary in ADVERSARIES}
 

@@ -14,7 +14,7 @@ from slamduel.bench.check.candidate import Candidate, Failed, stays_near
 from slamduel.bench.check.contract import BLIND
 from slamduel.bench.check.small_logs import IDS, around, behind, dead_reckoned, drive, with_loop, with_map
 from slamduel.bench.check.suite import CHECKS, QUICK, Check, Outcome, check, chosen, examine
-from slamduel.frontend.se2 import Array, compose
+from slamduel.core.se2 import Array, compose
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from slamduel.bench.record.cell_table import CellTable, numbers, words
 from slamduel.bench.study.study import Claim
 from slamduel.bench.verdict.statistics import MOST as MOST_LOGS
 from slamduel.bench.verdict.statistics import estimate, ranked, shift
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.se2 import Array
+from slamduel.core.errors import InputError
+from slamduel.core.se2 import Array
 
 EKF, UKF = {"backend": "ekf"}, {"backend": "ukf"}
 SIX = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)

@@ -10,11 +10,11 @@ import pytest
 
 from charuco_views import photographs, poses, sensed
 from slamduel.bench.commands import calibrate
+from slamduel.core.errors import InputError
 from slamduel.datasets.rendering.sensor import Sensor
 from slamduel.frontend.boards.board import Board
 from slamduel.frontend.camera.calibration import read
 from slamduel.frontend.camera.camera import Camera
-from slamduel.frontend.errors import InputError
 
 BOARD = "charuco[columns=8,rows=6,square=0.04,marker=0.03,dictionary=4X4_50]"
 CAMERA = Camera(400, 300, (330, 328), (203, 147), (-0.2, 0.06, 0.001, -0.0008, 0.0), np.eye(4))

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from slamduel.bench.cli import main
+from slamduel.core.dead_reckoning import dead_reckoned
+from slamduel.core.factors import UNKNOWN, Dataset, Log
+from slamduel.core.se2 import compose
+from slamduel.core.tum import read_tum
 from slamduel.datasets.formats import g2o, log_folder
-from slamduel.frontend.dead_reckoning import dead_reckoned
-from slamduel.frontend.factors import UNKNOWN, Dataset, Log
-from slamduel.frontend.se2 import compose
-from slamduel.frontend.tum import read_tum
 from small_log import assert_same, small_dataset, small_log
 
 

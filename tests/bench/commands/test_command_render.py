@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from slamduel.bench.commands import render as command_render
+from slamduel.core.errors import InputError
 from slamduel.datasets.cache import generator
 from slamduel.datasets.depth.open import open_depth
 from slamduel.datasets.recordings.recording import build, open_recording
 from slamduel.datasets.worlds.aruco_room import Options, aruco_room
 from slamduel.datasets.worlds.depth_room import Drive, record
-from slamduel.frontend.errors import InputError
 
 SHORT = "aruco-room[seconds=1,frame_rate=2]"
 

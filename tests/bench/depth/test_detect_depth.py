@@ -18,6 +18,7 @@ from slamduel.bench.depth.annotate import CONTRADICTED, KEPT, annotated
 from slamduel.bench.depth.detect import DepthRequest, detect
 from slamduel.bench.depth.findings import DepthFindings, Levels, advice, as_json, headline, left_out, turned_down_words
 from slamduel.bench.plan.load import load
+from slamduel.core.factors import Log, Truth
 from slamduel.datasets.depth.open import OpenedDepth, open_depth
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.recordings.write_depth import FORMATS, write_depth
@@ -27,7 +28,6 @@ from slamduel.frontend.depth.log import looked_at
 from slamduel.frontend.depth.pairs import Pairs
 from slamduel.frontend.depth.recording import DepthRecording
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.factors import Log, Truth
 from slamduel.frontend.maps.cloud import NOTHING
 from slamduel.frontend.maps.spool import Spool
 

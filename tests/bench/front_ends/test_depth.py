@@ -16,6 +16,7 @@ from slamduel.bench.front_ends import depth
 from slamduel.bench.front_ends.depth import DepthStudy, Drive, Extent, frame_cost, honesty, loop_cost, pair_costs
 from slamduel.bench.front_ends.depth_references import matches, motion
 from slamduel.bench.front_ends.depth_timed import PARTS, Timed, held
+from slamduel.core.se2 import Array, Ints
 from slamduel.datasets.recordings.write_depth import write_depth
 from slamduel.datasets.worlds.depth_room import Options, depth_room, record, shots_of
 from slamduel.frontend.camera.camera import Camera
@@ -23,7 +24,6 @@ from slamduel.frontend.depth.features import Features
 from slamduel.frontend.depth.log import log_of
 from slamduel.frontend.depth.points import points_of
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.se2 import Array, Ints
 
 SHORT, CLOSED = 0.2, 1.2
 """Laps: without a loop, and with some."""

@@ -17,17 +17,17 @@ from slamduel.bench.drawing.map_picture import CELL, MOST, MapPicture, map_pictu
 from slamduel.bench.laser.detect import LaserRequest, detect
 from slamduel.bench.laser.findings import LaserFindings, advice, as_json, headline
 from slamduel.bench.plan.load import load
+from slamduel.core.beside import Scans
+from slamduel.core.factors import Log, Prior
+from slamduel.core.relations import Anchors
+from slamduel.core.se2 import Array
+from slamduel.core.tum import write_tum
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.formats.beside_file import read_beside
 from slamduel.datasets.scans.open import open_scans
-from slamduel.frontend.beside import Scans
-from slamduel.frontend.factors import Log, Prior
 from slamduel.frontend.laser.recording import LaserRecording
 from slamduel.frontend.laser.scanner import Scanner
 from slamduel.frontend.maps.occupancy import occupancy
-from slamduel.frontend.relations import Anchors
-from slamduel.frontend.se2 import Array
-from slamduel.frontend.tum import write_tum
 
 FILES = {"log.toml", "odometry.csv", "sightings.csv", "scans.npz", "map.png", "detection.html"}
 

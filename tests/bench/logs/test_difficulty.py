@@ -6,7 +6,7 @@ import pytest
 from slamduel.backends.api import Expected
 from slamduel.bench.logs.difficulty import Difficulty, difficulty, distances
 from slamduel.bench.plan.load import load
-from slamduel.frontend.factors import Dataset, RangeBearing
+from slamduel.core.factors import Dataset, RangeBearing
 
 
 def _of(dataset: str) -> Difficulty:

@@ -20,11 +20,11 @@ from slamduel.bench.logs.revisits import returns
 from slamduel.bench.logs.shown_path import from_pose, shown
 from slamduel.bench.measure.landmark_places import judge
 from slamduel.bench.measure.stated_noise import NoiseCheck, noise_check
+from slamduel.core.dead_reckoning import dead_reckoned
+from slamduel.core.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
+from slamduel.core.se2 import compose
+from slamduel.core.truth_errors import odometry_errors, sighting_errors
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend.dead_reckoning import dead_reckoned
-from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
-from slamduel.frontend.se2 import compose
-from slamduel.frontend.truth_errors import odometry_errors, sighting_errors
 
 
 def log_of(n: int, step: Any = (), ids: Any = (), z: Any = None, **more: Any) -> Log:

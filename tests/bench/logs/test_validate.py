@@ -10,9 +10,9 @@ import pytest
 
 from slamduel.bench.cli import main
 from slamduel.bench.commands.validate import SHOWN
+from slamduel.core.factors import UNKNOWN, Dataset, Log, Prior
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.remarks import remarks
-from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Prior
 from small_log import small_dataset
 
 Change = Callable[[dict[str, Any]], Any]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slamduel.bench.measure.association import association_columns, by_true_ids, majority
-from slamduel.frontend.factors import UNKNOWN, Map
+from slamduel.core.factors import UNKNOWN, Map
 
 
 def test_the_majority_is_the_true_landmark_of_most_sightings() -> None:

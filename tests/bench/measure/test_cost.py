@@ -11,8 +11,8 @@ from slamduel.backends.registry import find
 from slamduel.bench.measure.drive import drive
 from slamduel.bench.measure.misfit import Misfit, misfit
 from slamduel.bench.measure.score import score
-from slamduel.frontend.factors import Log, Map, RelativePoses
-from slamduel.frontend.se2 import Array, Ints
+from slamduel.core.factors import Log, Map, RelativePoses
+from slamduel.core.se2 import Array, Ints
 
 
 def turned(angle: float) -> float:

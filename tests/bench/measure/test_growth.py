@@ -5,8 +5,8 @@ import pytest
 
 from random_logs import random_log
 from slamduel.bench.measure.growth import MOST_ERROR, growth, mapped
-from slamduel.frontend.factors import Log, Map
-from slamduel.frontend.se2 import Array, Ints
+from slamduel.core.factors import Log, Map
+from slamduel.core.se2 import Array, Ints
 
 STEPS = 3000
 

@@ -9,8 +9,8 @@ from random_logs import random_covariance, random_log
 from slamduel.backends.registry import find
 from slamduel.bench.measure import metrics
 from slamduel.bench.measure.misfit import misfit
-from slamduel.frontend.factors import Log, Map
-from slamduel.frontend.se2 import Array, compose
+from slamduel.core.factors import Log, Map
+from slamduel.core.se2 import Array, compose
 
 
 def wander(rng: np.random.Generator, n: int = 60) -> Array:

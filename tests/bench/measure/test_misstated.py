@@ -8,7 +8,7 @@ import pytest
 
 import slamduel
 from slamduel.bench.measure.misstated import misstated
-from slamduel.frontend.factors import Dataset
+from slamduel.core.factors import Dataset
 
 OFF = {"nees": 100.0}
 """A belief that is far off."""

@@ -8,8 +8,8 @@ import numpy as np
 from slamduel.backends.api import TakenOut
 from slamduel.bench.measure.drive import Outcome
 from slamduel.bench.measure.moved import moved_columns, moved_remarks
-from slamduel.frontend.factors import Log, Map, Truth
-from slamduel.frontend.se2 import Ints
+from slamduel.core.factors import Log, Map, Truth
+from slamduel.core.se2 import Ints
 
 
 def outcome(moved: list[int], misread: int = 0, assigned: Ints | None = None) -> Outcome:

@@ -18,8 +18,8 @@ from slamduel.bench.measure.score import TRANSLATION_ONLY, score
 from slamduel.bench.record.files import export
 from slamduel.bench.record.schema import COLUMNS, MORE
 from slamduel.bench.words.columns import FINAL, MACHINE, ONLINE
-from slamduel.frontend.factors import Log, Map, Truth
-from slamduel.frontend.se2 import Array, compose
+from slamduel.core.factors import Log, Map, Truth
+from slamduel.core.se2 import Array, compose
 from small_record import Record
 
 NO_MAP = Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)

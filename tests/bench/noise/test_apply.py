@@ -11,7 +11,7 @@ from slamduel.bench.noise.apply import backends, factors, stated
 from slamduel.bench.noise.measured import measured
 from slamduel.bench.noise.model import Model, SightingModel
 from slamduel.bench.plan.spec import backend_variants
-from slamduel.frontend.factors import UNKNOWN, Dataset
+from slamduel.core.factors import UNKNOWN, Dataset
 
 PLAIN = SightingModel(1.0, 0.0, 3.0, 0.0, 0.0, 1.0, 0.0)
 SLOW = Slow(scale=1.5, share=0.95, time=20.0)

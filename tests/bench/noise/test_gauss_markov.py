@@ -5,8 +5,8 @@ import pytest
 
 from slamduel.bench.noise._gauss_markov import innovations, sum_variance
 from slamduel.bench.noise.gauss_markov import IN_A_ROW, Chains, closed, fitted
+from slamduel.core.se2 import Array, Ints
 from slamduel.datasets._information import FIRST, information, kept
-from slamduel.frontend.se2 import Array, Ints
 
 SHARE, TIME, BIAS = 0.7, 3.0, 0.4
 

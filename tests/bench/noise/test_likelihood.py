@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slamduel.bench.noise.likelihood import DROP, TWO_SIDED, maximum
-from slamduel.frontend.se2 import Array
+from slamduel.core.se2 import Array
 
 
 def test_the_interval_of_a_standard_deviation_is_that_of_theory() -> None:

@@ -12,8 +12,8 @@ from slamduel.bench.noise.measured import measured
 from slamduel.bench.noise.together import together
 from slamduel.bench.noise.words import rows, sentences
 from slamduel.bench.plan.load import load
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Log, Prior
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset, Log, Prior
 
 WORLD = "circle[steps=600]"
 RANGE = Slow(scale=1.5, power=0.4, share=0.8, time=6.0)

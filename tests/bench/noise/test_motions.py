@@ -5,8 +5,8 @@ import pytest
 
 from noisy_logs import noisy
 from slamduel.bench.noise.motions import fitted_motions, scaled
-from slamduel.frontend.factors import Dataset, Log, Prior, Truth
-from slamduel.frontend.se2 import Array
+from slamduel.core.factors import Dataset, Log, Prior, Truth
+from slamduel.core.se2 import Array
 
 
 def straight(errors: Array, stated: Array) -> Dataset:

@@ -6,7 +6,7 @@ import pytest
 
 from slamduel.bench.noise.model import Model, SightingModel
 from slamduel.bench.noise.noise_file import read_noise, write_noise
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 
 RANGE = SightingModel(1.2, 0.5, 3.3, 0.01, 0.9, 4.0, 0.2)
 TEXT = """\

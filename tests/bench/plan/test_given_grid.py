@@ -8,7 +8,7 @@ import pytest
 
 from slamduel.bench.drawing.map_files import write_grid
 from slamduel.bench.plan.plan import Plan
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 from slamduel.frontend.maps.occupancy import Occupancy
 
 

@@ -25,10 +25,10 @@ from slamduel.bench.plan.spec import dataset_variants
 from slamduel.bench.record.schema import FILE
 from slamduel.bench.record.store import Store
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Log, Map, Prior, Truth
+from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Log, Map, Prior, Truth
-from slamduel.frontend.se2 import Array, wrap
 from small_log import small_dataset
 from small_record import put
 

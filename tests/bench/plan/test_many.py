@@ -14,8 +14,8 @@ from slamduel.bench.plan.plan import Plan
 from slamduel.bench.plan.spec import dataset_variants
 from slamduel.bench.run.benchmark import DEFAULTS, planned
 from slamduel.bench.words.names import called
+from slamduel.core.errors import InputError
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend.errors import InputError
 
 
 @pytest.fixture

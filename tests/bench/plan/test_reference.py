@@ -11,10 +11,10 @@ from slamduel.bench.report.tables import accuracy_table
 from slamduel.bench.run.terminal import tables
 from slamduel.bench.verdict.summary import lines
 from slamduel.bench.verdict.verdict import verdict
+from slamduel.core.factors import Dataset, Truth
+from slamduel.core.se2 import act
 from slamduel.datasets.hidden_ids import hidden
 from slamduel.datasets.worlds.outliers import swapped
-from slamduel.frontend.factors import Dataset, Truth
-from slamduel.frontend.se2 import act
 from small_record import Record
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from slamduel.bench.plan.plan import Plan
 from slamduel.bench.plan.spec import backend_variants, dataset_at, dataset_variants, describe, read_options
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.options import option
+from slamduel.core.errors import InputError
+from slamduel.core.options import option
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ import pytest
 import slamduel
 from lost_logs import RING, surveyed, unnamed
 from slamduel.bench.cli import main
+from slamduel.core.check import problems
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset, Log, Map, Truth
 from slamduel.datasets import archive
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend.check import problems
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Log, Map, Truth
 from small_log import small_dataset
 
 COLUMNS = ("located_share", "wrong_fix_share", "locate_steps", "locate_ms")

@@ -94,7 +94,7 @@ LOGS = {"circle", "matlab-report", "victoria-park"}
         ("datasets/worlds/circle.py", {"circle"}),
         ("datasets/published/victoria_park.py", {"victoria-park"}),
         ("datasets/cache.py", LOGS),
-        ("frontend/se2.py", LOGS | BACKENDS),
+        ("core/se2.py", LOGS | BACKENDS),
         ("bench/measure/drive.py", BACKENDS),
         ("bench/measure/score.py", BACKENDS),
         ("bench/measure/metrics.py", BACKENDS),
@@ -134,12 +134,12 @@ def test_a_cell_is_judged_by_no_report() -> None:
         "bench.measure.score",
         "bench.measure.misfit",
         "bench.measure.metrics",
-        "frontend.factors",
+        "core.factors",
     } <= names
     assert {name for name in names if name.startswith("datasets.")} == set()
     assert not libraries & {"matplotlib", "jinja2", "rich", "gtsam", "cv2", "scipy"}
     assert {name.split(".")[1] for name in names if name.startswith("bench.")} == {"measure"}
-    others = ("report", "plot", "page", "figure", "store", "runner", "summary", "record", "words", "frontend.table")
+    others = ("report", "plot", "page", "figure", "store", "runner", "summary", "record", "words", "core.table")
     assert not any(word in name for name in names for word in others)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from random_logs import random_log
 from slamduel.bench.record.sketch import ROUNDING, SUMS, distance, from_words, sketch
-from slamduel.frontend.factors import Log, Map, Prior
+from slamduel.core.factors import Log, Map, Prior
 
 
 def log(seed: int = 1) -> Log:

@@ -17,7 +17,7 @@ from slamduel.bench.record.database import FORMER
 from slamduel.bench.record.lock import claimed
 from slamduel.bench.record.schema import FILE, packed
 from slamduel.bench.record.store import Known, Store
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 from small_record import Record
 
 ARRAYS = {"t": np.array([0.0, 0.1]), "online": np.array([[0.1, 0.2, 0.3]])}

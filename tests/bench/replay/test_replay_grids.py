@@ -24,12 +24,12 @@ from slamduel.bench.replay.page import write_page
 from slamduel.bench.replay.replay import Replay, choose, replay
 from slamduel.bench.replay.view import View, view
 from slamduel.bench.workers.tasks import Ended
+from slamduel.core.beside import Scans
+from slamduel.core.factors import Dataset
+from slamduel.core.relations import Anchors
+from slamduel.core.se2 import Array, compose
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend.beside import Scans
-from slamduel.frontend.factors import Dataset
 from slamduel.frontend.maps.occupancy import FREE, UNKNOWN, WALL
-from slamduel.frontend.relations import Anchors
-from slamduel.frontend.se2 import Array, compose
 
 LOW, HIGH = -2.0, 12.0
 """m: the walls of a square room around the laps."""

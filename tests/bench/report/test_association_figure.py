@@ -5,7 +5,7 @@ import numpy as np
 from slamduel.bench.report.association_figure import mistakes
 from slamduel.bench.report.drawn_log import Trace
 from slamduel.bench.words.styles import looks
-from slamduel.frontend.se2 import Ints
+from slamduel.core.se2 import Ints
 
 
 def _trace(**arrays: Ints) -> Trace:

@@ -20,7 +20,7 @@ from slamduel.bench.verdict.statistics import compare
 from slamduel.bench.verdict.summary import Line, lines
 from slamduel.bench.words.names import tags
 from slamduel.bench.words.styles import Look, looks
-from slamduel.frontend.se2 import Array
+from slamduel.core.se2 import Array
 from small_record import Record
 
 LONG = "isam2[relinearize_skip=10,relinearize_threshold=0.1]"

@@ -10,7 +10,7 @@ from slamduel import run
 from slamduel.bench.cli import main
 from slamduel.bench.record.beside_arrays import kept_beside, kept_name
 from slamduel.bench.record.store import Store
-from slamduel.frontend.beside import columns_of
+from slamduel.core.beside import columns_of
 
 DATASET = "laser-floor[laps=0.15,people=0]"
 

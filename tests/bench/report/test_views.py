@@ -12,10 +12,10 @@ from slamduel import run
 from slamduel.bench.cli import main
 from slamduel.bench.drawing.map_files import ply
 from slamduel.bench.record.store import Store
+from slamduel.core.factors import Log, Prior
+from slamduel.core.se2 import Array, between
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend.factors import Log, Prior
 from slamduel.frontend.maps.cloud import Cloud
-from slamduel.frontend.se2 import Array, between
 
 STEPS = len(room.PATH)
 

@@ -13,9 +13,9 @@ import slamduel
 from random_logs import random_log
 from slamduel.bench.cli import main
 from slamduel.bench.record.store import Store
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset
 
 LOGS = 4
 

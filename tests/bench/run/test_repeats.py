@@ -25,7 +25,7 @@ from slamduel.bench.verdict.summary import lines
 from slamduel.bench.words.columns import TIMED
 from slamduel.bench.words.console import screen_console
 from slamduel.bench.workers.local_executor import Local
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 from small_run import Silent, again, rows
 
 WORDS: dict[str, Any] = {

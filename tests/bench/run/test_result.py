@@ -15,8 +15,8 @@ import slamduel
 from random_logs import random_log
 from slamduel.bench.run.benchmark import new_folder
 from slamduel.bench.run.result import Result
+from slamduel.core.factors import Dataset
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend.factors import Dataset
 
 
 @pytest.fixture(scope="module")
@@ -235,7 +235,7 @@ def test_a_script_without_a_guard_is_not_run_again_by_its_workers(tmp_path: Path
 def test_importing_costs_nothing() -> None:
     code = "import sys, slamduel; print({'numpy', 'gtsam', 'slamduel.bench'} & set(sys.modules)); print(slamduel.Log)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
-    assert done.stdout.splitlines() == ["set()", "<class 'slamduel.frontend.factors.Log'>"]
+    assert done.stdout.splitlines() == ["set()", "<class 'slamduel.core.factors.Log'>"]
     assert set(slamduel.__all__) <= set(dir(slamduel))
     with pytest.raises(AttributeError, match="has no attribute 'Runn'"):
         _ = slamduel.Runn  # pyright: ignore[reportAttributeAccessIssue]

@@ -25,10 +25,10 @@ from slamduel.bench.record.schema import COLUMNS, Row
 from slamduel.bench.record.store import Store
 from slamduel.bench.run.runner import recorded_plan
 from slamduel.bench.workers.tasks import execute
+from slamduel.core.errors import InputError
+from slamduel.core.factors import REMARKS, Log
+from slamduel.core.tum import read_tum
 from slamduel.datasets.formats import log_folder as logfile
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import REMARKS, Log
-from slamduel.frontend.tum import read_tum
 from small_run import TIMES, Silent, again, go, rows
 
 

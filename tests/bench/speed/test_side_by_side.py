@@ -20,8 +20,8 @@ from slamduel.bench.speed.tables import as_csv, backend_table, together_table
 from slamduel.bench.speed.timing import Row, Timing, in_turns
 from slamduel.bench.speed.world import world
 from slamduel.bench.words.console import screen_console
-from slamduel.frontend.factors import Step
-from slamduel.frontend.se2 import Array, compose
+from slamduel.core.factors import Step
+from slamduel.core.se2 import Array, compose
 
 LITTLE = Extent(steps=12, sightings=6, seconds=0.5, seed=0, scattered=False)
 ABSENT = Program(None, "", NOT_INSTALLED)

@@ -24,7 +24,7 @@ from slamduel.bench.speed.association import (
 from slamduel.bench.speed.process import Extent, Process, Subject
 from slamduel.bench.speed.timing import Timing
 from slamduel.bench.speed.world import without_ids, world
-from slamduel.frontend.factors import UNKNOWN
+from slamduel.core.factors import UNKNOWN
 
 LITTLE = Extent(steps=WARM_UP + 12, sightings=4, seconds=0.5, seed=0, scattered=False)
 

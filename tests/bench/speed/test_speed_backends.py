@@ -21,7 +21,7 @@ from slamduel.bench.speed.ratios import exponent, growth, ratios, step_of_parts
 from slamduel.bench.speed.tables import COLUMNS, as_csv
 from slamduel.bench.speed.timing import LEAST, Row, Timing, array_bytes, holds_foreign, stepped, timing
 from slamduel.bench.speed.world import NEAREST, ODOMETRY_SD, SIGHTING_SD, world
-from slamduel.frontend.se2 import Array, between, compose, wrap
+from slamduel.core.se2 import Array, between, compose, wrap
 
 LITTLE = Extent(steps=12, sightings=6, seconds=0.5, seed=0, scattered=False)
 

@@ -10,7 +10,7 @@ import pytest
 from slamduel.bench.plan.spec import backend_variants, dataset_variants
 from slamduel.bench.study.file import FORMAT, packaged, read, reread
 from slamduel.bench.study.only import choice
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 from study_text import HEAD, study
 
 CLAIM = '[[claim]]\nsays = "x"\nmeasure = "ate_m"\n'

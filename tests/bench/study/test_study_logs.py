@@ -25,13 +25,13 @@ from slamduel.bench.workers import dask_task
 from slamduel.bench.workers.batch import Batch, Finished, facts_of, unmade
 from slamduel.bench.workers.executor import Here
 from slamduel.bench.workers.local_executor import Local
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset, Truth
 from slamduel.datasets import archive
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published.catalogue import place
 from slamduel.datasets.worlds import linear as worlds
 from slamduel.datasets.worlds.linear import Options, linear
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Truth
 from small_log import small_dataset
 from small_study import silent
 

@@ -14,9 +14,9 @@ from slamduel.bench.study.only import choice
 from slamduel.bench.study.study import about
 from slamduel.bench.workers.batch import Batch, Finished, unmade
 from slamduel.bench.workers.executor import Here
+from slamduel.core.errors import InputError
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.worlds.linear import Options, linear
-from slamduel.frontend.errors import InputError
 from small_study import silent
 
 STUDY = """

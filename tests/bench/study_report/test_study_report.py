@@ -31,7 +31,7 @@ from slamduel.bench.study_report.rows import draw_rows
 from slamduel.bench.study_report.tables import median_grid
 from slamduel.bench.verdict.statistics import estimate
 from slamduel.bench.words.numerals import number
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 from small_study import Outcome, small_study
 
 TEXT = """

@@ -28,7 +28,7 @@ from slamduel.bench.suite.site_folder import suites
 from slamduel.bench.suite.standing import COSTS, standings
 from slamduel.bench.suite.submission import submissions
 from slamduel.bench.verdict.summary import median, typical
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 from small_run import go
 
 TEXT = """

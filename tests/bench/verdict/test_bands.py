@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from slamduel.bench.verdict.bands import averaged, band, flagged
-from slamduel.frontend.se2 import Array
+from slamduel.core.se2 import Array
 
 RUNS = 20
 STEPS = 150

@@ -30,7 +30,7 @@ from slamduel.bench.verdict.changes import (
 from slamduel.bench.verdict.costs import over_rounds
 from slamduel.bench.verdict.pairing import paired_runs, side
 from slamduel.bench.verdict.statistics import holm, signed_rank
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 from small_record import RUN, Record
 
 LOGS = 8

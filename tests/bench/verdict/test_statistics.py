@@ -9,7 +9,7 @@ from scipy import stats
 
 from slamduel.bench.verdict.simulation import QUESTIONS, Question, Simulated, main
 from slamduel.bench.verdict.statistics import FEWEST, Comparison, compare, estimate, holm, signed_rank
-from slamduel.frontend.se2 import Array
+from slamduel.core.se2 import Array
 
 INF = float("inf")
 

@@ -17,7 +17,7 @@ from slamduel.bench.verdict.statistics import INDEPENDENT, compare, estimate, me
 from slamduel.bench.verdict.summary import lines, typical
 from slamduel.bench.verdict.units import units
 from slamduel.bench.verdict.verdict import Verdict, verdict
-from slamduel.frontend.se2 import Array, Ints
+from slamduel.core.se2 import Array, Ints
 
 SETS = np.repeat(np.arange(9), 5)
 

@@ -24,9 +24,9 @@ from slamduel.bench.verify.logs import TrustedLog, check_logs
 from slamduel.bench.verify.scores import check_scores
 from slamduel.bench.verify.verification import Verification, verify
 from slamduel.bench.workers.executor import Here
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset
 from slamduel.datasets import archive
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset
 from small_run import go
 
 DATASET = "circle[steps=50]"

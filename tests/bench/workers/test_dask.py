@@ -13,6 +13,7 @@ pytest.importorskip("distributed", reason="Dask is not installed")
 import older_machine
 import slamduel
 from dask_processes import WITHOUT, Processes
+from places import LAYERS
 from slamduel.bench.engine.engine import RunRequest, Tally, run
 from slamduel.bench.measure.cell import Job
 from slamduel.bench.plan import spec
@@ -24,8 +25,8 @@ from slamduel.bench.workers.batch import Batch, Finished
 from slamduel.bench.workers.dask_cluster import Cluster
 from slamduel.bench.workers.dask_executor import Dask
 from slamduel.bench.workers.executor import Here
+from slamduel.core.errors import InputError
 from slamduel.datasets.formats.gtsam_text import shipped
-from slamduel.frontend.errors import InputError
 from small_study import silent
 
 pytestmark = pytest.mark.slow
@@ -132,7 +133,7 @@ def test_a_cell_that_kills_its_workers_again_and_again_is_to_blame_and_no_other(
 
 def test_workers_with_other_code_or_none_are_named_and_not_used(tmp_path: Path) -> None:
     package = Path(slamduel.__file__).parent
-    for layer in ("frontend", "backends", "datasets", "bench"):
+    for layer in LAYERS:
         shutil.copytree(package / layer, tmp_path / "slamduel" / layer)
     shutil.copy(package / "__init__.py", tmp_path / "slamduel")
     with (tmp_path / "slamduel" / "backends" / "gaussian" / "ekf.py").open("a") as code:

@@ -16,7 +16,7 @@ from slamduel.bench.measure.cell import Job, Result
 from slamduel.bench.workers import dask_executor, dask_requirements, dask_task
 from slamduel.bench.workers.batch import Batch, Finished, LogFacts
 from slamduel.bench.workers.dask_executor import Dask
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 
 FACTS = LogFacts("digest", "", "", {})
 TIMED: dict[str, Any] = {"resources": {"MACHINE": 1}}

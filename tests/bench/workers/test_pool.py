@@ -28,9 +28,9 @@ from slamduel.bench.workers.batch import Batch, Finished
 from slamduel.bench.workers.batch_queue import BatchQueue
 from slamduel.bench.workers.executor import Here
 from slamduel.bench.workers.local_executor import Local
+from slamduel.core.factors import Log
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend.factors import Log
 from small_run import TIMES
 
 MANY = ("ekf", "fastslam", "isam2", "ukf")

@@ -17,7 +17,7 @@ if find_spec("dask_jobqueue") is None:  # not imported here: it would take Ctrl-
 from dask import config
 
 from slamduel.bench.workers.slurm_executor import Slurm
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 
 pytestmark = pytest.mark.slow
 

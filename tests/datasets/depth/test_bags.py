@@ -27,13 +27,13 @@ from depth_views import (
     raw_message,
     stamp,
 )  # fmt: skip
+from slamduel.core.errors import InputError
 from slamduel.datasets.depth.open import OpenedDepth, open_depth
 from slamduel.datasets.depth.registering import Registration
 from slamduel.datasets.recordings.recording import Options, make
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import from_rpy, mounting
 from slamduel.frontend.depth.frame import DepthFrame
-from slamduel.frontend.errors import InputError
 from slamduel.frontend.wheels.motion import Track
 
 IMAGE, DEPTH, INFO = "/camera/rgb/image_raw", "/camera/depth/image_raw", "/camera/rgb/camera_info"

@@ -6,6 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Log, Truth
+from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.depth.open import OpenedDepth, build, open_depth
 from slamduel.datasets.recordings.write_depth import FORMATS, write_depth
 from slamduel.datasets.worlds.depth_room import Drive, record, shots_of
@@ -13,9 +16,6 @@ from slamduel.frontend.depth.frame import DepthFrame
 from slamduel.frontend.depth.log import build_log
 from slamduel.frontend.depth.recording import DepthRecording
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Log, Truth
-from slamduel.frontend.se2 import Array, wrap
 from slamduel.frontend.wheels.motion import Track
 
 DRIVE = Drive(laps=0.12, boxes=2)

@@ -8,12 +8,12 @@ import pytest
 
 from depth_views import CAMERA, RATE, START, depth_at, grey_at, odometry_csv, png, robot_toml, tum_folder
 from fuzzing import damaged
+from slamduel.core.errors import InputError
 from slamduel.datasets.depth.folder import read_camera_truth
 from slamduel.datasets.depth.open import OpenedDepth, open_depth
 from slamduel.datasets.rendering.disturbances import raised, rocked
 from slamduel.frontend.camera.calibration import write_opencv
 from slamduel.frontend.depth.frame import DepthFrame
-from slamduel.frontend.errors import InputError
 
 
 def opened(path: Path) -> OpenedDepth:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from depth_views import CAMERA, ROOM, SIZE, png, robot_toml
+from slamduel.core.se2 import Array
 from slamduel.datasets.depth.open import open_depth
 from slamduel.datasets.depth.registering import Registration
 from slamduel.datasets.rendering.cameras import CAMERAS, MOUNTING
@@ -15,7 +16,6 @@ from slamduel.datasets.rendering.lens import through
 from slamduel.frontend.camera.calibration import write_opencv
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import from_rpy, mounting
-from slamduel.frontend.se2 import Array
 
 BODY = mounting(0, 0, 0, 0)
 

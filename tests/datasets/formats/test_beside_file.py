@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 import floor_drives as floor
+from slamduel.core.beside import Clouds, columns_of
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset, Log, Prior
+from slamduel.core.relations import Anchors
+from slamduel.core.se2 import between, compose
 from slamduel.datasets import archive
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.formats.beside_file import FILES, read_beside, write_beside
-from slamduel.frontend.beside import Clouds, columns_of
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Log, Prior
 from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.log import log_of, scans_of
 from slamduel.frontend.laser.recording import LaserRecording, matched, placed
 from slamduel.frontend.laser.settings import Settings
-from slamduel.frontend.relations import Anchors
-from slamduel.frontend.se2 import between, compose
 
 Driven = tuple[LaserRecording, FrontEnd]
 

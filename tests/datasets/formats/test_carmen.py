@@ -10,9 +10,9 @@ import pytest
 
 from carmen_files import flaser, robotlaser, written
 from slamduel.bench.plan.load import load
+from slamduel.core.errors import InputError
 from slamduel.datasets.formats.carmen import Options, read
 from slamduel.datasets.worlds import laser_floor
-from slamduel.frontend.errors import InputError
 from slamduel.frontend.laser.recording import LaserRecording
 
 

@@ -12,15 +12,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fuzzing import survivors
+from slamduel.core.check import problems
+from slamduel.core.dead_reckoning import dead_reckoned
+from slamduel.core.errors import InputError
+from slamduel.core.factors import UNKNOWN, Dataset, Log, Map
+from slamduel.core.se2 import Array, inverse, rotation
 from slamduel.datasets.cache import generator
 from slamduel.datasets.formats import g2o
 from slamduel.datasets.formats.g2o_write import write_g2o
 from slamduel.datasets.registry import find
-from slamduel.frontend.check import problems
-from slamduel.frontend.dead_reckoning import dead_reckoned
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Map
-from slamduel.frontend.se2 import Array, inverse, rotation
 from small_log import small_log
 
 SMALL = """# a comment

@@ -13,11 +13,11 @@ from random_logs import random_log
 from slamduel.backends.api import Solution
 from slamduel.backends.registry import find
 from slamduel.bench.measure.misfit import misfit
+from slamduel.core.factors import UNKNOWN, Log, Map
+from slamduel.core.se2 import between, rotation, wrap
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.cache import generator
 from slamduel.datasets.formats.g2o_write import write_g2o
-from slamduel.frontend.factors import UNKNOWN, Log, Map
-from slamduel.frontend.se2 import between, rotation, wrap
 from small_log import positive_definite
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from fuzzing import survivors
+from slamduel.core.check import problems
+from slamduel.core.coordinates import after_motion
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset, Log
 from slamduel.datasets.formats import gtsam_text, toro
 from slamduel.datasets.registry import find
-from slamduel.frontend.check import problems
-from slamduel.frontend.coordinates import after_motion
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Log
 
 PLANAR = {
     # name: poses, odometry, loops, sightings, points, what the numbers of an edge are taken for

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from fuzzing import survivors
+from slamduel.core import table
+from slamduel.core.check import problems
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset, Truth
+from slamduel.core.scan import attempted
 from slamduel.datasets import truth as truth_files
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend import table
-from slamduel.frontend.check import problems
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Truth
-from slamduel.frontend.scan import attempted
 from small_log import assert_same, small_dataset, small_log
 
 Change = Callable[[str], str]

@@ -12,14 +12,14 @@ from slamduel import run
 from slamduel.backends.graphs import graph
 from slamduel.bench.measure.relations import relation_columns
 from slamduel.bench.plan.load import load
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset, Truth
+from slamduel.core.relations import as_rows
+from slamduel.core.se2 import between
 from slamduel.datasets import archive
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.truth import digest
 from slamduel.datasets.worlds import laser_floor
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Truth
-from slamduel.frontend.relations import as_rows
-from slamduel.frontend.se2 import between
 
 
 def related(path: Path, truth: Truth, rows: list[tuple[float, float]] | None = None) -> Path:

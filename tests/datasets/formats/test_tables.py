@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from fuzzing import survivors
+from slamduel.core.check import problems
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset
+from slamduel.core.se2 import Array, between, wrap
+from slamduel.core.tum import write_tum
 from slamduel.datasets.formats import csv_tables
-from slamduel.frontend.check import problems
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset
-from slamduel.frontend.se2 import Array, between, wrap
-from slamduel.frontend.tum import write_tum
 
 DT = 0.1
 

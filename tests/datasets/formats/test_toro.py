@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
+from slamduel.core.se2 import Array, between, compose, rotation, wrap
 from slamduel.datasets.formats import gtsam_text, toro
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.se2 import Array, between, compose, rotation, wrap
 
 FIRST, SECOND = np.array([1.0, 2.0, 0.7]), np.array([1.9, 2.9, 1.6])
 FORWARD = "EDGE2 0 1 1.1 0.2 0.8 10 1 20 30 0.5 0.25\n"

@@ -8,14 +8,14 @@ import pytest
 from batch_fit import aligned, fitted, points, rmse
 from fuzzing import survivors
 from slamduel.backends import registry
+from slamduel.core.check import problems
+from slamduel.core.dead_reckoning import dead_reckoned
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset, Log, Map
+from slamduel.core.se2 import Array, act
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published import dlr
 from slamduel.datasets.published.dlr import Options
-from slamduel.frontend.check import problems
-from slamduel.frontend.dead_reckoning import dead_reckoned
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Log, Map
-from slamduel.frontend.se2 import Array, act
 
 HEADER = "# what the columns are\n#  STEP <image.ppm> <dX> ...\n \n"
 MOTION = "0.00002 0.000001 0.00001 0.00003 -0.000002 0.0003"

@@ -15,8 +15,8 @@ import slamduel
 import toy_log
 from publishers import Http
 from slamduel.bench.cli import main
+from slamduel.core.errors import InputError
 from slamduel.datasets.published.catalogue import PUBLISHED, fetched, place
-from slamduel.frontend.errors import InputError
 from toy_log import FILES, LOG, assert_in_place, beside, entry, refusal, sha256, zipped
 
 quick = pytest.fixture(autouse=True)(toy_log.quick)

@@ -9,14 +9,14 @@ import pytest
 from batch_fit import aligned, fitted, rmse
 from fuzzing import survivors
 from slamduel.backends import registry
+from slamduel.core.check import problems
+from slamduel.core.dead_reckoning import dead_reckoned
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset, Log, Map
+from slamduel.core.se2 import Array, compose
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published import freiburg
 from slamduel.datasets.published.freiburg import Options
-from slamduel.frontend.check import problems
-from slamduel.frontend.dead_reckoning import dead_reckoned
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Log, Map
-from slamduel.frontend.se2 import Array, compose
 
 SENSOR = """ODOMETRY 0.1 0.5 0.05
 SENSOR 1 1.9 0.37

@@ -15,10 +15,10 @@ import toy_log
 from publishers import Http, Request
 from slamduel.bench.cli import main
 from slamduel.bench.plan.load import load
+from slamduel.core.errors import InputError
 from slamduel.datasets.published import catalogue
 from slamduel.datasets.published.catalogue import FILE, PUBLISHED, place
 from slamduel.datasets.published.laser_logs import log_file
-from slamduel.frontend.errors import InputError
 from toy_log import beside, refusal
 
 quick = pytest.fixture(autouse=True)(toy_log.quick)

@@ -9,14 +9,14 @@ import pytest
 import slamduel
 from fuzzing import survivors
 from motions import chain
+from slamduel.core.check import problems
+from slamduel.core.errors import InputError
+from slamduel.core.factors import UNKNOWN, Dataset, Log
+from slamduel.core.se2 import Array, compose
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published import mrclam
 from slamduel.datasets.published.catalogue import place
 from slamduel.datasets.published.mrclam import Options
-from slamduel.frontend.check import problems
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import UNKNOWN, Dataset, Log
-from slamduel.frontend.se2 import Array, compose
 
 ODOMETRY, MEASUREMENT, GROUNDTRUTH = (f"Robot1_{name}.dat" for name in ("Odometry", "Measurement", "Groundtruth"))
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from slamduel.core.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
+from slamduel.core.se2 import Array, Ints, between, compose, wrap
+from slamduel.core.truth_errors import sighting_errors
 from slamduel.datasets.published.mrclam_noise import HORIZON, motion_errors, noise
-from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
-from slamduel.frontend.se2 import Array, Ints, between, compose, wrap
-from slamduel.frontend.truth_errors import sighting_errors
 
 STEPS, GROSS = 3000, 7
 BIAS, SD = np.array([0.05, -0.01]), np.array([0.1, 0.02])

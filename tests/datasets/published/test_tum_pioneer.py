@@ -15,11 +15,11 @@ from depth_views import MOUNTING, RATE, START, image_message, info_message, moun
 from publishers import Http
 from slamduel.bench.cli import main
 from slamduel.bench.plan.load import load
+from slamduel.core.errors import InputError
 from slamduel.datasets.hidden_ids import HIDDEN_NOTE
 from slamduel.datasets.published.catalogue import PUBLISHED, place
 from slamduel.datasets.published.tum_pioneer import bag_file
 from slamduel.datasets.rendering.disturbances import raised
-from slamduel.frontend.errors import InputError
 from toy_log import beside, refusal
 
 quick = pytest.fixture(autouse=True)(toy_log.quick)

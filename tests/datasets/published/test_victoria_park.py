@@ -5,10 +5,10 @@ import gtsam
 import numpy as np
 import pytest
 
+from slamduel.core.check import problems
+from slamduel.core.factors import Log
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published import victoria_park
-from slamduel.frontend.check import problems
-from slamduel.frontend.factors import Log
 
 FILE = Path(gtsam.findExampleDataFile("victoria_park.txt"))
 

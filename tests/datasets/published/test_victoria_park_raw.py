@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from fuzzing import survivors
 from slamduel.bench.measure.metrics import align, aligned
+from slamduel.core.check import check_truth, problems
+from slamduel.core.dead_reckoning import dead_reckoned
+from slamduel.core.errors import InputError
+from slamduel.core.factors import UNKNOWN, Dataset, Log, Truth
+from slamduel.core.se2 import Array, Ints, between, compose, wrap
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published.victoria_park_raw import AHEAD, HALF_AXLE, LEFT, LENGTH, Options, read
-from slamduel.frontend.check import check_truth, problems
-from slamduel.frontend.dead_reckoning import dead_reckoned
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import UNKNOWN, Dataset, Log, Truth
-from slamduel.frontend.se2 import Array, Ints, between, compose, wrap
 
 SPEED, STEERING = 2.0, 0.2
 """m/s of the middle of the rear axle, rad."""

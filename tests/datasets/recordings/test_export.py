@@ -10,6 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Log, Truth
+from slamduel.core.se2 import wrap
 from slamduel.datasets.bags import bag
 from slamduel.datasets.cache import generator
 from slamduel.datasets.recordings import rosbag
@@ -20,10 +23,7 @@ from slamduel.datasets.recordings.write import FORMATS, write
 from slamduel.datasets.recordings.write_bag import Kind
 from slamduel.datasets.worlds.aruco_room import Options, record
 from slamduel.frontend.camera.camera import Model
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Log, Truth
 from slamduel.frontend.markers.pipeline import Frame, Recording, build_log
-from slamduel.frontend.se2 import wrap
 from slamduel.frontend.wheels.motion import Drift, Poses, Track, TrackNoise
 
 EXACT = ("frames", "video", "ros1", "ros2", "mcap")

@@ -13,14 +13,14 @@ import cv2
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Map, Truth
 from slamduel.datasets.recordings import live, recording, write
 from slamduel.datasets.recordings.recording import build, open_recording
 from slamduel.datasets.recordings.robot import FrameSource, Robot, read_robot, write_robot
 from slamduel.datasets.truth import sample, write_truth
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Map, Truth
 from slamduel.frontend.markers.aruco import Image
 from slamduel.frontend.markers.markers import Markers, find
 from slamduel.frontend.markers.pipeline import Frame

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Prior
 from slamduel.datasets.recordings.robot import FrameSource, Robot, read_robot, write_robot
 from slamduel.datasets.recordings.rosbag import Topics
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import from_rpy, mounting
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Prior
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import ProportionalNoise
 from slamduel.frontend.wheels.encoder import Encoder, Floors

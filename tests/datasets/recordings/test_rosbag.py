@@ -12,10 +12,10 @@ import pytest
 from rosbags.rosbag1 import Writer as Writer1
 
 import bags
+from slamduel.core.errors import InputError
 from slamduel.datasets.bags import images
 from slamduel.datasets.recordings.rosbag import Topics, read
 from slamduel.datasets.recordings.streams import Streams
-from slamduel.frontend.errors import InputError
 from slamduel.frontend.wheels.motion import Poses, Ticks
 
 MS = 10**6

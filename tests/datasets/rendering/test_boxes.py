@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.boxes import Box, place_boxes
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.disturbances import raised
@@ -14,8 +16,6 @@ from slamduel.datasets.rendering.room import Marker, Room, furnish, furnish_with
 from slamduel.datasets.rendering.sheet import INK, PAPER
 from slamduel.datasets.rendering.surfaces import Surfaces, paint
 from slamduel.datasets.worlds.aruco_room import BERTH, LOOP, ROOM, SIDE
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.se2 import Array
 
 PATH, _ = LOOP.at(np.linspace(0, 2 * np.pi, 500))
 CAMERA = CAMERAS["pinhole"]

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.boxes import Box
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.depth import FARTHEST, FOCAL_BASE, NEAR, NOISE_SD, STEPS, kinect, true_depth
 from slamduel.datasets.rendering.disturbances import raised, rocked
 from slamduel.datasets.rendering.lens import through
 from slamduel.datasets.rendering.room import Room
-from slamduel.frontend.se2 import Array
 
 BOXES = (
     Box(np.array([1.4, 0.3, 0.4]), (0.5, 0.4, 0.6)),

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.disturbances import Disturbances, raised, rocked, take, views
 from slamduel.datasets.rendering.render import Conditions, Cover, Renderer
@@ -16,7 +17,6 @@ from slamduel.datasets.rendering.surfaces import Surfaces
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
 from slamduel.frontend.markers.aruco import Image
-from slamduel.frontend.se2 import Array
 
 LEVEL = Camera(320, 240, (500.0, 500.0), (159.5, 119.5), (), mounting(0.0, 0.0, 0.5, 0.0))
 PLANE = np.array([[0, 0, -1.0, 2.0], [-1, 0, 0, 0], [0, 1, 0, 0.5], [0, 0, 0, 1]])

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.cameras import CAMERAS, MOUNTING
 from slamduel.datasets.rendering.lattice import jitter, lattice
 from slamduel.datasets.rendering.render import Renderer
@@ -11,7 +12,6 @@ from slamduel.datasets.rendering.room import Marker, Room
 from slamduel.datasets.rendering.sensor import Sensor
 from slamduel.datasets.rendering.surfaces import Surfaces
 from slamduel.frontend.camera.camera import Camera
-from slamduel.frontend.se2 import Array
 
 FLOOR = np.array([[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 WALL = np.array([[0, 0, -1.0, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])

@@ -4,14 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.clutter import clutter, drawn, is_marker
 from slamduel.datasets.rendering.marker_shots import ADVANCE, LEAST, RIM, Studio, crowds, placements
 from slamduel.datasets.rendering.sensor import Sensor
-from slamduel.frontend.errors import InputError
 from slamduel.frontend.markers.aruco import Detector, square
 from slamduel.frontend.markers.markers import Markers
-from slamduel.frontend.se2 import Array
 
 CAMERA = CAMERAS["pinhole"]
 DETECTOR = Detector(Markers("4X4_50", 0.16), CAMERA)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering import surfaces as painting
 from slamduel.datasets.rendering.render import Renderer
 from slamduel.datasets.rendering.room import Marker, Room, furnish, wall_point
@@ -15,7 +16,6 @@ from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
 from slamduel.frontend.markers.aruco import Detector, Image, square
 from slamduel.frontend.markers.markers import Markers, find
-from slamduel.frontend.se2 import Array
 
 LENS = (-0.208, 0.062, 0.0008, -0.0006, 0.0)
 CAMERA = Camera(640, 480, (576.4, 575.8), (321.7, 238.4), LENS, mounting(0.12, 0.0, 0.75, 0.35))

@@ -3,10 +3,10 @@
 import cv2
 import numpy as np
 
+from slamduel.core.factors import UNKNOWN
 from slamduel.datasets.rendering.scrambled import LEAST_APART, scrambled
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
-from slamduel.frontend.factors import UNKNOWN
 from slamduel.frontend.markers.aruco import Detector
 from slamduel.frontend.markers.markers import Markers, find
 

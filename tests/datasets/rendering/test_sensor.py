@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.fft import dctn, idctn
 
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.sensor import LINES, SENSORS, Sensor
-from slamduel.frontend.se2 import Array
 
 RAMP = np.tile(np.linspace(0, 255, 511), (4, 1))
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.lens import Singles
 from slamduel.datasets.rendering.marker_shots import SIDE, Studio
@@ -14,7 +15,6 @@ from slamduel.datasets.rendering.sheet import INK, PAPER, SHINE, Print, Sheet, p
 from slamduel.datasets.rendering.surfaces import Surfaces
 from slamduel.frontend.markers.aruco import Detector
 from slamduel.frontend.markers.markers import Markers, find
-from slamduel.frontend.se2 import Array
 
 ID, MODULES = 11, 6
 EYE = np.array([0.4, -0.2, 1.5])

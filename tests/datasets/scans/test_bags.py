@@ -13,12 +13,12 @@ import pytest
 import bags
 import floor_drives as floor
 from floor_drives import BEGIN, NS
+from slamduel.core.errors import InputError
+from slamduel.core.se2 import Array, between
 from slamduel.datasets.bags.transforms import matrix
 from slamduel.datasets.scans.odometry import interpolated
 from slamduel.datasets.scans.open import OpenedScans, ScanTopics, build, open_scans
-from slamduel.frontend.errors import InputError
 from slamduel.frontend.laser.recording import LaserRecording
-from slamduel.frontend.se2 import Array, between
 from slamduel.frontend.wheels.motion import Poses
 
 Streams = Sequence[bags.Said]

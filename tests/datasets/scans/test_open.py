@@ -11,12 +11,12 @@ import bags
 import floor_drives as floor
 from fuzzing import survivors
 from slamduel.bench.plan.load import load
+from slamduel.core.errors import InputError
+from slamduel.core.tum import write_tum
 from slamduel.datasets.recordings.robot import read_robot
 from slamduel.datasets.scans.open import OpenedScans, open_scans
 from slamduel.datasets.scans.robot import LaserRobot, read_laser_robot
-from slamduel.frontend.errors import InputError
 from slamduel.frontend.laser.recording import LaserRecording
-from slamduel.frontend.tum import write_tum
 
 FULL = """
 name = "cart"

@@ -10,15 +10,15 @@ from drawn_errors import seen
 from room_drives import room_drive
 from slamduel.bench.plan.spec import read_options
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
+from slamduel.core.check import check
+from slamduel.core.dead_reckoning import dead_reckoned
+from slamduel.core.errors import InputError
+from slamduel.core.factors import UNKNOWN, Dataset
+from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.worlds.aruco_room import ENCODER, LOOP, TICK, Options, aruco_room, record
 from slamduel.datasets.worlds.wheeled_robot import count, drive, slipped
-from slamduel.frontend.check import check
-from slamduel.frontend.dead_reckoning import dead_reckoned
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import UNKNOWN, Dataset
 from slamduel.frontend.markers.noise import ProportionalNoise
 from slamduel.frontend.markers.noise_fit import squares
-from slamduel.frontend.se2 import Array, between, wrap
 from slamduel.frontend.wheels.counters import unwrap
 from slamduel.frontend.wheels.motion import readings
 

@@ -5,11 +5,11 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from drawn_errors import errors, known, run
+from slamduel.core.check import problems
+from slamduel.core.factors import Dataset
+from slamduel.core.se2 import between
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.bailey import WAYPOINTS, WHEEL_BASE, Options, bailey, landmarks
-from slamduel.frontend.check import problems
-from slamduel.frontend.factors import Dataset
-from slamduel.frontend.se2 import between
 
 SEEDS = 5
 MIDDLE = 200

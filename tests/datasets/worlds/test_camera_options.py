@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from slamduel.bench.plan.spec import read_options
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Log
 from slamduel.datasets.rendering.sensor import SENSORS, Sensor
 from slamduel.datasets.rendering.sheet import Print
 from slamduel.datasets.worlds.aruco_room import Options, aruco_room, record
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Log
 from slamduel.frontend.markers.noise_fit import squares
 
 

@@ -6,12 +6,12 @@ from scipy.stats import chi2, kstest
 
 from drawn_errors import errors
 from slamduel.bench.plan.spec import read_options
+from slamduel.core.check import check
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset
+from slamduel.core.se2 import compose, wrap
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.circle import Options, circle
-from slamduel.frontend.check import check
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset
-from slamduel.frontend.se2 import compose, wrap
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from drawn_errors import known
+from slamduel.core.check import check
+from slamduel.core.factors import Dataset
+from slamduel.core.se2 import between, wrap
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.city import BEND, BLOCK, KERB, LEAST_RANGE, Options, city, side
-from slamduel.frontend.check import check
-from slamduel.frontend.factors import Dataset
-from slamduel.frontend.se2 import between, wrap
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,10 @@ import numpy as np
 import pytest
 
 from slamduel.bench.plan.load import load
+from slamduel.core.dead_reckoning import dead_reckoned
+from slamduel.core.errors import InputError
+from slamduel.core.factors import UNKNOWN
+from slamduel.core.se2 import Array, between
 from slamduel.datasets.rendering.depth_shots import DepthShots
 from slamduel.datasets.rendering.disturbances import raised, rocked
 from slamduel.datasets.rendering.posters import FINEST, poster
@@ -14,11 +18,7 @@ from slamduel.datasets.rendering.sensor import LINES
 from slamduel.datasets.worlds import depth_room
 from slamduel.datasets.worlds.depth_room import START_SD, WHEELS, Drive, integrated, known, record
 from slamduel.datasets.worlds.mover import ASIDE
-from slamduel.frontend.dead_reckoning import dead_reckoned
 from slamduel.frontend.depth.frame import DepthFrame
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import UNKNOWN
-from slamduel.frontend.se2 import Array, between
 from slamduel.frontend.wheels.motion import Track
 
 

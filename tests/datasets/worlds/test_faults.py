@@ -10,13 +10,13 @@ from scipy.stats import binom, chi2, f, kstest, poisson
 
 from drawn_errors import errors, known, seen
 from slamduel.bench.plan.spec import read_options
+from slamduel.core.check import problems
+from slamduel.core.errors import InputError
+from slamduel.core.factors import UNKNOWN, Dataset
 from slamduel.datasets.cache import generator
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.worlds.circle import Options, circle
 from slamduel.datasets.worlds.faults import TRACK, Faults, with_faults
-from slamduel.frontend.check import problems
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import UNKNOWN, Dataset
 
 SENSORS = ("ids", "z", "z_cov", "sighting_first")
 MOTIONS = ("t", "delta", "delta_cov")

@@ -7,13 +7,13 @@ import pytest
 
 import slamduel
 from drawn_errors import errors, known
+from slamduel.core.check import check_truth, problems
+from slamduel.core.errors import InputError
+from slamduel.core.factors import UNKNOWN, Dataset
+from slamduel.core.se2 import Array, between
 from slamduel.datasets.cache import generator
 from slamduel.datasets.remarks import remarks
 from slamduel.datasets.worlds.circle import Options, circle
-from slamduel.frontend.check import check_truth, problems
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import UNKNOWN, Dataset
-from slamduel.frontend.se2 import Array, between
 
 
 def made(**options: Any) -> Dataset:

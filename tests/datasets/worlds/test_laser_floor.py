@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from slamduel.bench.plan.load import load
+from slamduel.core.se2 import Array, between
 from slamduel.datasets.worlds._casting import cast
 from slamduel.datasets.worlds.floor_plan import DOOR, floor_plan
 from slamduel.datasets.worlds.laser_floor import NO_RETURN, Options, record
-from slamduel.frontend.se2 import Array, between
 
 
 def test_beams_end_where_lines_and_circles_are_met() -> None:

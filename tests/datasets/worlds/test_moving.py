@@ -10,16 +10,16 @@ import slamduel
 from drawn_errors import known, seen
 from slamduel.bench.measure.accuracy import map_accuracy
 from slamduel.bench.plan.given_map import read as read_map
+from slamduel.core.check import check_truth, problems
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset, Truth
+from slamduel.core.se2 import Array, Ints, wrap
+from slamduel.core.truth_errors import sighting_errors, standing
 from slamduel.datasets import archive
 from slamduel.datasets.cache import generator
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.truth import PLACES, digest, read_truth
 from slamduel.datasets.worlds.circle import Options, circle
-from slamduel.frontend.check import check_truth, problems
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset, Truth
-from slamduel.frontend.se2 import Array, Ints, wrap
-from slamduel.frontend.truth_errors import sighting_errors, standing
 
 EXACT: dict[str, Any] = {"steps": 400, "sighting": 1e-4, "landmarks": 40}
 

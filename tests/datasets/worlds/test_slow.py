@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import slamduel
-from slamduel.frontend.se2 import Array
-from slamduel.frontend.truth_errors import sighting_errors
+from slamduel.core.se2 import Array
+from slamduel.core.truth_errors import sighting_errors
 
 SHARE, TIME = 0.8, 5.0
 WORLD = f"circle[steps=4000,correlated={SHARE},correlation_time={TIME}"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from slamduel.bench.plan.spec import read_options
+from slamduel.core.check import problems
 from slamduel.datasets import registry
 from slamduel.datasets.worlds.faults import Faults
-from slamduel.frontend.check import problems
 
 SMALL = {
     "aruco-robot": {"seconds": "10"},

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from charuco_views import BOARD, corners, photographs, poses
+from slamduel.core.errors import InputError
 from slamduel.frontend.boards.board import Board, View, find_corners, read_board
 from slamduel.frontend.boards.charuco import calibrate
 from slamduel.frontend.camera.camera import Camera
-from slamduel.frontend.errors import InputError
 
 SIZE = (400, 300)
 CAMERAS = {

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
 from slamduel.frontend.camera.calibration import from_camera_info, read, write_camera_info, write_opencv
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
-from slamduel.frontend.errors import InputError
 
 MOUNTING = mounting(0.1, 0.0, 0.3, 0.2)
 PINHOLE = Camera(640, 480, (1000 / 3, 331.25), (320.1, 1e-05), (-0.2, 6e-07, 0.001, -2e-3, 1.5e-10), MOUNTING)

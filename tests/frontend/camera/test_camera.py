@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
+from slamduel.core.se2 import Array
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.se2 import Array
 
 LENSES: dict[str, tuple[float, ...]] = {
     "none": (),

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from slamduel.core.errors import InputError
 from slamduel.frontend.camera.mounting import from_matrix, from_rpy, mounting
-from slamduel.frontend.errors import InputError
 
 PUBLISHED = [[0, 0.258819, 0.965926, 0.18], [-1, 0, 0, -0.1], [0, -0.965926, 0.258819, 0], [0, 0, 0, 1]]
 """The original ArUco EKF system's."""

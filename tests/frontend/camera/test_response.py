@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
+from slamduel.core.errors import InputError
 from slamduel.frontend.camera.calibration import read, write_camera_info, write_opencv
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.response import Measured, Response
-from slamduel.frontend.errors import InputError
 
 RESPONSE = Response(
     Measured(20 / 9, 1e-5), Measured(-0.1, 0.02), Measured(2 / 3, 0.01), Measured(4.1, 0.2), Measured(-0.01, 1e-3)

@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 import pytest
 
+from slamduel.core.factors import Odometry
+from slamduel.core.se2 import Array, compose
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
 from slamduel.frontend.camera.shutter import CameraMotion, SweptPlane, carried
-from slamduel.frontend.factors import Odometry
-from slamduel.frontend.se2 import Array, compose
 
 LENS = (-0.21, 0.06, 0.0008, -0.0006, 0.01)
 CAMERA = Camera(640, 480, (576.0, 570.0), (321.7, 238.4), LENS, mounting(0, 0, 0, 0), readout=0.03)

@@ -7,10 +7,10 @@ import pytest
 
 from depth_drives import drive
 from depth_scenes import CAMERA
+from slamduel.core.se2 import Array
 from slamduel.datasets.worlds.depth_room import Drive, record, shots_of
 from slamduel.frontend.depth.features import Finder, detector, matched
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.se2 import Array
 
 
 @pytest.mark.parametrize("kind", ["orb", "sift"])

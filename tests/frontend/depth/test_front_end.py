@@ -9,14 +9,14 @@ import pytest
 from depth_drives import drive
 from slamduel.backends.registry import find
 from slamduel.bench.front_ends.depth_timed import held
+from slamduel.core.errors import InputError
+from slamduel.core.factors import REMARKS, Log
+from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.worlds.depth_room import Drive
 from slamduel.frontend.depth.frame import DepthFrame
 from slamduel.frontend.depth.log import build_log, log_of, looked_at
 from slamduel.frontend.depth.recording import DepthRecording
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import REMARKS, Log
-from slamduel.frontend.se2 import Array, between, wrap
 
 LOOPS = Settings(landmarks=False, loops=True)
 VISUAL = Settings(landmarks=False, odometry="visual")

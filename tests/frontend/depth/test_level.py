@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from depth_scenes import CAMERA, on_planes
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.disturbances import rocked
 from slamduel.frontend.depth.level import Level, Leveller, levelling, tilt_of
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.se2 import Array
 
 FLOOR = [0.0, 0.0, 1.0, 0.0]
 WALL = [-1.0, 0.1, 0.0, -2.6]  # across the way, 2.6 m ahead

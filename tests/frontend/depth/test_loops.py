@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from depth_scenes import CAMERA
+from slamduel.core.se2 import Array, between, compose
 from slamduel.frontend.depth.features import Features
 from slamduel.frontend.depth.level import Level
 from slamduel.frontend.depth.loops import Loops
@@ -15,7 +16,6 @@ from slamduel.frontend.depth.planar import Planar, floors
 from slamduel.frontend.depth.points import Points
 from slamduel.frontend.depth.settings import RecordedSettings, Settings
 from slamduel.frontend.depth.ways import Ways
-from slamduel.frontend.se2 import Array, between, compose
 
 SETTINGS = Settings(landmarks=False, loops=True)
 SHARP = 1e-6 * np.eye(3)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from depth_drives import drive, keyframe
+from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.rendering.depth_shots import DepthShots
 from slamduel.datasets.worlds.depth_room import Drive, record
 from slamduel.frontend.depth.features import Finder
@@ -15,7 +16,6 @@ from slamduel.frontend.depth.planar import Planar, distance
 from slamduel.frontend.depth.recording import DepthRecording
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.depth.tracks import sightings
-from slamduel.frontend.se2 import Array, between, wrap
 
 CHI2_9999 = 21.1  # of 3 degrees of freedom
 

@@ -5,12 +5,12 @@ from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
 from depth_scenes import CAMERA
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.disturbances import rocked
 from slamduel.frontend.depth.level import Level
 from slamduel.frontend.depth.planar import adjoint, camera_motion, planar, skew
 from slamduel.frontend.depth.registration import Registration
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.se2 import Array
 
 NO_FLOORS = Settings(floor=1e-5, turn_floor=1e-6)
 UNKNOWN, EXACT = 1e6 * np.eye(3), 1e-14 * np.eye(3)

@@ -3,11 +3,11 @@
 import numpy as np
 
 from depth_scenes import CAMERA, on_planes
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.depth import kinect
 from slamduel.frontend.depth._depth_image import depths_at
 from slamduel.frontend.depth.points import SHARED, points_of, sharing
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.se2 import Array
 
 
 def test_depth_between_pixels_of_a_plane_is_that_of_the_plane() -> None:

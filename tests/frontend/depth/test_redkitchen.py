@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from slamduel.core.se2 import Array
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.depth.features import Features, Finder, matched
 from slamduel.frontend.depth.registration import registered
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.se2 import Array
 
 FOLDER = Path(os.environ.get("SLAMDUEL_DATA", "nowhere")) / "rgbd" / "redkitchen"
 

@@ -6,12 +6,12 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from depth_scenes import Seen, measured, seen_twice
+from slamduel.core.se2 import Array
 from slamduel.frontend.depth._registration import normal_equations, turn_by
 from slamduel.frontend.depth.planar import skew
 from slamduel.frontend.depth.points import Points
 from slamduel.frontend.depth.registration import Registration, registered
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.se2 import Array
 
 SETTINGS = Settings()
 

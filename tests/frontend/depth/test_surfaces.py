@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from depth_scenes import CAMERA, on_planes
+from slamduel.core.se2 import Array
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.depth.surfaces import Surfaces
-from slamduel.frontend.se2 import Array
 
 ROOM = np.array([[0.0, 0, 1, 0], [-1, 0.2, 0, -3.0], [0, -1, 0, -1.5], [0, 1, 0, -1.5]])  # floor and three walls
 NEARER = np.array([*ROOM, [-1.0, 0, 0, -1.8]])  # and a wall across it

@@ -4,9 +4,9 @@ import itertools
 
 import numpy as np
 
+from slamduel.core.se2 import Array, between, compose, compose_jacobians, inverse, wrap
 from slamduel.frontend.depth.planar import Planar, back, chained, distance
 from slamduel.frontend.depth.ways import Ways
-from slamduel.frontend.se2 import Array, between, compose, compose_jacobians, inverse, wrap
 
 
 def motions(n: int, seed: int = 0) -> list[Planar]:

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Log, Truth
+from slamduel.core.se2 import Array, between, compose, wrap
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.laser_floor import Options, record
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Log, Truth
 from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.log import build_log, log_of
 from slamduel.frontend.laser.loops import Loop, Surprises, contradicted
@@ -18,7 +19,6 @@ from slamduel.frontend.laser.pose_graph import Edges, optimised
 from slamduel.frontend.laser.recording import LaserRecording, matched, placed
 from slamduel.frontend.laser.scanner import Scanner, evenly
 from slamduel.frontend.laser.settings import Settings
-from slamduel.frontend.se2 import Array, between, compose, wrap
 
 
 class Driven:

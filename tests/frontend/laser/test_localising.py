@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from slamduel.backends.graphs import graph
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Log, Truth
+from slamduel.core.se2 import Array, between, compose, wrap
 from slamduel.datasets.worlds.laser_floor import Options, record
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Log, Truth
 from slamduel.frontend.laser.log import EXACT, build_log, first_scan, scans_of
 from slamduel.frontend.laser.recording import LaserRecording, matched
 from slamduel.frontend.laser.settings import Settings
 from slamduel.frontend.maps.occupancy import FREE, WALL, Occupancy, occupancy, of_states
-from slamduel.frontend.se2 import Array, between, compose, wrap
 
 LAPS = 1.1
 

@@ -5,8 +5,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from slamduel.core.factors import Truth
+from slamduel.core.se2 import Array, between, compose, wrap
+from slamduel.core.small_matrices import inverse
 from slamduel.datasets.worlds.laser_floor import Options, record
-from slamduel.frontend.factors import Truth
 from slamduel.frontend.laser.estimate import Estimate
 from slamduel.frontend.laser.finished import Finished
 from slamduel.frontend.laser.front_end import FrontEnd
@@ -20,8 +22,6 @@ from slamduel.frontend.laser.settings import Settings
 from slamduel.frontend.laser.step import Step
 from slamduel.frontend.laser.submap import Submap
 from slamduel.frontend.maps._grid import DX, HIT
-from slamduel.frontend.se2 import Array, between, compose, wrap
-from slamduel.frontend.small_matrices import inverse
 
 
 def test_rows_are_those_appended_however_many() -> None:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from slamduel.core.se2 import Array, act, between, compose, inverse
 from slamduel.frontend.laser._matching import line, match, nearest, normal_equations, solved
 from slamduel.frontend.maps._grid import HIT, Cells, insert, one_a_cell, seen_through, thinned, walls, walls_within
-from slamduel.frontend.se2 import Array, act, between, compose, inverse
 
 CELL, SHARE, SD = 0.05, 0.25, 0.03
 ORIGIN = np.array([-5.0, -4.0])

@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from slamduel.core.se2 import Array, between, compose, wrap
+from slamduel.core.table import Table
 from slamduel.datasets.formats.carmen import Options, read
 from slamduel.datasets.formats.relations import beside, read_relations, related
 from slamduel.datasets.worlds.laser_floor import wheels
 from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.recording import matched, placed
-from slamduel.frontend.se2 import Array, between, compose, wrap
-from slamduel.frontend.table import Table
 
 EXACT = 2e-5
 """s; stamps of relations are those of scans to this."""

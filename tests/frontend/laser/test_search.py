@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from slamduel.core.se2 import Array
 from slamduel.frontend.laser._search import ANYWHERE, FULL, LEVELS, Bytes, branch_and_bound, coarser, correlated
 from slamduel.frontend.laser.submap import likelihoods
-from slamduel.frontend.se2 import Array
 
 CELL = 0.05
 

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 import depth_clouds as room
+from slamduel.core.se2 import Array, act, compose
 from slamduel.frontend.maps import cloud as clouds
 from slamduel.frontend.maps.cloud import Cloud, cloud_of, merged, placed, thinned
-from slamduel.frontend.se2 import Array, act, compose
 
 
 def by_cube(points: Array, size: float) -> dict[tuple[int, ...], list[int]]:

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import depth_clouds as room
-from slamduel.frontend.beside import Clouds
+from slamduel.core.beside import Clouds
+from slamduel.core.se2 import Array
 from slamduel.frontend.maps.cloud import VOXEL, Cloud
 from slamduel.frontend.maps.obstacles import Obstacles
 from slamduel.frontend.maps.occupancy import FREE, UNKNOWN, WALL, Occupancy, occupancy
-from slamduel.frontend.se2 import Array
 
 CELL = 0.05
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from slamduel.frontend.beside import Scans
+from slamduel.core.beside import Scans
+from slamduel.core.relations import Anchors
+from slamduel.core.se2 import Array, compose
 from slamduel.frontend.maps.occupancy import FREE, UNKNOWN, WALL, Occupancy, occupancy
-from slamduel.frontend.relations import Anchors
-from slamduel.frontend.se2 import Array, compose
 
 ROOM = (8.0, 5.0)
 """m; its corner is the origin."""

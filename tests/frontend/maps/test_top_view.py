@@ -3,9 +3,9 @@
 import numpy as np
 
 import depth_clouds as room
+from slamduel.core.se2 import Array, compose
 from slamduel.frontend.maps.cloud import NOTHING, Cloud
 from slamduel.frontend.maps.top_view import UNSEEN, TopView, top_view
-from slamduel.frontend.se2 import Array, compose
 
 
 def colour_at(view: TopView, place: Array) -> Array:

@@ -7,13 +7,13 @@ import cv2
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
+from slamduel.core.se2 import Array
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
-from slamduel.frontend.errors import InputError
 from slamduel.frontend.markers.aruco import Detector, Image, Sighting, range_bearing, square
 from slamduel.frontend.markers.markers import Markers, find
 from slamduel.frontend.markers.noise import ProportionalNoise
-from slamduel.frontend.se2 import Array
 
 CAMERA = Camera(
     640, 480, (576.0, 574.0), (321.7, 238.4), (-0.21, 0.06, 8e-4, -6e-4, 0.0), mounting(0.1, 0.05, 0.7, 0.3)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.frontend.markers._corners import judge, mixture, slopes, to_project
 from slamduel.frontend.markers.square_pose import square
-from slamduel.frontend.se2 import Array
 
 RAYS = np.array([[-0.21, -0.12], [0.08, -0.15], [0.11, 0.14], [-0.18, 0.17]])
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
 from slamduel.frontend.markers.markers import Markers, find, predefined, write
 
 

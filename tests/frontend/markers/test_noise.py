@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from slamduel.bench.front_ends.corners import errors_in
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.marker_shots import placements
 from slamduel.frontend.camera.camera import Camera
@@ -14,7 +15,6 @@ from slamduel.frontend.camera.mounting import mounting
 from slamduel.frontend.markers.aruco import Detector, Sighting, range_bearing, square
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
-from slamduel.frontend.se2 import Array
 
 CAMERA = Camera(
     640, 480, (576.0, 574.0), (321.7, 238.4), (-0.21, 0.06, 8e-4, -6e-4, 0.0), mounting(0.1, 0.05, 0.7, 0.3)

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from slamduel.frontend.errors import InputError
+from slamduel.core.errors import InputError
+from slamduel.core.se2 import Array
 from slamduel.frontend.markers.noise_fit import FEWEST, fit_propagated, fit_slope, squares
-from slamduel.frontend.se2 import Array
 
 SEEDS = range(6)
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from other_camera import CAMERA, LOOKS, SIDE, photograph
+from slamduel.core.se2 import Array
 from slamduel.frontend.markers.aruco import Detector
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import PropagatedNoise
-from slamduel.frontend.se2 import Array
 
 DETECTOR = Detector(Markers("4X4_50", SIDE), CAMERA)
 

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Odometry, Prior
+from slamduel.core.se2 import compose
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
 from slamduel.frontend.camera.shutter import carried
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Odometry, Prior
 from slamduel.frontend.markers.aruco import Detector, Image
 from slamduel.frontend.markers.markers import Markers, find
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from slamduel.frontend.markers.pipeline import Frame, Recording, build_log, camera_motion
-from slamduel.frontend.se2 import compose
 from slamduel.frontend.wheels.encoder import Encoder
 from slamduel.frontend.wheels.motion import Drift, Ticks, Wheels, readings
 

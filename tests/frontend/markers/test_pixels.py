@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from slamduel.core.se2 import Array
 from slamduel.frontend.markers._pixels import MARGIN, REACH, gather
-from slamduel.frontend.se2 import Array
 
 M, PITCH, SIDE = 6, 40.0, 320
 """Modules of the pattern, px of one, and px of the frame around it."""

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from slamduel.bench.front_ends.corners import errors_in
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.marker_shots import Placement, Studio
 from slamduel.datasets.rendering.sensor import Sensor
 from slamduel.frontend.camera.shutter import CameraMotion, SweptPlane
 from slamduel.frontend.markers.aruco import Detector, Refinement
 from slamduel.frontend.markers.markers import Markers
-from slamduel.frontend.se2 import Array
 
 READOUT = 0.03
 CAMERA = replace(CAMERAS["pinhole"], readout=READOUT)

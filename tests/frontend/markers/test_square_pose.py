@@ -8,6 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from slamduel.core.se2 import Array
 from slamduel.frontend.markers._square_pose import (
     _misses,  # pyright: ignore[reportPrivateUsage]
     _rotation,  # pyright: ignore[reportPrivateUsage]
@@ -17,7 +18,6 @@ from slamduel.frontend.markers.square_pose import (
     square,
     square_poses,
 )
-from slamduel.frontend.se2 import Array
 
 SIDE = 0.16
 PIXEL = 1 / 576

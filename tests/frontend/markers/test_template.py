@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates, maximum_filter, mini
 from scipy.spatial.transform import Rotation
 from scipy.stats import multivariate_normal, norm
 
+from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.clutter import drawn
 from slamduel.frontend.camera.camera import Camera
@@ -36,7 +37,6 @@ from slamduel.frontend.markers._step import LIMITED, LIMITS, hold, moved, solve
 from slamduel.frontend.markers.aruco import Image
 from slamduel.frontend.markers.prior import UNKNOWN_CAMERA, prior_of
 from slamduel.frontend.markers.square_pose import square
-from slamduel.frontend.se2 import Array
 
 PATTERN = template.pattern(drawn("4X4_50", 7)[1:-1, 1:-1])
 M = len(PATTERN) - 2 * RIM

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from motions import chain
-from slamduel.frontend import se2
-from slamduel.frontend.factors import Odometry
-from slamduel.frontend.se2 import Array
+from slamduel.core import se2
+from slamduel.core.factors import Odometry
+from slamduel.core.se2 import Array
 from slamduel.frontend.wheels import encoder
 from slamduel.frontend.wheels.encoder import Curve, Encoder, Floors
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.se2 import Array, between, wrap
+from slamduel.core.errors import InputError
+from slamduel.core.se2 import Array, between, wrap
 from slamduel.frontend.wheels.encoder import Encoder
 from slamduel.frontend.wheels.holes import LEAST, outside
 from slamduel.frontend.wheels.motion import Ticks, Track, TrackNoise, Wheels

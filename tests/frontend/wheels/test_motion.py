@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from motions import chain
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.se2 import Array, between, compose
+from slamduel.core.errors import InputError
+from slamduel.core.se2 import Array, between, compose
 from slamduel.frontend.wheels.counters import MAX_SPEED, check_counts, unwrap
 from slamduel.frontend.wheels.encoder import Encoder, Floors
 from slamduel.frontend.wheels.motion import Drift, Motion, Ticks, Track, TrackNoise, Wheels

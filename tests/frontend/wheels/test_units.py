@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slamduel.frontend.se2 import Array, wrap
+from slamduel.core.se2 import Array, wrap
 from slamduel.frontend.wheels.units import in_degrees, odd_units
 
 T: Array = np.arange(0.0, 60.0, 0.1)

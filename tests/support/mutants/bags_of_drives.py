@@ -14,16 +14,16 @@ import numpy as np
 
 import bags
 from fuzzing import damaged
+from slamduel.core.factors import Dataset, Truth
+from slamduel.core.se2 import Array
 from slamduel.datasets.recordings.recording import build, open_recording
 from slamduel.datasets.recordings.robot import Robot
 from slamduel.datasets.truth import write_truth
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.shutter import CameraMotion
-from slamduel.frontend.factors import Dataset, Truth
 from slamduel.frontend.markers.aruco import Detector, Image, Sighting
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import ProportionalNoise
-from slamduel.frontend.se2 import Array
 from slamduel.frontend.wheels.encoder import Floors
 from slamduel.frontend.wheels.motion import TrackNoise
 from small_recording import MOUNTING, SIDE, sighting

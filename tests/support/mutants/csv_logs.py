@@ -10,7 +10,7 @@ import numpy as np
 
 import slamduel
 from fuzzing import damaged
-from slamduel.frontend.se2 import Array
+from slamduel.core.se2 import Array
 
 from .drive import TABLES, Tables, drive
 from .ending import Ended, in_any_order, judged, sound

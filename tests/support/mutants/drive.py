@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from slamduel.frontend.se2 import Array, compose, wrap
+from slamduel.core.se2 import Array, compose, wrap
 
 TABLES = {"odometry": "t,x,y,heading", "detections": "t,id,range,bearing", "truth": "t,x,y,heading"}
 """Columns by table."""

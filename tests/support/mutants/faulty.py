@@ -10,7 +10,7 @@ import numpy as np
 
 from broken_backends import Sound
 from slamduel.backends.api import Belief, Builder, Map, Prior, Solution, Step, option
-from slamduel.frontend.se2 import Array
+from slamduel.core.se2 import Array
 
 AT = 20
 """The step from which on a fault shows."""

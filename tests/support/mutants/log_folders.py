@@ -10,8 +10,8 @@ import numpy as np
 import tomli_w
 
 from fuzzing import damaged
+from slamduel.core.se2 import Array, compose
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend.se2 import Array, compose
 
 from .ending import Ended, in_any_order, judged, sound
 from .random_drive import random_drive

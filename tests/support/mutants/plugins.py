@@ -11,8 +11,8 @@ from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.verdict.consistency import belief_word
 from slamduel.bench.verdict.summary import lines
 from slamduel.bench.words.reason import reason
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import Dataset
+from slamduel.core.errors import InputError
+from slamduel.core.factors import Dataset
 
 from .ending import Ended, compared, in_any_order
 from .faulty import FAULTS, ODD_BUILDERS

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 import slamduel
-from slamduel.frontend.factors import Dataset
+from slamduel.core.factors import Dataset
 
 from .csv_logs import texts, written
 from .drive import drive

@@ -15,8 +15,8 @@ from slamduel.bench.cli import main
 from slamduel.bench.record.schema import FILE, packed, unpacked
 from slamduel.bench.record.store import Store
 from slamduel.bench.verdict.changes import QUANTITIES
+from slamduel.core.errors import InputError
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend.errors import InputError
 from small_run import go
 
 from .ending import Ended

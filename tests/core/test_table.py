@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from slamduel.frontend import table
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.scan import Scan, attempted, counted, strict
-from slamduel.frontend.se2 import Array
-from slamduel.frontend.small_matrices import symmetric, upper
-from slamduel.frontend.table import Table, read_csv, read_spaced, scan_csv, scan_spaced
+from slamduel.core import table
+from slamduel.core.errors import InputError
+from slamduel.core.scan import Scan, attempted, counted, strict
+from slamduel.core.se2 import Array
+from slamduel.core.small_matrices import symmetric, upper
+from slamduel.core.table import Table, read_csv, read_spaced, scan_csv, scan_spaced
 
 
 @given(arrays(float, st.tuples(st.integers(1, 8), st.just(3)), elements=st.floats(allow_nan=False)))

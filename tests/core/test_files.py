@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slamduel.frontend import files
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.files import Rows, read_arrays, write_whole
+from slamduel.core import files
+from slamduel.core.errors import InputError
+from slamduel.core.files import Rows, read_arrays, write_whole
 
 
 def test_threads_that_write_one_file_do_not_meet(tmp_path: Path) -> None:

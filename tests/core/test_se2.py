@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from motions import between_jacobians, chain
-from slamduel.frontend import se2
-from slamduel.frontend.se2 import Array
+from slamduel.core import se2
+from slamduel.core.se2 import Array
 
 metres = st.floats(-100, 100)
 headings = st.floats(-np.pi, np.pi, exclude_min=True)

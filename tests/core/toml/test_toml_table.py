@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.scan import attempted
-from slamduel.frontend.toml.table import TomlTable, shown
+from slamduel.core.errors import InputError
+from slamduel.core.scan import attempted
+from slamduel.core.toml.table import TomlTable, shown
 
 Read = Callable[[TomlTable], object]
 

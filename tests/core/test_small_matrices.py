@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slamduel.frontend.small_matrices import cholesky, inverse, product, propagated
+from slamduel.core.small_matrices import cholesky, inverse, product, propagated
 
 rng = np.random.default_rng(3)
 EPS = float(np.finfo(float).eps)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-import slamduel.frontend.compile_ahead as ahead
-import slamduel.frontend.compiled as compiled
+import slamduel.core.kernels.compile_ahead as ahead
+import slamduel.core.kernels.compiled as compiled
 
 LOOPS = """
 from .compiled import compiled
@@ -33,7 +33,7 @@ import numpy as np
 from slamduel.backends.smoothing import kernels
 from slamduel.backends.smoothing.smoother import Options, Smoother
 from slamduel.datasets import registry
-from slamduel.frontend import compile_ahead, compiled
+from slamduel.core.kernels import compile_ahead, compiled
 
 compile_ahead._compile(kernels.kernels())
 before = compiled.ready()
@@ -51,7 +51,7 @@ IN_THE_ROOM = """
 import numpy as np
 from slamduel.datasets import registry
 from slamduel.datasets.rendering import _background
-from slamduel.frontend import compile_ahead, compiled
+from slamduel.core.kernels import compile_ahead, compiled
 from slamduel.frontend.markers import kernels
 
 compile_ahead._compile(kernels.kernels())

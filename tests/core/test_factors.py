@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slamduel.core.errors import InputError
+from slamduel.core.factors import REMARKS, UNKNOWN, Dataset, Log, Map, Prior
 from slamduel.datasets import archive
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import REMARKS, UNKNOWN, Dataset, Log, Map, Prior
 from small_log import columns, positive_definite, small_log
 
 COLUMNS = [field.name for field in dataclasses.fields(Log) if isinstance(getattr(small_log(), field.name), np.ndarray)]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from slamduel.frontend import elementary
-from slamduel.frontend.elementary import arctan2, cos, exp, hypot, sin, sinc, sincos
+from slamduel.core import elementary
+from slamduel.core.elementary import arctan2, cos, exp, hypot, sin, sinc, sincos
 
 Array = NDArray[np.float64]
 rng = np.random.default_rng(7)

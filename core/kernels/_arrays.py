@@ -25,7 +25,7 @@ from numba.extending import (
 from numba.np.arrayobj import populate_array
 from numba.np.numpy_support import as_dtype, from_dtype
 
-from ..frontend.se2 import Array, Ints
+from ..se2 import Array, Ints
 
 Numbers = Annotated[Array, 1]
 Table = Annotated[Array, 2]

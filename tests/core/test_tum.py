@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from evo.tools import file_interface
 
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.tum import read_tum, write_tum
+from slamduel.core.errors import InputError
+from slamduel.core.tum import read_tum, write_tum
 
 GOOD = "# t x y z qx qy qz qw\n0.5 1 2 0 0 0 0 1\n1.5 1 2 0 0 0 1 0\n"
 

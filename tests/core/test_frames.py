@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from slamduel.frontend.coordinates import after_motion, as_points, as_range_bearing, before_motion
-from slamduel.frontend.se2 import Array, compose
+from slamduel.core.coordinates import after_motion, as_points, as_range_bearing, before_motion
+from slamduel.core.se2 import Array, compose
 from small_log import positive_definite
 
 

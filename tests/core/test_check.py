@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slamduel.core.check import check, check_truth, problems
+from slamduel.core.errors import InputError
+from slamduel.core.factors import UNKNOWN, Log, Map, Prior, Truth
+from slamduel.core.se2 import Array
 from slamduel.datasets.formats import log_folder
-from slamduel.frontend.check import check, check_truth, problems
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.factors import UNKNOWN, Log, Map, Prior, Truth
-from slamduel.frontend.se2 import Array
 from small_log import positive_definite, small_log
 
 Change = Callable[[dict[str, Any]], Any]

@@ -9,7 +9,7 @@ import tomli_w
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slamduel.frontend.toml.lines import Place, lines
+from slamduel.core.toml.lines import Place, lines
 
 KEYS = st.text(st.sampled_from("ab.\" '#[]=é\\"), min_size=1, max_size=4)
 VALUES = st.recursive(

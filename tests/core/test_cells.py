@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from slamduel.core.csv_values import SHOWN, finite, number, shortened
+from slamduel.core.errors import InputError
+from slamduel.core.table import read_csv, read_spaced
 from slamduel.datasets.formats import g2o
 from slamduel.datasets.formats.columns import read_columns
 from slamduel.datasets.published import dlr, freiburg
-from slamduel.frontend.csv_values import SHOWN, finite, number, shortened
-from slamduel.frontend.errors import InputError
-from slamduel.frontend.table import read_csv, read_spaced
 
 Read = Callable[[Path], object]
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from slamduel.bench.measure.relations import STRETCHES, counted_relations, relation_columns, standard_error
-from slamduel.frontend.relations import FEWEST_EXACT, Anchors, Relations, as_rows, from_rows
-from slamduel.frontend.se2 import Array, between, compose
+from slamduel.core.relations import FEWEST_EXACT, Anchors, Relations, as_rows, from_rows
+from slamduel.core.se2 import Array, between, compose
 
 RNG = np.random.default_rng(5)
 N, M = 30, 600

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-import slamduel.frontend.compiled as module
+import slamduel.core.kernels.compiled as module
+from places import LAYERS, ROOT
 from slamduel.backends import _models
 
-ROOT = Path(module.__file__).parents[1]
 FILES = {
     "floor/room/_outer.py": "from ..compiled import compiled\nfrom .._middle import middle\n",
     "floor/_middle.py": "from .compiled import compiled\nfrom ..other import _inner\n\ninner = _inner.inner\n",
@@ -78,7 +78,7 @@ def test_an_edit_changes_the_stamps_of_what_imports_the_file(house: Path, edited
 
 def test_every_loop_that_a_loop_calls_counts_for_its_stamp() -> None:
     """By what the names in a loop stand for, however these came into its file."""
-    files = [file for floor in ("frontend", "backends") for file in (ROOT / floor).rglob("_*.py")]
+    files = [file for layer in LAYERS for file in (ROOT / layer).rglob("_*.py")]
     files = [file for file in files if "import compiled" in file.read_text()]
     assert len(files) > 10
     for file in files:
