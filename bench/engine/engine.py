@@ -16,12 +16,13 @@ from typing import Any, NamedTuple, Protocol
 from ...core.errors import Absent, InputError
 from ...datasets.remarks import refuse
 from ..measure.cell import Result
+from ..measure.repeats import over_rounds
 from ..plan.work import PlannedCell, Work
 from ..record.lock import claimed
 from ..record.schema import FILE, KEY, ROUND, Row
 from ..record.statuses import FAILED
 from ..record.store import Known, Store
-from ..verdict.costs import over_rounds
+from ..words.columns import TIMED
 from ..words.reason import reason, traceback
 from ..workers.batch import Batch, Finished, unmade
 from ..workers.executor import Executor
@@ -165,7 +166,7 @@ class _Engine:
         assert key is not None
         row = {"round": number, **_round(finished)}
         before = [one for one in self.store.rounds(key).get(key, []) if one["round"] != number]
-        self.store.put_round(key, row, over_rounds([*before, {**dict.fromkeys(ROUND), **row}]))
+        self.store.put_round(key, row, over_rounds([*before, {**dict.fromkeys(ROUND), **row}], TIMED))
         self.watcher.repeated(cell, row, finished.seconds)
 
     def _lacking(self, todo: Sequence[int]) -> list[PlannedCell]:

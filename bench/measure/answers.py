@@ -9,9 +9,9 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from ...backends.api import Diverged, Solution
+from ...backends.api import Associates, Backend, Diverged, Solution
 from ...core.errors import SlamduelError
-from ...core.factors import Map
+from ...core.factors import Log, Map
 from ...core.se2 import Array, Ints
 from ...core.truth_errors import difference
 
@@ -53,6 +53,40 @@ def check_believed(poses: Array, steps: Sequence[int], online: Array | None) -> 
 def is_floats(values: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
     """Returns True for an array of float64 of that shape."""
     return type(values) is np.ndarray and values.shape == shape and values.dtype is _FLOAT
+
+
+def check_again(pose: Any, online: Array | None, k: int) -> None:
+    """Raises Broken unless the pose, if there is one, is the same as without asking for beliefs."""
+    again = None if pose is None else np.frombuffer(checked_pose(pose, k))
+    if online is not None and (again is None or again.tobytes() != online[k].tobytes()):
+        raise Broken(f"step {k}: the path differs once beliefs are asked for: {again}, expected {online[k]}")
+
+
+def checked_covs(covs: bytearray, known: Sequence[int], n: int) -> Array:
+    """Returns (n, 3, 3) from the bytes of those known at these steps; Diverged names the first that is not finite."""
+    cov, found = np.full((n, *COV), np.nan), np.frombuffer(covs).reshape(-1, *COV)
+    for row in np.flatnonzero(~np.isfinite(found).all(axis=(1, 2)))[:1]:
+        finite_cov(found[row], known[row])
+    cov[known] = found
+    return cov
+
+
+def finite_cov(cov: Any, k: int) -> Array:
+    """Copies a belief's covariance at step k; Broken or Diverged where it is not what the contract says."""
+    return finite(cov, COV, f"step {k}: the belief's covariance")
+
+
+def checked_assigned(backend: Backend, log: Log) -> Ints | None:
+    """Asks a backend with data association which landmark every sighting is of; Broken for another answer."""
+    if not isinstance(backend, Associates):
+        return None
+    found: Any = backend.assigned()
+    if found is None:
+        return None
+    if not (isinstance(found, np.ndarray) and found.dtype == np.int64 and found.shape == log.ids.shape):
+        shape = getattr(found, "shape", "")
+        raise Broken(f"assigned() returned {type(found).__name__} {shape}, expected int64 {log.ids.shape}")
+    return found
 
 
 def checked_solution(solution: Any, n: int) -> Solution | None:

@@ -7,6 +7,7 @@ import hashlib
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from ...core.errors import SlamduelError
 from ...core.factors import UNKNOWN, Log, Truth
 from ...core.kernels import compiled
 from .cpu_time import repeated_cost
-from .drive import drive, path_digest, timed_again, warm_up
+from .drive import Outcome, drive, path_digest, timed_again, warm_up
 from .memory import Peak, limited
 from .score import score
 
@@ -77,7 +78,8 @@ def rehearse(job: Job, log: Log) -> Result:
 
 def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth | None]) -> Result:
     row: dict[str, Any] = {}
-    peak, made = Peak(), compiled.made()
+    peak, made, oracle = Peak(), compiled.made(), None
+    draw = partial(generator, job.seed, job.backend)
     try:
         log = read_log()
         unknown = int((log.ids == UNKNOWN).sum())
@@ -85,21 +87,22 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
         if job.missing:
             return Result("error", job.missing, row)
         builder = backends.find(job.name)
-        loops = 0 if builder.loops else len(log.loop_to)
-        if loops and not builder.leaves_out_loops:
-            return Result("skipped", "the log has loop closures (RelativePoses), which this backend does not take", row)
         if why := _unfit(job, builder, log, unknown):
             return Result("skipped", why, row)
         if builder.associating(job.options):
             row["ignored"] = 0
+        loops = 0 if builder.loops else len(log.loop_to)
         given = log.without_loops() if loops else log
+        truth = read_truth() if job.oracle else None
+        oracle = truth if truth is not None and truth.kind == "truth" else None  # a batch optimum is no ground truth
         if job.again:
-            return _again(job, builder, given, _oracle(job, read_truth))
-        outcome = drive(builder, job.options, given, lambda: generator(job.seed, job.backend), _oracle(job, read_truth))
+            timed = timed_again(builder, job.options, given, draw, oracle)
+            return Result("done", "", repeated_cost(timed), path=path_digest(timed))
+        outcome = drive(builder, job.options, given, draw, oracle)
     except Diverged as error:
         return Result("diverged", str(error), row)
     except TruthWanted as error:
-        blind = job.oracle and _oracle(job, read_truth) is None
+        blind = job.oracle and oracle is None
         return Result("skipped", "--oracle: this log has no ground truth" if blind else str(error), row)
     except Unsuited as error:
         return Result("skipped", str(error), row)
@@ -112,27 +115,14 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     held = peak.mb()
     if held is not None and compiled.made() == made:
         row["peak_mb"] = held
-    judged = score(log, outcome, read_truth())
     loops += outcome.left_out
-    said = [TOLD] * outcome.told + [left_out(loops)] * bool(loops)
-    said += [judged.remark] * bool(judged.remark)
-    row |= {"told": int(outcome.told)} | judged.row
-    return Result("done", "; ".join(said), row, judged.arrays, path=path_digest(outcome))
-
-
-def _again(job: Job, builder: Builder, log: Log, oracle: Truth | None) -> Result:
-    """Repeats a cell's timing pass."""
-    timed = timed_again(builder, job.options, log, lambda: generator(job.seed, job.backend), oracle)
-    return Result("done", "", repeated_cost(timed), path=path_digest(timed))
-
-
-def left_out(loops: int) -> str:
-    """Says how many loop closures the backend was not given, or had kept no pose for."""
-    return "1 loop closure is left out" if loops == 1 else f"{loops} loop closures are left out"
+    return _scored(log, outcome, read_truth(), loops, row)
 
 
 def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
-    """Says why a backend and a log with, or without, ids do not go together; "" if they do."""
+    """Says why a backend and a log with loop closures, or with or without ids, do not go together; "" if they do."""
+    if len(log.loop_to) and not builder.loops and not builder.leaves_out_loops:
+        return "the log has loop closures (RelativePoses), which this backend does not take"
     associates, sightings = builder.associating(job.options), len(log.ids)
     if sightings and unknown == sightings and not associates and builder.sightings:
         fit = f"{job.name}[association=jcbb]" if builder.can_associate else "ekf[association=jcbb]"
@@ -142,10 +132,14 @@ def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
     return ""
 
 
-def _oracle(job: Job, read_truth: Callable[[], Truth | None]) -> Truth | None:
-    """Returns what the backend is given where the run says so: a batch optimum is no ground truth."""
-    truth = read_truth() if job.oracle else None
-    return truth if truth is not None and truth.kind == "truth" else None
+def _scored(log: Log, outcome: Outcome, truth: Truth | None, loops: int, row: dict[str, Any]) -> Result:
+    """Scores the outcome; `loops` are the closures that the backend was not given, or had kept no pose for."""
+    judged = score(log, outcome, truth)
+    said = [TOLD] * outcome.told
+    said += [f"{loops} loop closure{' is' if loops == 1 else 's are'} left out"] * bool(loops)
+    said += [judged.remark] * bool(judged.remark)
+    row |= {"told": int(outcome.told)} | judged.row
+    return Result("done", "; ".join(said), row, judged.arrays, path=path_digest(outcome))
 
 
 def located(error: BaseException) -> str:

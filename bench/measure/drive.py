@@ -8,7 +8,7 @@ bit, or speed and accuracy would be those of two different runs. A repeat is a t
 import gc
 import hashlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any, NamedTuple
@@ -16,13 +16,27 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...backends.api import Associates, Backend, Belief, Builder, Solution, TakenOut, TakesOut, WantsTruth
+from ...backends.api import Backend, Belief, Builder, Solution, TakenOut, TakesOut, WantsTruth
 from ...backends.association.layer import Associating
 from ...backends.locating.locating import begin
 from ...core.factors import Log, Map, Step, Truth
 from ...core.kernels import compiled
 from ...core.se2 import Array, Ints
-from .answers import COV, POSE, Broken, check_believed, checked_map, checked_pose, checked_solution, finite, is_floats
+from .answers import (
+    COV,
+    POSE,
+    Broken,
+    check_again,
+    check_believed,
+    checked_assigned,
+    checked_covs,
+    checked_map,
+    checked_pose,
+    checked_solution,
+    finite,
+    finite_cov,
+    is_floats,
+)
 from .clock import CLOCK, Meanwhile
 
 WARM_UP = 20
@@ -98,43 +112,19 @@ def drive(
     log = log if builder.associating(options) else log.identified()
     steps = list(log)
     timed = _timed(builder, options, log, steps, generator, truth)
-    online, clock = timed.online, timed.clock_ns
     backend = begin(builder, log.prior, options, generator())
     _tell(backend, truth)
     if isinstance(backend, Associating):
         backend.timed = True
-    beliefs = _belief_pass(backend, steps, online)
-    spent = (np.array(backend.ns), np.array(backend.tried)) if isinstance(backend, Associating) else (None, None)
+    beliefs = _belief_pass(backend, steps, timed.online)
+    spent: dict[str, Any] = {}
+    if isinstance(backend, Associating):
+        spent = {"associate_ns": np.maximum(np.array(backend.ns) - timed.clock_ns, 0), "tried": np.array(backend.tried)}
     start = time.process_time_ns()
     found = backend.map()
     map_ns = time.process_time_ns() - start
-    return Outcome(
-        online=online,
-        cov=beliefs.cov,
-        nis=beliefs.nis,
-        nis_dof=beliefs.nis_dof,
-        n_eff=beliefs.n_eff,
-        ancestors=beliefs.ancestors,
-        refused=beliefs.refused,
-        located=beliefs.located,
-        map=checked_map(found, "map()"),
-        solution=timed.solution,
-        step_ns=timed.step_ns,
-        wall_ns=timed.wall_ns,
-        belief_ns=np.maximum(beliefs.ns - clock, 0),
-        map_ns=map_ns,
-        setup_ns=timed.setup_ns,
-        finish_ns=timed.finish_ns,
-        clock_ns=clock,
-        assigned=timed.assigned,
-        final_assigned=timed.final_assigned,
-        associate_ns=None if spent[0] is None else np.maximum(spent[0] - clock, 0),
-        tried=spent[1],
-        taken_out=timed.taken_out,
-        left_out=beliefs.left_out,
-        told=timed.told,
-        meanwhile=timed.meanwhile,
-    )
+    beliefs = beliefs._replace(belief_ns=np.maximum(beliefs.belief_ns - timed.clock_ns, 0))
+    return Outcome(**timed._asdict(), **beliefs._asdict(), **spent, map=checked_map(found, "map()"), map_ns=map_ns)
 
 
 def timed_again(
@@ -165,7 +155,7 @@ def _timed(
             setup_ns = time.process_time_ns() - start
             told = _tell(backend, truth)
             online, step_ns, wall_ns = timing_pass(backend, steps)
-            assigned = _assigned(backend, log)
+            assigned = checked_assigned(backend, log)
             start = time.process_time_ns()
             finished = backend.finish()
             finish_ns = time.process_time_ns() - start
@@ -179,7 +169,7 @@ def _timed(
         online=online,
         solution=solution,
         assigned=assigned,
-        final_assigned=None if solution is None else _assigned(backend, log),
+        final_assigned=None if solution is None else checked_assigned(backend, log),
         taken_out=backend.taken_out() if isinstance(backend, TakesOut) else None,
         step_ns=np.maximum(step_ns - clock, 0),
         wall_ns=np.maximum(wall_ns - clock, 0),
@@ -189,19 +179,6 @@ def _timed(
         told=told,
         meanwhile=meanwhile,
     )
-
-
-def _assigned(backend: Backend, log: Log) -> Ints | None:
-    """Asks a backend with data association which landmark every sighting is of; Broken for another answer."""
-    if not isinstance(backend, Associates):
-        return None
-    found: Any = backend.assigned()
-    if found is None:
-        return None
-    if not (isinstance(found, np.ndarray) and found.dtype == np.int64 and found.shape == log.ids.shape):
-        shape = getattr(found, "shape", "")
-        raise Broken(f"assigned() returned {type(found).__name__} {shape}, expected int64 {log.ids.shape}")
-    return found
 
 
 def _tell(backend: Backend, truth: Truth | None) -> bool:
@@ -256,7 +233,7 @@ class _Beliefs(NamedTuple):
     refused: Ints
     located: NDArray[np.bool]
     left_out: int
-    ns: Ints  # CPU time of asking
+    belief_ns: Ints  # CPU time of asking
 
 
 def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _Beliefs:
@@ -270,7 +247,7 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
         for k, step in enumerate(steps):
             pose = backend.step(step)
             if not (is_floats(pose, POSE) and pose.tobytes() == path[24 * k : 24 * k + 24]):
-                _check_again(pose, online, k)
+                check_again(pose, online, k)
             start = clock()
             belief = backend.belief()
             ns[k] = clock() - start
@@ -284,10 +261,10 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
             ).tobytes()
             believed.append(k)
             if cov is not None:
-                covs += (cov if is_floats(cov, COV) else _finite_cov(cov, k)).tobytes()
+                covs += (cov if is_floats(cov, COV) else finite_cov(cov, k)).tobytes()
                 known.append(k)
     finally:  # what is not finite was there before any error
-        found = _covariances(covs, known, n)
+        found = checked_covs(covs, known, n)
     check_believed(np.frombuffer(poses).reshape(-1, *POSE), believed, online)
     return _Beliefs(
         cov=found,
@@ -298,25 +275,5 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
         refused=np.array(refused, np.int64).reshape(n),
         located=np.array(located, np.bool),
         left_out=sum(left_out),
-        ns=np.array(ns, np.int64),
+        belief_ns=np.array(ns, np.int64),
     )
-
-
-def _check_again(pose: Any, online: Array | None, k: int) -> None:
-    """Raises Broken unless the pose, if there is one, is the same as without asking for beliefs."""
-    again = None if pose is None else np.frombuffer(checked_pose(pose, k))
-    if online is not None and (again is None or again.tobytes() != online[k].tobytes()):
-        raise Broken(f"step {k}: the path differs once beliefs are asked for: {again}, expected {online[k]}")
-
-
-def _covariances(covs: bytearray, known: Sequence[int], n: int) -> Array:
-    """Returns (n, 3, 3) from the bytes of those that are known, at these steps; Diverged names the first not finite."""
-    cov, found = np.full((n, *COV), np.nan), np.frombuffer(covs).reshape(-1, *COV)
-    for row in np.flatnonzero(~np.isfinite(found).all(axis=(1, 2)))[:1]:
-        _finite_cov(found[row], known[row])
-    cov[known] = found
-    return cov
-
-
-def _finite_cov(cov: Any, k: int) -> Array:
-    return finite(cov, COV, f"step {k}: the belief's covariance")

@@ -20,7 +20,7 @@ from ...core.factors import UNKNOWN, Dataset, Log, Map, Truth
 from ...core.se2 import Array, act
 from ...core.truth_errors import named
 from ...datasets import archive, cache
-from ..measure.metrics import align
+from ..measure.accuracy import align
 from ..measure.misfit import loop_misfits, misfits
 
 MEDIAN, LOOP_MEDIAN = 1.386, 2.366  # median of chi-square with 2 degrees of freedom, and 3

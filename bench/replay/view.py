@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.se2 import Array, Ints, act
-from ..measure.metrics import nees
+from ..measure.nees import nees
 from ..measure.times import numbered
 from ..words.numerals import number
 from ..words.styles import BASELINE, Look

@@ -10,7 +10,7 @@ from ..drawing.figure import GROUPS, ReportFigure
 from ..drawing.table import Table
 from ..record.schema import Row
 from ..record.store import Store
-from ..verdict.costs import basis, meanwhile
+from ..verdict.cost_words import basis, meanwhile
 from ..verdict.implementations import sentence
 from ..verdict.summary import Line, lines, representative
 from ..verdict.verdict import Verdict, verdict

@@ -4,9 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isnan
 
 from ..drawing.table import Entry, Table, TableRow
+from ..measure.repeats import COMPARED, FEWEST_ROUNDS
 from ..record.schema import Row, label
 from ..verdict.consistency import belief_word
-from ..verdict.costs import COMPARED, FEWEST_ROUNDS, cost, rounds
+from ..verdict.costs import cost, rounds
 from ..verdict.ranking import PATHS, RELATIONS, ordered, ranking, standing
 from ..verdict.statistics import FEWEST
 from ..verdict.summary import Line, Typical, representative, typical, units_of

@@ -4,8 +4,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..measure.repeats import COMPARED
 from ..record.schema import Row
-from ..verdict.costs import COMPARED, cost
+from ..verdict.costs import cost
 from ..verdict.summary import Line, units_of
 from ..verdict.verdict import Verdict
 

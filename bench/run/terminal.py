@@ -14,7 +14,7 @@ from rich.table import Table
 
 from ..verdict.association import association_sentences
 from ..verdict.consistency import void
-from ..verdict.costs import basis, meanwhile, repeat_troubles
+from ..verdict.cost_words import basis, meanwhile, repeat_troubles
 from ..verdict.implementations import sentence
 from ..verdict.ranking import path_errors
 from ..verdict.statistics import FEWEST

@@ -9,7 +9,8 @@ from ..words.numerals import counted, larger, listed, number, times
 from ..words.styles import BASELINE
 from .accuracy import between, unborne
 from .consistency import NO_COVARIANCE, belief_word
-from .costs import compare_costs, compared, is_dearer, rounds
+from .cost_words import compared
+from .costs import compare_costs, is_dearer, rounds
 from .ranking import ESTIMATES, PATHS, Ranking, standing
 from .statistics import FEWEST
 from .summary import Line

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.se2 import Array
+from ..measure.repeats import two_way
 from .costs import MARGIN
-from .two_way import two_way
 
 BACKENDS = 4  # in a round; the first two are compared
 RATIO = 1.3  # of the second one's cost to the first one's

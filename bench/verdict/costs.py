@@ -1,9 +1,9 @@
 """Compares the costs of backends over the rounds of a run's repeats; claims no more than these bear.
 
 Two costs are compared on the same log in the same round, where the machine was in about the same state, by the
-logarithm of their ratio. Its mean over logs and rounds has an interval (`two_way.py`) that holds for the machine as it
-was. Load changes the ratio of two backends, too, as they depend differently on caches and memory: one is called cheaper
-only where the whole interval is beyond MARGIN.
+logarithm of their ratio. Its mean over logs and rounds has an interval (`measure/repeats.py`) that holds for the
+machine as it was. Load changes the ratio of two backends, too, as they depend differently on caches and memory: one is
+called cheaper only where the whole interval is beyond MARGIN.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,12 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.se2 import Array
+from ..measure.repeats import FEWEST_ROUNDS, student, two_way
 from ..record.schema import Row
 from ..words.columns import TIMED
-from ..words.numerals import counted, factor, listed, number, times
-from .statistics import exponential, median
+from .statistics import exponential
 from .summary import Line
-from .two_way import student, two_way
 
 MARGIN = 1.5
 """Factor by which load may shift the ratio of two backends' costs. Measured for ten pairs of the demo's five backends,
@@ -27,13 +26,8 @@ mean of six rounds: one or two other processes that compute, or that copy memory
 ratio of median steps by 1.42 at most, that of the whole log's time by 1.35, and so did, by 1.33, a second time without
 them."""
 
-ONCE = (
-    2.0  # costs without enough rounds count as different for a recommendation beyond this factor, and for nothing else
-)
-FEWEST_ROUNDS = 3  # for an interval: with two, what rounds have in common is hardly known
-COMPARED = ("step_us_p50", "cpu_s")  # the costs that backends are compared by
-ENDS = {"step_us_p50": ("step_us_p50_low", "step_us_p50_high"), "cpu_s": ("cpu_low_s", "cpu_high_s")}
-"""The columns of a cell's interval of each."""
+ONCE = 2.0
+"""Factor beyond which costs without enough rounds count as different for a recommendation, and for nothing else."""
 
 
 class Cost(NamedTuple):
@@ -192,108 +186,3 @@ def between_runs(cells: Sequence[tuple[Row, Row]], column: str) -> BetweenRuns |
     return BetweenRuns(
         exponential(middle), exponential(middle - reach), exponential(middle + reach), (len(old), len(new))
     )
-
-
-def over_rounds(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Returns the columns of a cell that sum up its rounds: medians, and intervals of COMPARED."""
-    done = [one for one in found if one["status"] == "done"]
-    row: dict[str, Any] = {"repeats": len(done)}
-    for name in TIMED:
-        values = [one[name] for one in done if one[name] is not None]
-        row[name] = median(values) if values else None
-    for name in COMPARED:
-        values = [one[name] for one in done if one[name]]
-        if len(values) == len(done) >= FEWEST_ROUNDS:
-            mean = two_way(np.log(np.array([values])))
-            row |= dict(zip(ENDS[name], (exponential(mean.low), exponential(mean.high)), strict=True))
-    return row
-
-
-# What is said
-
-
-def compared(c: CostRatio | None, rival: str) -> str:
-    """Writes "18 to 24 times cheaper than isam2", "as costly", or what is left open; "" where nothing is borne."""
-    if c is None or c.standing == "few":
-        return ""
-    than = f" than {rival}" * bool(rival)
-    if c.standing == "cheaper":
-        return f"{times(c.low, c.high)} cheaper{than}"
-    if c.standing == "dearer":
-        return f"{times(1 / c.high, 1 / c.low)} as costly{f' as {rival}' * bool(rival)}"
-    if c.standing == "alike":
-        return "about as costly" + f" as {rival}" * bool(rival)
-    return f"not told apart in cost{f' from {rival}' * bool(rival)} ({ends(c)})"
-
-
-def ends(c: CostRatio) -> str:
-    """Writes "between 1.2 times as costly and 1.8 times cheaper"."""
-    low = f"{factor(1 / c.low)} times as costly" if c.low < 1 else f"{factor(c.low)} times cheaper"
-    high = f"{factor(1 / c.high)} times as costly" if c.high < 1 else f"{factor(c.high)} times cheaper"
-    return f"between {low} and {high}"
-
-
-def basis(lines: Sequence[Line]) -> str:
-    """Says how often costs were measured, and what therefore is not claimed of them."""
-    timed = [line for line in lines if line.done and "cpu_s" in line.values]
-    if len(timed) < 2:
-        return ""
-    n = rounds(timed)
-    if n == 1:
-        return "Every time was measured once, so none is called cheaper; --repeats 5 measures intervals."
-    if n < FEWEST_ROUNDS:
-        return f"Every time was measured in {n} rounds, too few for intervals, {FEWEST_ROUNDS} at least (--repeats)."
-    return (
-        f"Times are medians of {n} rounds. One is called cheaper only beyond {MARGIN:g} times: load shifts ratios, too."
-    )
-
-
-def meanwhile(lines: Sequence[Line]) -> str:
-    """Says what the machine did while the lines' cells were timed; "" without several rounds."""
-    found = [one for line in lines for row in line.rows for one in row.rounds if one["status"] == "done"]
-    if rounds(lines) < 2 or not found:
-        return ""
-    said: list[str] = []
-    work = _range(found, "work_us")
-    if work:
-        said.append(f"a fixed piece of work took {number(work[1])} µs ({number(work[0])} to {number(work[2])})")
-    shares = {"others_share": "others took {} of all cores", "waited_share": "a backend waited {} of the time"}
-    for name, what in shares.items():
-        share = _range(found, name)
-        if share:
-            said.append(f"{what.format(_percent(share[1]))} (up to {_percent(share[2])})")
-    load = _range(found, "load")
-    if load:
-        said.append(f"the load was {' to '.join(dict.fromkeys((number(load[0]), number(load[2]))))}")
-    return f"Meanwhile {listed(said)}; medians." if said else ""
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
-
-
-def _range(found: Sequence[Mapping[str, Any]], column: str) -> tuple[float, float, float] | None:
-    values = sorted(one[column] for one in found if one[column] is not None)
-    return (values[0], median(values), values[-1]) if values else None
-
-
-def repeat_troubles(lines: Sequence[Line]) -> list[str]:
-    """Names backends that did something else in a repeat, and repeats that failed."""
-    said: list[str] = []
-    for line in lines:
-        other = sum(any(_differs(row.rounds[0], one) for one in row.rounds[1:]) for row in line.rows)
-        if other:
-            said.append(
-                f"{line.backend} is not deterministic: on {other} of {counted(len(line.rows), 'cell')} a repeat with "
-                "the same seed found another path. Errors are those of the first round."
-            )
-        failed = [one for row in line.rows for one in row.rounds if one["status"] != "done"]
-        if failed:
-            of = sum(len(row.rounds) for row in line.rows)
-            reason = f"{failed[0]['status']}: {failed[0]['reason'] or ''}"
-            said.append(f"{line.backend} failed in {len(failed)} of {counted(of, 'timing')} ({reason.rstrip(': ')}).")
-    return said
-
-
-def _differs(first: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    return other["status"] == "done" and other["path"] != first["path"]

@@ -3,13 +3,15 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from ..measure.repeats import COMPARED
 from ..words.numerals import counted, listed, number
 from ..words.styles import BASELINE
 from .accuracy import claims
 from .advice import Use, advice, unnamed
 from .association import association_sentences
 from .consistency import belief_sentences
-from .costs import COMPARED, CostRatio, all_pairs, basis, compare_costs, compared, repeat_troubles, rounds
+from .cost_words import basis, compared, repeat_troubles
+from .costs import CostRatio, all_pairs, compare_costs, rounds
 from .ranking import ESTIMATES, PATHS, Ranking, judged_by, ordered, ranking
 from .statistics import Comparison
 from .summary import Line, representative

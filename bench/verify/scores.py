@@ -13,8 +13,8 @@ from ...core.errors import InputError
 from ...core.factors import Map, Truth
 from ...core.se2 import Array
 from ...core.tum import read_tum
-from ..measure.accuracy import consistency_columns, path_accuracy, stretches
-from ..measure.metrics import nees
+from ..measure.accuracy import path_accuracy, stretches
+from ..measure.nees import nees, nees_columns
 from ..measure.relations import relation_columns
 from ..measure.times import length
 from ..record.schema import label
@@ -88,7 +88,7 @@ def scores(log: TrustedLog, paths: Mapping[str, tuple[Array, Array]], arrays: Ma
         judged = _judged(log, truth, arrays)
         at = np.searchsorted(log.dataset.log.t, judged.t)
         values = nees(paths["online"][1][at], arrays["cov"][at], judged.poses)
-        row |= consistency_columns("nees", values, 3)
+        row |= nees_columns("nees", values, 3)
     return {name: value for name, value in row.items() if value is not None}
 
 

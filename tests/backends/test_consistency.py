@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from slamduel.backends.api import Diverged, WantsTruth
-from slamduel.bench.measure.metrics import nees
+from slamduel.bench.measure.nees import nees
 from slamduel.bench.plan.spec import backend_variants
 from slamduel.bench.plan.variant import BackendVariant
 from slamduel.core.factors import Dataset, Step

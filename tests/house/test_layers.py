@@ -37,6 +37,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "kernels": {TOP},
     },
     "frontend": {
+        TOP: set(),
         "wheels": {TOP},
         "camera": {TOP},
         "markers": {TOP, "wheels", "camera"},
@@ -76,7 +77,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "drawing": {"words"},
         "workers": {"measure", "plan", "record"},
         "report": {"drawing", "verdict", "record", "measure", "words"},
-        "engine": {"workers", "verdict", "plan", "record", "measure", "words"},
+        "engine": {"workers", "plan", "record", "measure", "words"},
         "run": {"engine", "report", "workers", "verdict", "drawing", "plan", "record", "measure", "words"},
         "check": {"workers", "plan", "measure", "words"},
         "logs": {"drawing", "plan", "measure", "words"},

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slamduel.backends.api import WantsTruth
-from slamduel.bench.measure.metrics import nees
+from slamduel.bench.measure.nees import nees
 from slamduel.bench.plan.spec import backend_variants
 from slamduel.core.factors import Dataset, Map, Truth
 from slamduel.core.se2 import Array, between, wrap

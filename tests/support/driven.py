@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from slamduel.backends.registry import find
-from slamduel.bench.measure.metrics import align, aligned, ate
+from slamduel.bench.measure.accuracy import align, aligned, ate
 from slamduel.core.factors import Log, Prior, RangeBearing, RelativePoses
 from slamduel.core.se2 import Array
 

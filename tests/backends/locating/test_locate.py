@@ -10,7 +10,7 @@ import slamduel
 from lost_logs import RING, astray, surveyed, unnamed, window
 from slamduel.backends.locating.locate import LEAST, MARGIN, SIGHTINGS, locate
 from slamduel.backends.locating.map_index import MapIndex
-from slamduel.bench.measure.metrics import nees
+from slamduel.bench.measure.nees import nees
 from slamduel.core.factors import UNKNOWN, Log, Map, Truth
 from slamduel.core.se2 import Array, act, compose
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import slamduel
-from slamduel.bench.measure.misstated import misstated
+from slamduel.bench.measure.stated_noise import misstated
 from slamduel.core.factors import Dataset
 
 OFF = {"nees": 100.0}

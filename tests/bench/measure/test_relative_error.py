@@ -7,7 +7,7 @@ import pytest
 from evo.core.filters import filter_pairs_by_path
 
 from evo_cli import evo
-from slamduel.bench.measure.metrics import align, aligned, ate
+from slamduel.bench.measure.accuracy import align, aligned, ate
 from slamduel.bench.measure.relative_error import TOLERANCE, pairs_by_path, pairs_by_time, relative_error
 from slamduel.core.se2 import Array, Ints, compose, wrap
 from slamduel.core.tum import write_tum

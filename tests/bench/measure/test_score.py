@@ -12,8 +12,8 @@ import pytest
 
 from random_logs import random_log
 from slamduel.backends.api import Solution
+from slamduel.bench.measure.accuracy import Alignment, aligned, ate
 from slamduel.bench.measure.drive import Outcome
-from slamduel.bench.measure.metrics import Alignment, aligned, ate
 from slamduel.bench.measure.score import TRANSLATION_ONLY, score
 from slamduel.bench.record.files import export
 from slamduel.bench.record.schema import COLUMNS, MORE

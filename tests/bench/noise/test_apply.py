@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from noisy_logs import Slow, noisy
-from slamduel.bench.measure.metrics import nees
+from slamduel.bench.measure.nees import nees
 from slamduel.bench.noise.apply import backends, factors, stated
 from slamduel.bench.noise.measured import measured
 from slamduel.bench.noise.model import Model, SightingModel

@@ -15,8 +15,9 @@ from slamduel.backends.api import Backend
 from slamduel.backends.registry import find
 from slamduel.bench.cli import main
 from slamduel.bench.measure.drive import Outcome, drive
-from slamduel.bench.measure.metrics import nees
-from slamduel.bench.measure.score import JOINT_MOST, score
+from slamduel.bench.measure.kept import JOINT_MOST
+from slamduel.bench.measure.nees import nees
+from slamduel.bench.measure.score import score
 from slamduel.bench.plan.given_map import BLOCKS, FIXED, JOINT, GivenMap, localising, read
 from slamduel.bench.plan.landmark_file import block_diagonal
 from slamduel.bench.plan.plan import Plan

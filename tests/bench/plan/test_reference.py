@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from random_logs import random_log
-from slamduel.bench.measure.metrics import align, aligned, ate, own_map_rmse
+from slamduel.bench.measure.accuracy import align, aligned, ate, own_map_rmse
 from slamduel.bench.plan import reference
 from slamduel.bench.report.tables import accuracy_table
 from slamduel.bench.run.terminal import tables

@@ -20,7 +20,7 @@ from slamduel.bench.run.progress import Screen
 from slamduel.bench.run.result import run as run_in_python
 from slamduel.bench.run.runner import recorded_plan
 from slamduel.bench.run.terminal import status
-from slamduel.bench.verdict.costs import repeat_troubles
+from slamduel.bench.verdict.cost_words import repeat_troubles
 from slamduel.bench.verdict.summary import lines
 from slamduel.bench.words.columns import TIMED
 from slamduel.bench.words.console import screen_console

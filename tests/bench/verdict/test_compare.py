@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from slamduel.bench.cli import main
+from slamduel.bench.measure.repeats import over_rounds
 from slamduel.bench.record.schema import ROUND, VIEW
 from slamduel.bench.record.sketch import SUMS, Sketch
 from slamduel.bench.record.store import Store
@@ -27,9 +28,9 @@ from slamduel.bench.verdict.changes import (
     changes,
     summary,
 )
-from slamduel.bench.verdict.costs import over_rounds
 from slamduel.bench.verdict.pairing import paired_runs, side
 from slamduel.bench.verdict.statistics import holm, signed_rank
+from slamduel.bench.words.columns import TIMED
 from slamduel.core.errors import InputError
 from small_record import RUN, Record
 
@@ -375,7 +376,7 @@ def repeated(folder: Path, *factors: float, noise: float = 0.05) -> Path:
                 times = {n: row.columns[n] * factor * np.exp(noise * rng.normal()) for n in ("cpu_s", "step_us_p50")}
                 one = {"round": number, "status": "done", "timing_alone": 1, **times}
                 found.append(dict.fromkeys(ROUND) | one)
-                store.put_round(row.result, one, over_rounds(found))
+                store.put_round(row.result, one, over_rounds(found, TIMED))
     return folder
 
 

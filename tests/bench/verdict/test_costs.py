@@ -6,24 +6,14 @@ import numpy as np
 import pytest
 
 from judged_rows import LOGS, rows, timed, told
+from slamduel.bench.measure.repeats import FEWEST_ROUNDS, over_rounds, two_way
 from slamduel.bench.record.schema import Row
 from slamduel.bench.verdict.cost_simulation import COSTS, Case
-from slamduel.bench.verdict.costs import (
-    FEWEST_ROUNDS,
-    MARGIN,
-    CostRatio,
-    between_runs,
-    compare_costs,
-    compared,
-    cost,
-    is_dearer,
-    meanwhile,
-    over_rounds,
-    repeat_troubles,
-)
+from slamduel.bench.verdict.cost_words import compared, meanwhile, repeat_troubles
+from slamduel.bench.verdict.costs import MARGIN, CostRatio, between_runs, compare_costs, cost, is_dearer
 from slamduel.bench.verdict.summary import Line, lines
-from slamduel.bench.verdict.two_way import two_way
 from slamduel.bench.verdict.verdict import verdict
+from slamduel.bench.words.columns import TIMED
 
 LOADED = (1.0, 1.8, 3.0, 0.9, 1.4)  # what the machine makes of every time, by round
 
@@ -160,11 +150,11 @@ def test_what_the_machine_did_is_said_with_its_range() -> None:
 
 def test_a_cell_has_the_medians_of_its_rounds_and_intervals_from_three_on() -> None:
     (cell,) = timed(rows("a", 1, 1, step=10), 1.0, 3.0, 2.0, noise=0.0)
-    row = over_rounds(cell.rounds)
+    row = over_rounds(cell.rounds, TIMED)
     assert row["repeats"] == 3
     assert row["step_us_p50"] == pytest.approx(20)
     assert row["step_us_p50_low"] < 20 < row["step_us_p50_high"]
-    assert "cpu_s_low" not in over_rounds(cell.rounds[:2])
+    assert "cpu_s_low" not in over_rounds(cell.rounds[:2], TIMED)
 
 
 def test_a_change_between_runs_is_judged_by_the_rounds_of_both() -> None:

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from fuzzing import survivors
-from slamduel.bench.measure.metrics import align, aligned
+from slamduel.bench.measure.accuracy import align, aligned
 from slamduel.core.check import check_truth, problems
 from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.errors import InputError
