@@ -1,14 +1,13 @@
-"""Prepares datasets for the runner: turns (name, options, seed) into a log.
+"""Caches the logs of sources marked costly in the user's cache folder, and seeds the generators of all.
 
-Logs of sources marked costly are cached in the user's cache folder, under a key of everything that they depend on, so
-an entry is never stale. The environment variable SLAMDUEL_CACHE moves the folder.
+The key is of everything that a log depends on, so an entry is never stale. The environment variable SLAMDUEL_CACHE
+moves the folder.
 """
 
 import contextlib
 import hashlib
 import os
 import platform
-from dataclasses import fields, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -20,40 +19,17 @@ from ..core.check import check
 from ..core.errors import InputError
 from ..core.factors import Dataset
 from . import archive
-from .false_loops import FalseLoops, planted
-from .hidden_ids import KNOWN, HiddenIds, hidden
-from .on_map import OnMap, on_map
 from .registry import Source
 
 _MADE_WITH = ("numpy", "opencv-contrib-python-headless")
 
 
-def prepared(name: str, source: Source, options: Any, seed: int) -> Dataset:
-    """Prepares the dataset `name` of `source`, with `options`, for `seed`; InputError if that fails.
+def cached(name: str, source: Source, options: Any, seed: int) -> Dataset:
+    """Makes the dataset `name` of `source`, or reads it from the cache where it is costly; InputError if that fails.
 
     A costly source must depend on nothing but its options, the files that it names, its random generator and the code
-    of this package. Ids are hidden here, false loops planted and maps given, so that the log is otherwise that without
-    these options, and cached once.
+    of this package.
     """
-    seed = seed if source.seeded else 0
-    if isinstance(grid := getattr(options, "grid", None), str):
-        options = replace(options, grid=grid.replace("*", str(seed)))
-    own = options
-    if isinstance(options, HiddenIds):
-        own = replace(own, ids=KNOWN)
-    if isinstance(options, OnMap):
-        own = replace(own, **{one.name: one.default for one in fields(OnMap)})
-    if isinstance(options, FalseLoops):
-        own = replace(own, false_loops=0.0)
-    dataset = _kept(name, source, own, seed)
-    if isinstance(options, FalseLoops):
-        dataset = planted(dataset, options.false_loops, generator(f"false loops of {name}", seed))
-    if isinstance(options, HiddenIds):
-        dataset = hidden(dataset, options.ids, generator(f"ids of {name}", seed))
-    return on_map(dataset, options, generator(f"map of {name}", seed)) if isinstance(options, OnMap) else dataset
-
-
-def _kept(name: str, source: Source, options: Any, seed: int) -> Dataset:
     if not source.costly:
         return _made(name, source, options, seed)
     entry = folder() / f"{_key(name, source, options, seed)}.npz"

@@ -11,7 +11,7 @@ import json
 from typing import Any
 
 from ...backends import registry as backends
-from ...datasets import archive, cache
+from ...datasets import archive, cache, ready
 from ...datasets import registry as datasets
 from ..measure import cell as judge
 from ..plan import reference
@@ -23,7 +23,7 @@ from ..record.store import Known
 JUDGE = judge.__name__  # the module that runs and scores a cell
 REGISTRIES = frozenset({datasets.__name__, backends.__name__})  # look up modules whose names are in a key
 ELSEWHERE = REGISTRIES | {cache.__name__, archive.__name__, reference.__name__}  # affect logs only
-MAKER = cache.__name__  # the module that seeds a log's random generator
+MAKER = ready.__name__  # the module that makes logs from what their sources make, and seeds their generators
 
 
 def from_files(log: OneLog) -> bool:

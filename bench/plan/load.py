@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ...core.errors import InputError
 from ...core.factors import Dataset
-from ...datasets.cache import prepared
+from ...datasets.ready import made_ready
 from .spec import dataset_at, dataset_variants
 from .values import as_text, as_whole
 from .variant import DatasetVariant
@@ -29,4 +29,4 @@ def one(text: str, caller: str) -> DatasetVariant:
 def made(variant: DatasetVariant, seed: int) -> Dataset:
     """Makes the dataset for `seed`; InputError where it cannot be made."""
     log = variant.log(seed)
-    return prepared(log.dataset.name, log.dataset.source, log.dataset.options, log.seed)
+    return made_ready(log.dataset.name, log.dataset.source, log.dataset.options, log.seed)

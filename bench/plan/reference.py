@@ -9,19 +9,22 @@ import contextlib
 import hashlib
 from importlib import metadata
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ... import backends
 from ...backends.api import Diverged, Solution
 from ...core.errors import InputError
-from ...core.factors import UNKNOWN, Dataset, Log, Map, Truth
+from ...core.factors import UNKNOWN, Dataset, Log, Map, Start, Truth
 from ...core.se2 import Array, act
 from ...core.truth_errors import named
 from ...datasets import archive, cache
+from ...datasets import registry as datasets
+from ...datasets.ready import made_ready
 from ..measure.accuracy import align
 from ..measure.misfit import loop_misfits, misfits
+from .given_map import localising
 
 MEDIAN, LOOP_MEDIAN = 1.386, 2.366  # median of chi-square with 2 degrees of freedom, and 3
 FAR, LOOP_FAR = 18.42, 21.11  # chi-square with 2 degrees of freedom, and 3, exceeds it once in 10,000
@@ -52,6 +55,18 @@ def reference(log: Log) -> Truth | None:
             entry.parent.mkdir(parents=True, exist_ok=True)
             archive.save(entry, Dataset(log, truth))
     return truth
+
+
+def made_with_reference(
+    name: str, options: Any, seed: int, given: Map | None = None, start: Start = "known"
+) -> Dataset:
+    """Makes the log of a dataset, with a reference where its ground truth is not known; InputError where it cannot be.
+
+    `given` and `start` go into its prior.
+    """
+    made = made_ready(name, datasets.find(name), options, seed)
+    log = made.log if given is None else localising(made.log, given, f"dataset {name}", start)
+    return Dataset(log, known(log, made.truth))
 
 
 def known(log: Log, truth: Truth | None) -> Truth | None:

@@ -20,7 +20,7 @@ from ...datasets import archive
 from ..engine.batches import job_of
 from ..engine.log_files import LogFiles
 from ..plan.plan import Cell
-from ..plan.prepare import prepared
+from ..plan.reference import made_with_reference
 from ..plan.spec import pieces
 from ..plan.variant import Variant
 from ..plan.work import PlannedCell, Work, recorded
@@ -125,7 +125,7 @@ def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
         known = None if given is None else given.of(dataset, request.seed)
         start = "known" if given is None else given.start
         log = cell.log
-        made = prepared(log.dataset.name, log.dataset.options, log.seed, known, start)
+        made = made_with_reference(log.dataset.name, log.dataset.options, log.seed, known, start)
     if before is not None and made.log.digest != before.digest:
         raise InputError(
             f"{store.folder}: {dataset.label}, seed {request.seed}, has changed since this run: its "

@@ -17,7 +17,7 @@ from ...datasets.remarks import remarks
 from ...datasets.truth import digest
 from ..measure import cell
 from ..measure.cell import Job, Result
-from ..plan.prepare import prepared
+from ..plan.reference import made_with_reference
 from ..record.beside_arrays import beside_arrays
 from ..record.sketch import sketch
 
@@ -101,16 +101,13 @@ class Logs:
         """Returns the batch's log and its facts; SlamduelError where it cannot be made or loaded."""
         found = self._kept.pop(batch.log, None)
         if found is None:
-            dataset = _loaded(batch.kept) if batch.kept else _prepared(batch)
+            options = batch.dataset, batch.options, batch.seed, batch.map, batch.start
+            dataset = _loaded(batch.kept) if batch.kept else made_with_reference(*options)
             found = dataset, facts_of(dataset)
         self._kept[batch.log] = found
         while len(self._kept) > LOGS_KEPT:
             del self._kept[next(iter(self._kept))]
         return found
-
-
-def _prepared(batch: Batch) -> Dataset:
-    return prepared(batch.dataset, batch.options, batch.seed, batch.map, batch.start)
 
 
 def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: None) -> Iterator[Finished]:

@@ -11,6 +11,7 @@ from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset
 from slamduel.core.options import option
 from slamduel.datasets import cache
+from slamduel.datasets.ready import made_ready
 from slamduel.datasets.registry import Source
 from small_log import assert_same, small_log
 
@@ -49,14 +50,14 @@ def costly(maker: Maker) -> Source:
 
 
 def test_a_costly_log_is_made_once_and_comes_back_the_same(costly: Source, maker: Maker):
-    first = cache.prepared("x", costly, Options(), 3)
-    assert_same(cache.prepared("x", costly, Options(), 3), first)
+    first = made_ready("x", costly, Options(), 3)
+    assert_same(made_ready("x", costly, Options(), 3), first)
     assert maker.calls == 1
 
 
 def test_a_cheap_log_is_made_each_time_and_never_kept(maker: Maker, folder: Path):
     source = Source(maker, Options, seeded=True)
-    assert_same(cache.prepared("x", source, Options(), 3), cache.prepared("x", source, Options(), 3))
+    assert_same(made_ready("x", source, Options(), 3), made_ready("x", source, Options(), 3))
     assert maker.calls == 2
     assert not folder.exists()
 
@@ -67,17 +68,17 @@ def test_a_cheap_log_is_made_each_time_and_never_kept(maker: Maker, folder: Path
 def test_another_name_option_or_seed_is_another_entry(
     costly: Source, maker: Maker, name: str, options: Options, seed: int
 ):
-    first = cache.prepared("x", costly, Options(), 3)
-    assert cache.prepared(name, costly, options, seed).log.digest != first.log.digest
+    first = made_ready("x", costly, Options(), 3)
+    assert made_ready(name, costly, options, seed).log.digest != first.log.digest
     assert maker.calls == 2
 
 
 def test_another_version_or_another_line_of_code_is_another_entry(
     costly: Source, maker: Maker, monkeypatch: pytest.MonkeyPatch, folder: Path
 ):
-    cache.prepared("x", costly, Options(), 3)
+    made_ready("x", costly, Options(), 3)
     monkeypatch.setattr(cache.metadata, "version", lambda _: "0.0")
-    cache.prepared("x", costly, Options(), 3)
+    made_ready("x", costly, Options(), 3)
     assert maker.calls == 2
     original = Path.read_bytes
 
@@ -85,26 +86,26 @@ def test_another_version_or_another_line_of_code_is_another_entry(
         return original(path) + (b"#" if path.name == "se2.py" else b"")
 
     monkeypatch.setattr(Path, "read_bytes", edited)
-    cache.prepared("x", costly, Options(), 3)
+    made_ready("x", costly, Options(), 3)
     assert maker.calls == 3
     assert len(os.listdir(folder)) == 3
 
 
 @pytest.mark.parametrize("damage", [b"", b"nonsense", None])
 def test_a_damaged_entry_is_made_anew(costly: Source, maker: Maker, folder: Path, damage: bytes | None):
-    first = cache.prepared("x", costly, Options(), 3)
+    first = made_ready("x", costly, Options(), 3)
     (entry,) = folder.iterdir()
     entry.write_bytes(entry.read_bytes()[:-40] if damage is None else damage)
-    assert_same(cache.prepared("x", costly, Options(), 3), first)
+    assert_same(made_ready("x", costly, Options(), 3), first)
     assert maker.calls == 2
-    assert_same(cache.prepared("x", costly, Options(), 3), first)
+    assert_same(made_ready("x", costly, Options(), 3), first)
     assert maker.calls == 2
 
 
 def test_a_cache_that_cannot_be_written_to_is_done_without(costly: Source, maker: Maker, folder: Path):
     folder.write_text("a file where the folder should be")
-    first = cache.prepared("x", costly, Options(), 3)
-    assert_same(cache.prepared("x", costly, Options(), 3), first)
+    first = made_ready("x", costly, Options(), 3)
+    assert_same(made_ready("x", costly, Options(), 3), first)
     assert maker.calls == 2
 
 
@@ -113,20 +114,20 @@ def test_another_content_of_a_file_that_is_read_is_another_entry(costly: Source,
     for calls, content in ((1, None), (2, "one"), (3, "more")):
         if content is not None:
             path.write_text(content)
-        cache.prepared("x", source, Options(), 3)
-        cache.prepared("x", source, Options(), 3)
+        made_ready("x", source, Options(), 3)
+        made_ready("x", source, Options(), 3)
         assert maker.calls == calls
 
 
 def test_variants_share_their_randomness(maker: Maker):
     source = Source(maker, Options, seeded=True)
-    one, two = (cache.prepared("x", source, Options(scale), 3).log for scale in (1.0, 2.0))
+    one, two = (made_ready("x", source, Options(scale), 3).log for scale in (1.0, 2.0))
     np.testing.assert_array_equal(2 * one.z[:, 0], two.z[:, 0])
 
 
 def test_an_unseeded_source_is_the_same_for_every_seed(maker: Maker):
     source = Source(maker, Options, costly=True)
-    assert_same(cache.prepared("x", source, Options(), 3), cache.prepared("x", source, Options(), 4))
+    assert_same(made_ready("x", source, Options(), 3), made_ready("x", source, Options(), 4))
     assert maker.calls == 1
 
 
@@ -145,5 +146,5 @@ def test_the_generator_depends_on_name_and_seed():
 
 def test_a_source_that_makes_an_unusable_log_is_named(costly: Source, folder: Path):
     with pytest.raises(InputError, match=r"dataset x: sightings row 0: range is -"):
-        cache.prepared("x", costly, Options(-1.0), 3)
+        made_ready("x", costly, Options(-1.0), 3)
     assert not folder.exists()

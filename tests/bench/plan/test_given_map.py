@@ -21,7 +21,7 @@ from slamduel.bench.measure.score import score
 from slamduel.bench.plan.given_map import BLOCKS, FIXED, JOINT, GivenMap, localising, read
 from slamduel.bench.plan.landmark_file import block_diagonal
 from slamduel.bench.plan.plan import Plan
-from slamduel.bench.plan.prepare import prepared
+from slamduel.bench.plan.reference import made_with_reference
 from slamduel.bench.plan.spec import dataset_variants
 from slamduel.bench.record.schema import FILE
 from slamduel.bench.record.store import Store
@@ -270,7 +270,7 @@ def test_what_cannot_be_told_apart_or_found_is_a_sentence(worlds: Path, tmp_path
     log_folder.write(tmp_path / "own", own.log, own.truth)
     variant = dataset_variants(str(tmp_path / "own"))[0]
     with pytest.raises(InputError, match="dataset log has a map of its own in its prior"):
-        prepared(variant.name, variant.options, 0, own.log.prior.map)
+        made_with_reference(variant.name, variant.options, 0, own.log.prior.map)
 
 
 @pytest.mark.usefixtures("no_report")

@@ -97,7 +97,7 @@ LOGS = {"circle", "matlab-report", "victoria-park"}
         ("core/se2.py", LOGS | BACKENDS),
         ("bench/measure/drive.py", BACKENDS),
         ("bench/measure/score.py", BACKENDS),
-        ("bench/measure/metrics.py", BACKENDS),
+        ("bench/measure/nees.py", BACKENDS),
         (
             (
                 "bench/report/figures.py bench/report/report.py bench/drawing/page.py "

@@ -15,7 +15,7 @@ from slamduel.bench.engine.engine import RunRequest, Tally, run
 from slamduel.bench.engine.key import log_key
 from slamduel.bench.engine.log_files import FOLDER, LogFiles, same
 from slamduel.bench.measure.cell import Result
-from slamduel.bench.plan import prepare
+from slamduel.bench.plan import reference
 from slamduel.bench.record.store import Known, Store
 from slamduel.bench.study.estimate import estimate
 from slamduel.bench.study.file import made
@@ -236,7 +236,7 @@ def recorded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[float
     def study(off: float) -> str:
         poses = np.zeros((len(log), 3)) + off
         path = Truth(log.t, poses, None, None, "reference", "reference")
-        monkeypatch.setattr(prepare, "known", lambda log, truth: path)
+        monkeypatch.setattr(reference, "known", lambda log, truth: path)
         return f'cells = [{{dataset = "{tmp_path}/log", backend = ["ekf", "ukf"]}}]\n'
 
     return study
