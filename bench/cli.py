@@ -10,8 +10,7 @@ from collections.abc import Callable, Generator, Sequence
 from importlib import import_module
 from typing import NoReturn
 
-from ..core.errors import InputError, Interrupted, SlamduelError
-from ..core.nearest import nearest
+from ..core.errors import InputError, Interrupted, SlamduelError, nearest
 from .words.ascii import plain_where_needed
 
 COMMANDS = {

@@ -1,4 +1,7 @@
-"""Root classes of the errors meant for the user."""
+"""Root classes of the errors meant for the user, and the known name nearest to an unknown one."""
+
+import difflib
+from collections.abc import Iterable
 
 
 class SlamduelError(Exception):
@@ -18,3 +21,12 @@ class Absent(InputError):
 
 class Interrupted(SlamduelError):
     """The user stopped a command; the message says how to resume it."""
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Suggests the known name that was meant, or lists all."""
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    return f"expected one of {', '.join(names)}." if names else "it has none."

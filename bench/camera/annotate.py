@@ -7,7 +7,7 @@ import numpy as np
 
 from ...core.se2 import Array
 from ...frontend.markers.aruco import Image
-from ...frontend.markers.pipeline import Seen
+from ...frontend.markers.pipeline import FrameSightings
 
 # BGR, of Okabe and Ito's colours: green for what is in the log, orange for what is too far away for it.
 KEPT, FAR = (115, 158, 0), (0, 94, 213)
@@ -17,7 +17,7 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _SHIFT = 4  # bits of a pixel that OpenCV draws lines to
 
 
-def annotated(seen: Seen, width: int | None = None) -> Image:
+def annotated(seen: FrameSightings, width: int | None = None) -> Image:
     """Draws outlines, ids, ranges and the time on the frame, `width` px wide (None: as it is)."""
     image = seen.frame.image
     assert image is not None

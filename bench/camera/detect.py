@@ -13,7 +13,7 @@ from ...datasets.remarks import refuse
 from ...datasets.truth import with_truth
 from ...frontend.markers.aruco import Sighting
 from ...frontend.markers.diagnosis import diagnose, plausible_length
-from ...frontend.markers.pipeline import Frame, Recording, Seen, build_log
+from ...frontend.markers.pipeline import Frame, FrameSightings, Recording, build_log
 from .annotate import annotated
 from .figures import range_bins
 from .folder import write_detection_report, write_folder
@@ -55,7 +55,7 @@ def detect(
     first: list[Sighting] = []
     detection, contact, empty = Detection(CORNERS if request.calibrate_noise else None), ContactSheet(), EmptyFrames()
 
-    def observe(seen: Seen) -> None:
+    def observe(seen: FrameSightings) -> None:
         detection.observe(seen, recording.detector.camera.mounting)
         contact.observe(seen)
         empty.observe(seen)

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from ...frontend.markers.aruco import Image
-from ...frontend.markers.pipeline import Seen
+from ...frontend.markers.pipeline import FrameSightings
 from .annotate import annotated
 
 PICTURES = 12
@@ -40,7 +40,7 @@ class ContactSheet:
     _frames: int = 0
     _length: int = 1  # frames a stretch
 
-    def observe(self, seen: Seen) -> None:
+    def observe(self, seen: FrameSightings) -> None:
         """Considers a frame; it is drawn only if it is kept."""
         if self._frames % self._length == 0:
             if len(self._stretches) == STRETCHES:
@@ -126,7 +126,7 @@ class EmptyFrames:
     _every: int = 1
     _seen: int = 0
 
-    def observe(self, seen: Seen) -> None:
+    def observe(self, seen: FrameSightings) -> None:
         """Keeps the frame's image if it is one of every so many."""
         if seen.sightings or seen.frame.image is None:
             return

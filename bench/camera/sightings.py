@@ -12,7 +12,7 @@ from ...core.factors import Truth
 from ...core.se2 import Array, Ints
 from ...core.truth_errors import difference, rows_of, sighted_from
 from ...frontend.markers.noise import Noise
-from ...frontend.markers.pipeline import Seen
+from ...frontend.markers.pipeline import FrameSightings
 
 AMBIGUOUS = 0.05  # ambiguous from here on: the likelihood of a marker's second pose over that of the better one
 
@@ -61,7 +61,7 @@ class Detection:
     _cov: list[Array] = field(default_factory=list[Array])
     _corner_noise: list[Array] = field(default_factory=list[Array])
 
-    def observe(self, seen: Seen, mounting: Array) -> None:
+    def observe(self, seen: FrameSightings, mounting: Array) -> None:
         """Takes in a frame; `mounting` is T_robot_camera."""
         assert seen.frame.image is not None
         height, width = seen.frame.image.shape[:2]

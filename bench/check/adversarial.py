@@ -36,12 +36,12 @@ from ..words.numerals import counted
 from .adversarial_logs import ADVERSARIES, Adversary
 from .candidate import ROUNDING, SIGMAS, Candidate, Failed, GaveUp, NotApplicable, Trial, stays_near
 from .log_recipe import made_log
-from .small_logs import Drive, around, dead_reckoned
+from .small_logs import SmallLog, around, dead_reckoned
 
 DIGITS = 1e-9  # share of the coordinates' size that rounding and early-stopped iterations may add up to
 
 
-class Answer(NamedTuple):
+class BatchAnswer(NamedTuple):
     """The batch answer of a log, and the uncertainty of an estimate on the way to it."""
 
     path: Array  # (n, 3)
@@ -105,7 +105,9 @@ def stands_logs_without_ids(candidate: Candidate) -> str:
     return f"{len(ADVERSARIES)} logs, given up with a reason on {ended}"
 
 
-def bound(candidate: Candidate, adversary: Adversary, answer: Answer, takes_out: bool = False) -> tuple[Array, Array]:
+def bound(
+    candidate: Candidate, adversary: Adversary, answer: BatchAnswer, takes_out: bool = False
+) -> tuple[Array, Array]:
     """Bounds the error, (n,) m and (n,) rad, of an estimate relative to the batch answer.
 
     One that takes out sightings which are off may take out most on such a log: it is held to dead reckoning's bound.
@@ -138,23 +140,23 @@ def ordinary(candidate: Candidate) -> Trial:
 
 
 @cache
-def batch_answer(adversary: Adversary) -> Answer:
+def batch_answer(adversary: Adversary) -> BatchAnswer:
     """Returns the answer that every backend is compared with; the optimum is kept in the user's cache."""
     made = adversary.made
     found = reference(made.log)
     along, batch = made, False
     if found is not None and found.map is not None and _fits(made, found.poses, found.map):
-        along, batch = Drive(made.log, found.poses, found.map), True
-    return Answer(along.path, filtered(along), filtered(along, blind=True), batch)
+        along, batch = SmallLog(made.log, found.poses, found.map), True
+    return BatchAnswer(along.path, filtered(along), filtered(along, blind=True), batch)
 
 
-def _fits(made: Drive, path: Array, landmarks: Map) -> bool:
+def _fits(made: SmallLog, path: Array, landmarks: Map) -> bool:
     """Returns True if J is no larger than that of the truth: else the optimum is elsewhere."""
     here, there = misfit(made.log, path, landmarks), misfit(made.log, made.path, made.map)
     return here is not None and there is not None and here.total <= there.total + ROUNDING
 
 
-def filtered(made: Drive, *, blind: bool = False) -> Array:
+def filtered(made: SmallLog, *, blind: bool = False) -> Array:
     """Computes pose covariances (n, 3, 3) of a Kalman filter along `made` with grown noises; `blind`: no sightings."""
     log, place = made.log, dict(zip(made.map.ids.tolist(), made.map.xy, strict=True))
     known = log.prior.map

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .log_recipe import made_log
-from .small_logs import CIRCLE, IDS, MOTION_SD, RING, SIGHTING_SD, Drive, around
+from .small_logs import CIRCLE, IDS, MOTION_SD, RING, SIGHTING_SD, SmallLog, around
 
 NO_BEARING = "what stands at the robot itself has no bearing, and no derivative of one"
 NOT_LINEAR = "the uncertainty spans more than any linearisation holds for"
@@ -27,12 +27,12 @@ class Adversary:
 
     name: str
     title: str  # what is hard about it
-    make: Callable[[np.random.Generator], Drive]
+    make: Callable[[np.random.Generator], SmallLog]
     may_end: str = ""  # why a sound method may give up with a named reason; "": it must not
     planted: float = 0.0  # standard deviations of a planted error
 
     @cached_property
-    def made(self) -> Drive:
+    def made(self) -> SmallLog:
         """Makes the log and its truth."""
         return self.make(np.random.default_rng(zlib.crc32(self.name.encode())))
 
@@ -77,10 +77,10 @@ def _circle(steps: int, radius: float) -> Any:
     return np.tile([radius * np.sin(turn), radius * (1 - np.cos(turn)), turn], (steps - 1, 1))
 
 
-def _with_bearing(bearing: float) -> Callable[[np.random.Generator], Drive]:
+def _with_bearing(bearing: float) -> Callable[[np.random.Generator], SmallLog]:
     """Makes an exact log of a landmark straight behind, at exactly this bearing at every step."""
 
-    def make(rng: np.random.Generator) -> Drive:
+    def make(rng: np.random.Generator) -> SmallLog:
         made = made_log(rng, _straight(60), start=(0, 0, 0), xy=[(-2.0, 0.0), (30.0, 0.0)], reach=40.0, errors=0.0)
         z = made.log.z.copy()
         z[made.log.ids == IDS[0], 1] = bearing
@@ -89,21 +89,21 @@ def _with_bearing(bearing: float) -> Callable[[np.random.Generator], Drive]:
     return make
 
 
-def _with_outlier(rng: np.random.Generator) -> Drive:
+def _with_outlier(rng: np.random.Generator) -> SmallLog:
     made = made_log(rng)
     z = made.log.z.copy()
     z[len(z) // 2] += 50 * SIGHTING_SD[0] * np.array([1.0, 0.0])
     return made._replace(log=_changed(made, z=z))
 
 
-def _with_slip(rng: np.random.Generator) -> Drive:
+def _with_slip(rng: np.random.Generator) -> SmallLog:
     made = made_log(rng)
     delta = made.log.delta.copy()
     delta[30, 0] += 50 * MOTION_SD[0]
     return made._replace(log=_changed(made, delta=delta))
 
 
-def _changed(made: Drive, **columns: Any) -> Any:
+def _changed(made: SmallLog, **columns: Any) -> Any:
     """Replaces columns of the log by read-only ones."""
     for column in columns.values():
         column.flags.writeable = False

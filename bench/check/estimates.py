@@ -10,7 +10,7 @@ from ...core.factors import Log, Map
 from ...core.se2 import Array
 from ..words.numerals import counted
 from .candidate import ROUNDING, Candidate, Failed, NotApplicable, same, spread, stays_near
-from .small_logs import INDOORS, Drive, around, behind, dead_reckoned, drive, with_loop, with_loops, with_map
+from .small_logs import INDOORS, SmallLog, around, behind, dead_reckoned, drive, with_loop, with_loops, with_map
 
 TINY = 1e-3  # noise of exact logs, in units of the usual: filters may differ in its second order
 BIAS = np.array([0.01, 0.0, 0.008])  # of odometry, within its stated noise, adds up to a turn of 0.4 rad in 50 steps
@@ -159,18 +159,18 @@ def _stays_exact(candidate: Candidate, log: Log, expected: Array) -> float:
     return max(stays_near(path, expected, candidate.slack(log), f"the {which} path") for which, path in paths.items())
 
 
-def _stays_within_dead_reckoning(candidate: Candidate, noisy: Drive) -> float:
+def _stays_within_dead_reckoning(candidate: Candidate, noisy: SmallLog) -> float:
     _, cov = dead_reckoned(noisy.log)
     paths = candidate.run(noisy.log).paths
     return max(stays_near(path, noisy.path, spread(cov), f"the {which} path") for which, path in paths.items())
 
 
-def _drifting(rng: np.random.Generator) -> Drive:
+def _drifting(rng: np.random.Generator) -> SmallLog:
     """Makes a log of biased odometry where every landmark is sighted at two steps only: only a map helps."""
     return drive(rng, around(50), bias=BIAS, reach=20.0, sees=lambda k, i: k - (8 + 8 * (i // 2)) in (0, 1))
 
 
-def _localises(candidate: Candidate, given: Drive) -> tuple[Map, str]:
+def _localises(candidate: Candidate, given: SmallLog) -> tuple[Map, str]:
     plain, _ = dead_reckoned(given.log)
     trial = candidate.run(given.log)
     if all(np.abs(path - plain).max() < ROUNDING for path in trial.paths.values()):
@@ -191,7 +191,7 @@ def _rmse(path: Array, truth: Array) -> float:
     return float(np.sqrt(np.mean(np.sum((path - truth)[:, :2] ** 2, axis=1))))
 
 
-def _map_errors(made: Drive, landmarks: Map) -> dict[int, float]:
+def _map_errors(made: SmallLog, landmarks: Map) -> dict[int, float]:
     """Returns each landmark's distance (m) from its true place, or from that on the given map."""
     given = made.map if made.log.prior.map is None else made.log.prior.map
     place = dict(zip(landmarks.ids.tolist(), landmarks.xy, strict=True))

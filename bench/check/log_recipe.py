@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...core import se2
 from ...core.factors import Log, Map, Prior
 from ...core.se2 import Array, Ints
-from .small_logs import CIRCLE_START, IDS, INDOORS, MOTION_SD, PRIOR_SD, RING, SIGHTING_SD, Drive, around
+from .small_logs import CIRCLE_START, IDS, INDOORS, MOTION_SD, PRIOR_SD, RING, SIGHTING_SD, SmallLog, around
 
 
 def made_log(
@@ -26,7 +26,7 @@ def made_log(
     start_errors: float = 1.0,
     t: ArrayLike | None = None,
     known_sd: float | None = None,
-) -> Drive:
+) -> SmallLog:
     """Makes the log of a robot with `motions` (n - 1, 3), by default sixty steps of a circle, from about `start` (3,).
 
     Landmark `ids[i]` at `xy[i]` (L, 2) is sighted at step k where it is within `reach` (m) and `sees`, which broadcasts
@@ -77,7 +77,7 @@ def made_log(
         z,
         z_cov,
     )
-    return Drive(log, path, Map(ids, places, None))
+    return SmallLog(log, path, Map(ids, places, None))
 
 
 def _correlated(sd: Array, correlation: float) -> tuple[Array, Array]:

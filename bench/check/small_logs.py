@@ -29,7 +29,7 @@ CIRCLE_START = np.array([4.0, 0.0, np.pi / 2])
 INDOORS = 5.0  # m, the sensor's range in every direction
 
 
-class Drive(NamedTuple):
+class SmallLog(NamedTuple):
     """A log with the true path and map."""
 
     log: Log
@@ -49,7 +49,7 @@ def drive(
     bias: Array | None = None,
     reach: float = INDOORS,
     sees: Callable[[int, int], bool] | None = None,
-) -> Drive:
+) -> SmallLog:
     """Makes the log of a robot with `motions` (n - 1, 3) from about `start` (3,) among landmarks `ids` at `xy`.
 
     Standard deviations are those above times `scale`; the errors drawn from them are multiplied by `errors` (0: an
@@ -79,7 +79,7 @@ def drive(
         steps.append(Step(0.1 * k, odometry, sightings, NO_LOOPS))
     log = Log.from_steps("conformance", prior, steps)
     on_map = np.isin(ids, log.ids)
-    return Drive(log, path, Map(ids[on_map], xy[on_map], None))
+    return SmallLog(log, path, Map(ids[on_map], xy[on_map], None))
 
 
 def around(steps: int) -> Array:
@@ -87,7 +87,7 @@ def around(steps: int) -> Array:
     return np.tile(CIRCLE, (steps - 1, 1))
 
 
-def behind(rng: np.random.Generator, heading: float, scale: float = 1.0, errors: float = 1.0) -> Drive:
+def behind(rng: np.random.Generator, heading: float, scale: float = 1.0, errors: float = 1.0) -> SmallLog:
     """Makes a drive of 16 m straight ahead, from a landmark 2 m behind towards one far ahead."""
     ahead = np.array([np.cos(heading), 0.0])  # exactly, where the heading is 0 or pi
     places, motions = np.array([-2.0 * ahead, 30.0 * ahead]), np.tile([0.2, 0.0, 0.0], (79, 1))
@@ -101,7 +101,7 @@ def sight(pose: Array, xy: Array) -> Array:
     return np.stack((np.hypot(dx, dy), se2.wrap(np.arctan2(dy, dx) - pose[2])), axis=-1)
 
 
-def with_map(drive: Drive, cov: Array | None, rng: np.random.Generator) -> Drive:
+def with_map(drive: SmallLog, cov: Array | None, rng: np.random.Generator) -> SmallLog:
     """Gives a map: the true one, held fixed, or one drawn with joint covariance `cov` (2n, 2n)."""
     ids, xy, _ = drive.map
     if cov is not None:
@@ -110,7 +110,7 @@ def with_map(drive: Drive, cov: Array | None, rng: np.random.Generator) -> Drive
     return drive._replace(log=Log.from_steps(drive.log.name, prior, list(drive.log)))
 
 
-def with_loop(drive: Drive, to: int) -> Drive:
+def with_loop(drive: SmallLog, to: int) -> SmallLog:
     """Removes sightings and adds an exact loop closure, stated to LOOP_SD, from the last step to `to`.
 
     The odometry is stated so poor that its drift agrees with the loop: a gate or a robust loss would reject it else.
@@ -126,7 +126,7 @@ def with_loop(drive: Drive, to: int) -> Drive:
     return drive._replace(log=Log.from_steps(drive.log.name, drive.log.prior, steps))
 
 
-def with_loops(drive: Drive, rng: np.random.Generator, errors: float = 1.0, scale: float = 1.0) -> Drive:
+def with_loops(drive: SmallLog, rng: np.random.Generator, errors: float = 1.0, scale: float = 1.0) -> SmallLog:
     """Adds to every third step from the tenth on loop closures to two earlier steps, with noise as of a motion."""
     cov = scale**2 * CORRELATION * np.outer(MOTION_SD, MOTION_SD)
     noise, steps = errors * np.linalg.cholesky(cov), list(drive.log)

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...core.se2 import Array
 from ..record.cell_table import CellTable
-from ..record.statuses import FAILED
+from ..record.schema import FAILED
 from ..study.study import Figure
 from ..verdict.statistics import FEWEST, estimate
 from ..verdict.units import units

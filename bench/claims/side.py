@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...core.se2 import Array, Ints
 from ..record.cell_table import CellTable
-from ..record.statuses import FAILED
+from ..record.schema import FAILED
 from ..verdict.ranking import ROUNDING
 from ..verdict.units import INDEPENDENT, Units, units
 from ..words.columns import about

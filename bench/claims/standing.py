@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..record.cell_table import CellTable
-from ..record.statuses import FAILED
+from ..record.schema import FAILED
 from .curves import worded
 from .side import parameters
 
@@ -30,7 +30,7 @@ class FailureGroup(NamedTuple):
         return self.status in FAILED
 
 
-class Standing(NamedTuple):
+class Progress(NamedTuple):
     """The progress of all cells of a study."""
 
     counts: dict[str, int]  # by status, those that there are
@@ -52,7 +52,7 @@ class Standing(NamedTuple):
         return sum(self.counts.get(status, 0) for status in FAILED)
 
 
-def standing(table: CellTable) -> Standing:
+def standing(table: CellTable) -> Progress:
     """Summarises the table."""
     statuses, reasons = table.columns["status"], table.columns["reason"]
     counts = Counter(statuses.tolist())
@@ -65,7 +65,7 @@ def standing(table: CellTable) -> Standing:
         for (status, _), rows in alike.items()
     ]
     told.sort(key=lambda one: (not one.failed, one.status == "done", -one.n))
-    return Standing({status: counts[status] for status in ENDS if counts[status]}, told)
+    return Progress({status: counts[status] for status in ENDS if counts[status]}, told)
 
 
 def _where(table: CellTable, rows: Sequence[int]) -> list[tuple[str, str]]:

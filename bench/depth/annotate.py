@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.se2 import Array, Ints
 from ...frontend.camera.camera import Camera
-from ...frontend.depth.front_end import Seen
+from ...frontend.depth.front_end import FrameFindings
 from ...frontend.depth.level import tilt_of
 from ...frontend.depth.pairs import Keyframe, Trial
 from ...frontend.markers.aruco import Image
@@ -41,7 +41,7 @@ APART = 40.0
 """px at 640 pixels of width between two ids."""
 
 
-def annotated(seen: Seen, camera: Camera) -> Image:
+def annotated(seen: FrameFindings, camera: Camera) -> Image:
     """Draws features by what became of them, landmarks' ids, the levelled horizon, and the motions tried."""
     frame, keyframe = seen.frame, seen.keyframe
     picture = np.array(cv2.cvtColor(frame.grey, cv2.COLOR_GRAY2BGR) if frame.colour is None else frame.colour)
@@ -55,7 +55,7 @@ def annotated(seen: Seen, camera: Camera) -> Image:
     return np.asarray(picture, np.uint8)
 
 
-def _lines(seen: Seen, camera: Camera) -> list[str]:
+def _lines(seen: FrameFindings, camera: Camera) -> list[str]:
     """Says in words: the time and step, the level, and the motions tried."""
     t, keyframe = f"{seen.frame.seconds:.2f} s", seen.keyframe
     if keyframe is None:
@@ -80,7 +80,7 @@ def _outcome(trial: Trial) -> str:
     return f"{len(trial.pair.rows)} of {len(trial.matches)} matches agree"
 
 
-def _features(picture: Any, seen: Seen, keyframe: Keyframe, size: float) -> None:
+def _features(picture: Any, seen: FrameFindings, keyframe: Keyframe, size: float) -> None:
     """Draws every feature, and a line to where one that agrees was in the step before."""
     pixels, n = keyframe.features.pixels, len(keyframe.features)
     trials = [*seen.trials, *seen.loops]

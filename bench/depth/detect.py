@@ -13,10 +13,10 @@ from ...datasets.depth.open import OpenedDepth
 from ...datasets.formats import log_folder
 from ...datasets.remarks import refuse
 from ...datasets.truth import with_truth
-from ...frontend.depth.frame import DepthFrame
 from ...frontend.depth.front_end import FrontEnd
 from ...frontend.depth.level import tilt_of
 from ...frontend.depth.log import log_of, looked_at
+from ...frontend.depth.recording import DepthFrame
 from ..camera.folder import write_folder
 from ..camera.preview import Preview
 from .annotate import annotated

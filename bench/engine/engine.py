@@ -19,8 +19,7 @@ from ..measure.cell import Result
 from ..measure.repeats import over_rounds
 from ..plan.work import PlannedCell, Work
 from ..record.lock import claimed
-from ..record.schema import FILE, KEY, ROUND, Row
-from ..record.statuses import FAILED
+from ..record.schema import FAILED, FILE, KEY, ROUND, Row
 from ..record.store import Known, Store
 from ..words.columns import TIMED
 from ..words.reason import reason, traceback

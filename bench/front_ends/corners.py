@@ -77,7 +77,7 @@ class Misreadings(NamedTuple):
     wrong: int
 
 
-class Extent(NamedTuple):
+class CornerExtent(NamedTuple):
     """The extent of the study."""
 
     timed: int  # frames of either size
@@ -86,7 +86,7 @@ class Extent(NamedTuple):
     crowded: int  # frames
 
 
-QUICK, FULL = Extent(10, 20, 20, 20), Extent(40, 200, 200, 200)
+QUICK, FULL = CornerExtent(10, 20, 20, 20), CornerExtent(40, 200, 200, 200)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class Study:
         shots = placements(SMALL, distance, count, rng, streak=streak)
         return accuracies(self._detectors, shots, distance, streak, count, progress)
 
-    def misreadings(self, extent: Extent, progress: Callable[[], None]) -> Iterator[Misreadings]:
+    def misreadings(self, extent: CornerExtent, progress: Callable[[], None]) -> Iterator[Misreadings]:
         """Counts wrong ids in clutter and crowded frames: with no refinement, as OpenCV reads them, and the last."""
         nobody = ((frozenset[int](), image) for image in clutter(SMALL, extent.clutter, self._rng(3)))
         crowded = crowds(SMALL, (NEAR, FAR), CROWD, extent.crowded, self._rng(4), samples=4)
@@ -149,7 +149,7 @@ class Study:
         return np.random.default_rng([self.seed, *stream])
 
 
-def steps(extent: Extent) -> int:
+def steps(extent: CornerExtent) -> int:
     """Returns how often a study of that extent reports progress."""
     still_and_moving = len(STILL) + len(MOVING)
     return 2 * (extent.timed + 1) + still_and_moving * extent.placements + extent.clutter + extent.crowded

@@ -22,7 +22,7 @@ from .honesty import Honesty, errors, gathered
 MEGABYTE = 1e6
 
 
-class Extent(NamedTuple):
+class DepthExtent(NamedTuple):
     """The extent of the study."""
 
     drives: int  # in rendered rooms, one each
@@ -30,7 +30,7 @@ class Extent(NamedTuple):
     frames: int  # of a recording, at most
 
 
-QUICK, FULL = Extent(1, 1.2, 100), Extent(2, 3.0, 100_000)
+QUICK, FULL = DepthExtent(1, 1.2, 100), DepthExtent(2, 3.0, 100_000)
 
 
 class FrameCost(NamedTuple):
@@ -74,7 +74,7 @@ class LoopCost(NamedTuple):
 DepthRow = FrameCost | PairCost | LoopCost | Honesty
 
 
-class Drive(NamedTuple):
+class DepthDrive(NamedTuple):
     """A recording and its front end, at the end."""
 
     recording: DepthRecording
@@ -87,7 +87,7 @@ class DepthStudy:
     """Drives in rendered rooms, and a recording."""
 
     seed: int = 0
-    extent: Extent = FULL
+    extent: DepthExtent = FULL
     recording: Path | None = None  # a folder of images or a bag
 
     def warm_up(self) -> None:
@@ -96,7 +96,7 @@ class DepthStudy:
         recording, truth = record(Options(laps=0.3), self._rng(2))
         _driven(recording, Settings(), truth, 30, lambda: None)
 
-    def drives(self, progress: Callable[[], None]) -> list[Drive]:
+    def drives(self, progress: Callable[[], None]) -> list[DepthDrive]:
         """Takes the front end through the rendered rooms."""
         options = Options(laps=self.extent.laps)
         return [
@@ -104,7 +104,7 @@ class DepthStudy:
             for recording, truth in (record(options, self._rng(0, number)) for number in range(self.extent.drives))
         ]
 
-    def recorded(self, progress: Callable[[], None]) -> Drive | None:
+    def recorded(self, progress: Callable[[], None]) -> DepthDrive | None:
         """Takes it through the recording; None where none is given, InputError for what cannot be a log."""
         if self.recording is None:
             return None
@@ -121,13 +121,13 @@ class DepthStudy:
 
 def _driven(
     recording: DepthRecording, settings: Settings, truth: Truth | None, frames: int, progress: Callable[[], None]
-) -> Drive:
+) -> DepthDrive:
     front_end = Timed(recording, settings)
     front_end.drive(recording, frames, progress)
-    return Drive(recording, front_end, truth)
+    return DepthDrive(recording, front_end, truth)
 
 
-def frame_cost(drives: Sequence[Drive]) -> FrameCost:
+def frame_cost(drives: Sequence[DepthDrive]) -> FrameCost:
     """Summarises the CPU time of all frames of some drives."""
     ends = [drive.front_end for drive in drives]
     ms, orb = (1e-6 * np.concatenate(ns) for ns in ([e.frame_ns for e in ends], [e.orb_ns for e in ends]))
@@ -137,7 +137,7 @@ def frame_cost(drives: Sequence[Drive]) -> FrameCost:
     return FrameCost(drives[0].recording.name, len(ms), median, mean, p99, parts, alone, mean / alone)
 
 
-def pair_costs(drives: Sequence[Drive]) -> list[PairCost]:
+def pair_costs(drives: Sequence[DepthDrive]) -> list[PairCost]:
     """Summarises the CPU time of registering neighbours and of searching a place, beside the references."""
     name, ends = drives[0].recording.name, [drive.front_end for drive in drives]
     kinds = {"neighbours": [end.neighbours for end in ends], "loop": [end.searched for end in ends]}
@@ -150,7 +150,7 @@ def _pair_cost(kind: str, log: str, parts: Sequence[PairTimes]) -> PairCost:
     return PairCost(kind, log, len(ms), float(ms.mean()), p99, reference, float(ours.mean()) / reference)
 
 
-def loop_cost(drives: Sequence[Drive]) -> LoopCost:
+def loop_cost(drives: Sequence[DepthDrive]) -> LoopCost:
     """Summarises the CPU time of loop search, and the memory that is held at the end, the most of all drives."""
     ms = 1e-6 * np.concatenate([drive.front_end.loop_ns for drive in drives])
     median, p99 = np.percentile(ms, (50, 99)).tolist()
@@ -162,7 +162,7 @@ def loop_cost(drives: Sequence[Drive]) -> LoopCost:
     )
 
 
-def honesty(drives: Sequence[Drive]) -> list[Honesty]:
+def honesty(drives: Sequence[DepthDrive]) -> list[Honesty]:
     """Compares the errors of registered pairs with their covariances."""
     rows = list[Honesty]()
     for kind in ("neighbours", "loop"):

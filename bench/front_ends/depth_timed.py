@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...frontend.depth.features import Features, detector
-from ...frontend.depth.frame import DepthFrame
 from ...frontend.depth.front_end import FrontEnd
 from ...frontend.depth.level import Level
 from ...frontend.depth.pairs import Keyframe, Pair
 from ...frontend.depth.planar import Planar
-from ...frontend.depth.recording import DepthRecording
+from ...frontend.depth.recording import DepthFrame, DepthRecording
 from ...frontend.depth.settings import Settings
 from ...frontend.depth.surfaces import Coarse
 from ...frontend.maps.cloud import Cloud

@@ -16,13 +16,12 @@ from ...datasets.published.catalogue import place
 from ...datasets.published.installed import here
 from ...datasets.published.laser_logs import log_file
 from ...datasets.worlds.laser_floor import Options, record
-from ...frontend.laser.estimate import Estimate
+from ...frontend.laser.estimate import ScanStep, StepPoses
 from ...frontend.laser.front_end import FrontEnd
-from ...frontend.laser.loops import Loop, Search, cloud, search_of
+from ...frontend.laser.loops import ScanLoop, Search, cloud, search_of
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.scanner import Scan
 from ...frontend.laser.settings import Settings
-from ...frontend.laser.step import Step
 from ...frontend.laser.submap import Submap
 from .honesty import Honesty, errors, gathered
 from .laser_references import icp, tried
@@ -36,7 +35,7 @@ BETWEEN = 20
 """Scans between two that the reference aligns."""
 
 
-class Extent(NamedTuple):
+class LaserExtent(NamedTuple):
     """The extent of the study."""
 
     drives: int  # on made-up floors, one each
@@ -46,7 +45,7 @@ class Extent(NamedTuple):
     exhaustive: int  # of those, as many as the reference makes, too
 
 
-QUICK, FULL = Extent(1, 1.3, 2_000, 6, 1), Extent(3, 2.0, 100_000, 60, 8)
+QUICK, FULL = LaserExtent(1, 1.3, 2_000, 6, 1), LaserExtent(3, 2.0, 100_000, 60, 8)
 
 
 class ScanCost(NamedTuple):
@@ -76,12 +75,12 @@ class SearchCost(NamedTuple):
     same: int  # of those, with the same score
 
 
-class _TimedEstimate(Estimate):
+class _TimedEstimate(StepPoses):
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
         self.ns = 0
 
-    def _move(self, first: int, steps: Sequence[Step], loops: Sequence[Loop], iterations: int) -> None:
+    def _move(self, first: int, steps: Sequence[ScanStep], loops: Sequence[ScanLoop], iterations: int) -> None:
         start = time.thread_time_ns()
         super()._move(first, steps, loops, iterations)
         self.ns += time.thread_time_ns() - start
@@ -124,7 +123,7 @@ class Timed(FrontEnd):
         return found
 
 
-class Drive(NamedTuple):
+class LaserDrive(NamedTuple):
     """A recording and its front end, at the end."""
 
     recording: LaserRecording
@@ -137,19 +136,19 @@ class LaserStudy:
     """Drives on made-up floors, and a recorded log."""
 
     seed: int = 0
-    extent: Extent = FULL
+    extent: LaserExtent = FULL
     log: Path | None = None  # in CARMEN's format; None: NAMED, if it was fetched
 
     def warm_up(self) -> None:
         """Loads all kernels, on a short drive that closes loops."""
         _driven(*record(Options(laps=1.2, people=0), self._rng(2)), lambda: None)
 
-    def drives(self, progress: Callable[[], None]) -> list[Drive]:
+    def drives(self, progress: Callable[[], None]) -> list[LaserDrive]:
         """Takes the front end over the made-up floors."""
         options = Options(laps=self.extent.laps)
         return [_driven(*record(options, self._rng(0, number)), progress) for number in range(self.extent.drives)]
 
-    def recorded(self, progress: Callable[[], None]) -> Drive | None:
+    def recorded(self, progress: Callable[[], None]) -> LaserDrive | None:
         """Takes it over the recorded log; None where there is none."""
         path = self.recorded_log
         if path is None:
@@ -166,7 +165,7 @@ class LaserStudy:
         """The recorded log's file, if there is one."""
         return self.log or (place(NAMED) / log_file(NAMED) if here(NAMED) else None)
 
-    def searches(self, drives: Sequence[Drive], progress: Callable[[], None]) -> SearchCost:
+    def searches(self, drives: Sequence[LaserDrive], progress: Callable[[], None]) -> SearchCost:
         """Times searches of the largest window for steps of a drive, in submaps of the same place."""
         spent, others, ratios, poses, same = list[float](), list[float](), list[float](), list[int](), 0
         for number in range(self.extent.searches):
@@ -193,7 +192,7 @@ class LaserStudy:
         return np.random.default_rng([self.seed, *stream])
 
 
-def scan_cost(drives: Sequence[Drive], progress: Callable[[], None]) -> ScanCost:
+def scan_cost(drives: Sequence[LaserDrive], progress: Callable[[], None]) -> ScanCost:
     """Summarises the CPU time of all scans of some drives, and times the reference on pairs of them."""
     ms = np.concatenate([1e-6 * np.array(one.front_end.scan_ns) for one in drives])
     parts = tuple(1e-6 * sum(one.front_end.ns[part] for one in drives) / len(ms) for part in PARTS)
@@ -212,7 +211,7 @@ def scan_cost(drives: Sequence[Drive], progress: Callable[[], None]) -> ScanCost
     return ScanCost(name, len(ms), median, float(ms.mean()), p99, parts, float(np.median(theirs)))
 
 
-def honesty(drives: Sequence[Drive]) -> list[Honesty]:
+def honesty(drives: Sequence[LaserDrive]) -> list[Honesty]:
     """Compares the errors of steps and loops with their covariances."""
     steps, loops = list[tuple[Array, Array]](), list[tuple[Array, Array]]()
     for drive in drives:
@@ -228,18 +227,18 @@ def honesty(drives: Sequence[Drive]) -> list[Honesty]:
     return [*gathered("step", steps), *gathered("loop", loops)]
 
 
-def _driven(recording: LaserRecording, truth: Truth | None, progress: Callable[[], None]) -> Drive:
+def _driven(recording: LaserRecording, truth: Truth | None, progress: Callable[[], None]) -> LaserDrive:
     front_end = Timed(recording, Settings())
     front_end.drive(recording, progress)
-    return Drive(recording, front_end, truth)
+    return LaserDrive(recording, front_end, truth)
 
 
-def _scan(drive: Drive, k: int) -> Scan:
+def _scan(drive: LaserDrive, k: int) -> Scan:
     front_end, recording = drive.front_end, drive.recording
     return Scan(recording.scanner.points(recording.ranges[k]), front_end.settings.spacing)
 
 
-def search_case(drive: Drive, rng: np.random.Generator) -> tuple[Submap, Search]:
+def search_case(drive: LaserDrive, rng: np.random.Generator) -> tuple[Submap, Search]:
     """A step that was drawn into a finished submap, to be searched for there from anywhere in the window."""
     front_end, s = drive.front_end, drive.front_end.settings
     submap = front_end.finished.kept[rng.integers(len(front_end.finished.kept))]

@@ -14,7 +14,7 @@ from ..words.console import ProgressBar
 from . import depth, laser
 from .cameras import DISTANCES, CameraAccuracy, CameraStudy
 from .corner_tables import CORNER_COLUMNS, Row, accuracy_table, camera_table, cost_table, misreading_table, record
-from .corners import FULL, MOVING, QUICK, STILL, STREAK, Accuracy, Extent, Study, steps
+from .corners import FULL, MOVING, QUICK, STILL, STREAK, Accuracy, CornerExtent, Study, steps
 from .depth_tables import DEPTH_COLUMNS, depth_record, frame_table, loop_table, pair_table
 from .laser_tables import LASER_COLUMNS, LaserRow, laser_record, scan_table, search_table
 from .tables import honesty_table
@@ -91,7 +91,7 @@ def _check(namespace: argparse.Namespace, option: str, front_end: str, kind: str
         raise InputError(f"--{option} {path}: found no such file, expected {kind}")
 
 
-def _extent(namespace: argparse.Namespace) -> Extent:
+def _extent(namespace: argparse.Namespace) -> CornerExtent:
     extent = QUICK if namespace.quick else FULL
     for flag, least in (("placements", 2), ("clutter", 0), ("crowded", 0)):
         count = getattr(namespace, flag)
@@ -102,7 +102,7 @@ def _extent(namespace: argparse.Namespace) -> Extent:
     return extent
 
 
-def _measure(study: Study, extent: Extent, console: Console) -> list[Row]:
+def _measure(study: Study, extent: CornerExtent, console: Console) -> list[Row]:
     rows: list[Row] = []
     with ProgressBar(console, "timing", steps(extent)) as bar:
 
@@ -125,7 +125,7 @@ def _measure(study: Study, extent: Extent, console: Console) -> list[Row]:
     return rows
 
 
-def _measure_cameras(study: CameraStudy, extent: Extent, console: Console) -> list[CameraAccuracy]:
+def _measure_cameras(study: CameraStudy, extent: CornerExtent, console: Console) -> list[CameraAccuracy]:
     rows: list[CameraAccuracy] = []
     with ProgressBar(console, "cameras", study.steps * extent.placements) as bar:
 

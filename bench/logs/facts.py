@@ -9,7 +9,7 @@ from ..measure.landmark_places import Scattered
 from ..measure.stated_noise import Measured, NoiseCheck
 from ..words.numerals import counted, listed, number, plain
 from .difficulty import Difficulty
-from .numbers import Known, Noise, Numbers, Sd, Seen, Sensor
+from .numbers import Known, Noise, Numbers, Sd, Sensor, SightingCount
 
 TRUE_ENOUGH = (0.8, 1.25)  # typical error over the stated one that counts as stated correctly
 OUTLIERS = 0.01  # share of errors far out from which on they are called outliers: ten times that expected by chance
@@ -107,7 +107,7 @@ def _times(found: Numbers) -> Iterator[str]:
     yield f"{counted(t.gaps, 'gap')} of more than 5 times the median" if t.gaps else "no gap"
 
 
-def _seen(seen: Seen) -> Iterator[str]:
+def _seen(seen: SightingCount) -> Iterator[str]:
     if not seen.sightings:
         yield "none"
         return

@@ -42,7 +42,7 @@ class Times(NamedTuple):
     gaps: int  # longer than GAP medians
 
 
-class Seen(NamedTuple):
+class SightingCount(NamedTuple):
     """The number of sightings."""
 
     sightings: int
@@ -134,7 +134,7 @@ class Numbers(NamedTuple):
 
     way: Way
     times: Times | None
-    seen: Seen
+    seen: SightingCount
     landmarks: Landmarks | None
     back: Back
     sensor: Sensor | None
@@ -204,7 +204,7 @@ def _length(poses: Array) -> float:
     return float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum())
 
 
-def _seen(log: Log) -> Seen:
+def _seen(log: Log) -> SightingCount:
     count = np.diff(log.sighting_first)
     p5, p50, p95 = np.percentile(count, (5, 50, 95))
     runs, gone = empty_runs(log), way(log)
@@ -214,7 +214,7 @@ def _seen(log: Log) -> Seen:
     longest_s = None if times(log) is None else float((log.t[after] - log.t[before]).max(initial=0))
     unknown = int((log.ids == UNKNOWN).sum())
     spread = (float(count.mean()), float(p5), float(p50), float(p95), int(count.max()))
-    return Seen(len(log.ids), unknown, *spread, int((count == 0).sum()), longest, longest_m, longest_s)
+    return SightingCount(len(log.ids), unknown, *spread, int((count == 0).sum()), longest, longest_m, longest_s)
 
 
 def _landmarks(found: Returns) -> Landmarks | None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ...core.se2 import Array
 from ...datasets._information import FIRST, kept
 from ._gauss_markov import innovations, sum_variance
-from .likelihood import TWO_SIDED, Estimate, Maximum, maximum
+from .likelihood import TWO_SIDED, Maximum, NoiseEstimate, maximum
 from .model import SightingModel
 
 Mask = NDArray[np.bool_]
@@ -49,24 +49,24 @@ class Chains(NamedTuple):
 class Correlation(NamedTuple):
     """The part of an error that is correlated in time."""
 
-    time: Estimate  # s in which it falls to 1 / e
-    share: Estimate  # of the variance
+    time: NoiseEstimate  # s in which it falls to 1 / e
+    share: NoiseEstimate  # of the variance
 
 
 class Fitted(NamedTuple):
     """The noise of one kind of measurement."""
 
     used: Mask  # (n,) the errors that are no outliers
-    scale: Estimate  # times the stated standard deviation, at the distance `reach`
-    sd: Estimate  # there, of the typical stated one
-    power: Estimate | None  # the standard deviation grows with this power of the distance more than stated
+    scale: NoiseEstimate  # times the stated standard deviation, at the distance `reach`
+    sd: NoiseEstimate  # there, of the typical stated one
+    power: NoiseEstimate | None  # the standard deviation grows with this power of the distance more than stated
     reach: float  # m, the typical distance
-    mean: Estimate  # of all errors
+    mean: NoiseEstimate  # of all errors
     correlation: Correlation | None  # None: none was found
-    bias: Estimate | None  # the biases' standard deviation, one per landmark; None: none was found
+    bias: NoiseEstimate | None  # the biases' standard deviation, one per landmark; None: none was found
     white: Array  # (u,) the used errors' innovations over their standard deviations: white where the model is right
-    tails: Estimate | None  # Student's degrees of freedom of `white`; None: normal
-    outliers: Estimate  # their share
+    tails: NoiseEstimate | None  # Student's degrees of freedom of `white`; None: normal
+    outliers: NoiseEstimate  # their share
     gap: float  # s, the typical time between sightings of a landmark in a row
 
     def model(self, together: float) -> SightingModel:
@@ -200,7 +200,7 @@ def _fitted(chains: Chains, used: Mask) -> tuple[Fitted, Array]:
     found = Fitted(
         used,
         scale,
-        Estimate(*(typical * one for one in scale)),
+        NoiseEstimate(*(typical * one for one in scale)),
         best.estimate(0) if growing else None,
         errors.reach,
         _mean(errors.error, total),
@@ -224,7 +224,7 @@ def closed(gap: Array, used: Mask) -> Array:
     return since
 
 
-def _tails(white: Array) -> Estimate | None:
+def _tails(white: Array) -> NoiseEstimate | None:
     """Student's degrees of freedom, if the tails are significantly heavier than normal ones."""
     from scipy.special import gammaln
 
@@ -240,18 +240,18 @@ def _tails(white: Array) -> Estimate | None:
     return best.estimate(0, _exp) if 2 * (best.value - normal) > SURE[1] else None
 
 
-def _mean(error: Array, variance: float) -> Estimate:
+def _mean(error: Array, variance: float) -> NoiseEstimate:
     """The mean of errors (n,) whose sum has this variance."""
     middle, half = float(error.mean()), TWO_SIDED * float(np.sqrt(variance)) / len(error)
-    return Estimate(middle, middle - half, middle + half)
+    return NoiseEstimate(middle, middle - half, middle + half)
 
 
-def share_of(count: int, total: int) -> Estimate:
+def share_of(count: int, total: int) -> NoiseEstimate:
     """A share with Wilson's interval."""
     z, p = TWO_SIDED, count / total
     middle = (p + z * z / (2 * total)) / (1 + z * z / total)
     half = z / (1 + z * z / total) * np.sqrt(p * (1 - p) / total + z * z / (4 * total**2))
-    return Estimate(p, min(p, float(middle - half)) if count else 0.0, float(middle + half))
+    return NoiseEstimate(p, min(p, float(middle - half)) if count else 0.0, float(middle + half))
 
 
 def _exp(p: float) -> float:

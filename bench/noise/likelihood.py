@@ -17,7 +17,7 @@ _STEP = 1e-3  # of the second differences
 _HALVINGS = 20  # of the search for the end of a profile's interval
 
 
-class Estimate(NamedTuple):
+class NoiseEstimate(NamedTuple):
     """A parameter with its 95 % interval."""
 
     value: float
@@ -33,9 +33,9 @@ class Maximum(NamedTuple):
     high: Array  # (p,)
     value: float  # the log-likelihood
 
-    def estimate(self, k: int, of: Callable[[float], float] = float) -> Estimate:
+    def estimate(self, k: int, of: Callable[[float], float] = float) -> NoiseEstimate:
         """Parameter `k` and its interval, through the increasing function `of`."""
-        return Estimate(of(float(self.at[k])), of(float(self.low[k])), of(float(self.high[k])))
+        return NoiseEstimate(of(float(self.at[k])), of(float(self.low[k])), of(float(self.high[k])))
 
 
 def maximum(log_likelihood: Callable[[Array], float], start: Array, low: Array, high: Array) -> Maximum:

@@ -10,7 +10,7 @@ from ...core.factors import Dataset, Log
 from ...core.se2 import Array
 from .gauss_markov import Chains, Fitted, fitted
 from .innovations import Innovations, by_innovations
-from .likelihood import Estimate
+from .likelihood import NoiseEstimate
 from .model import Model, SightingModel
 from .motions import Motions, fitted_motions
 from .sightings import Sighted, sighted
@@ -21,7 +21,7 @@ class SightingNoise(NamedTuple):
     """The noise of ranges, or of bearings."""
 
     fitted: Fitted
-    together: Estimate | None  # correlation between landmarks sighted at one step; None: too few of them
+    together: NoiseEstimate | None  # correlation between landmarks sighted at one step; None: too few of them
     chains: Chains
     t: Array  # (n,) s, since the start of each error's log
     first: int  # errors of the first log, which come first

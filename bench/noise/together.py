@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...core.se2 import Array, Ints
-from .likelihood import TWO_SIDED, Estimate
+from .likelihood import TWO_SIDED, NoiseEstimate
 
 FEWEST = 50
 """Fewest pairs of sightings of one step."""
@@ -12,7 +12,7 @@ BLOCKS = 20
 """Stretches that are left out in turn, for the interval."""
 
 
-def together(step: Ints, error: Array) -> Estimate | None:
+def together(step: Ints, error: Array) -> NoiseEstimate | None:
     """The correlation of pairs of errors (n,), over their standard deviations, at one step of all logs' (n,).
 
     Its interval is a block jackknife's, since errors are correlated in time; None for too few pairs.
@@ -31,4 +31,4 @@ def together(step: Ints, error: Array) -> Estimate | None:
     value = float(whole[0] / whole[1])
     spread = (without[0] / without[1] - value) ** 2
     half = TWO_SIDED * float(np.sqrt((BLOCKS - 1) / BLOCKS * spread.sum()))
-    return Estimate(value, value - half, value + half)
+    return NoiseEstimate(value, value - half, value + half)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from ..words.numerals import listed, number
 from .gauss_markov import IN_A_ROW, Fitted
-from .likelihood import Estimate
+from .likelihood import NoiseEstimate
 from .measured import Noise, SightingNoise
 from .motions import AXES, Motions
 
@@ -17,11 +17,11 @@ HEAVY = 10.0  # degrees of freedom below which tails are called heavy
 ALIKE = 1.25  # times by which factors at two horizons may differ
 
 
-class Row(NamedTuple):
+class NoiseRow(NamedTuple):
     """One number of the noise."""
 
     name: str
-    estimate: Estimate
+    estimate: NoiseEstimate
     unit: str  # "" for a factor, a power or a share
 
     @property
@@ -35,12 +35,12 @@ class Row(NamedTuple):
         return f"{number(self.estimate.low)} to {number(self.estimate.high)}"
 
 
-def rows(noise: Noise) -> Iterator[Row]:
+def rows(noise: Noise) -> Iterator[NoiseRow]:
     """Yields all numbers of the noise."""
     found = noise.innovations
     if found is not None:
         for name in ("translation", "turn", "range", "bearing"):
-            yield Row(f"{name}: sd over the stated one", getattr(found, name), "")
+            yield NoiseRow(f"{name}: sd over the stated one", getattr(found, name), "")
     for name, unit in SENSORS.items():
         one: SightingNoise | None = getattr(noise, name)
         if one is not None:
@@ -49,28 +49,28 @@ def rows(noise: Noise) -> Iterator[Row]:
         for k, axis in enumerate(AXES):
             for horizon in noise.motions.horizons:
                 seconds = number(horizon.seconds)
-                yield Row(f"odometry, {axis}: sd over the stated one, in {seconds} s", horizon.scales[k], "")
-            yield Row(f"odometry, {axis}: to state", noise.motions.scales[k], "")
+                yield NoiseRow(f"odometry, {axis}: sd over the stated one, in {seconds} s", horizon.scales[k], "")
+            yield NoiseRow(f"odometry, {axis}: to state", noise.motions.scales[k], "")
 
 
-def _sighting_rows(name: str, unit: str, one: SightingNoise, *, sizes: bool) -> Iterator[Row]:
+def _sighting_rows(name: str, unit: str, one: SightingNoise, *, sizes: bool) -> Iterator[NoiseRow]:
     fit = one.fitted
     if sizes:
-        yield Row(f"{name}: sd at {number(fit.reach)} m", fit.sd, unit)
-        yield Row(f"{name}: sd over the stated one", fit.scale, "")
+        yield NoiseRow(f"{name}: sd at {number(fit.reach)} m", fit.sd, unit)
+        yield NoiseRow(f"{name}: sd over the stated one", fit.scale, "")
         if fit.power is not None:
-            yield Row(f"{name}: power of the distance beyond the stated one", fit.power, "")
-        yield Row(f"{name}: mean error", fit.mean, unit)
+            yield NoiseRow(f"{name}: power of the distance beyond the stated one", fit.power, "")
+        yield NoiseRow(f"{name}: mean error", fit.mean, unit)
         if fit.bias is not None:
-            yield Row(f"{name}: sd of one bias per landmark", fit.bias, unit)
+            yield NoiseRow(f"{name}: sd of one bias per landmark", fit.bias, unit)
     if fit.correlation is not None:
-        yield Row(f"{name}: time of correlation", fit.correlation.time, "s")
-        yield Row(f"{name}: share of variance that is correlated", fit.correlation.share, "")
+        yield NoiseRow(f"{name}: time of correlation", fit.correlation.time, "s")
+        yield NoiseRow(f"{name}: share of variance that is correlated", fit.correlation.share, "")
     if sizes and one.together is not None:
-        yield Row(f"{name}: correlation of landmarks sighted at one step", one.together, "")
+        yield NoiseRow(f"{name}: correlation of landmarks sighted at one step", one.together, "")
     if fit.tails is not None:
-        yield Row(f"{name}: degrees of freedom of Student's tails", fit.tails, "")
-    yield Row(f"{name}: share of outliers", fit.outliers, "")
+        yield NoiseRow(f"{name}: degrees of freedom of Student's tails", fit.tails, "")
+    yield NoiseRow(f"{name}: share of outliers", fit.outliers, "")
 
 
 def sentences(noise: Noise) -> list[str]:

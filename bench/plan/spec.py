@@ -12,8 +12,7 @@ from typing import Any, TypeVar
 from ...backends import registry as backends
 from ...backends.api import NoOptions
 from ...backends.association import options as association
-from ...core.errors import InputError
-from ...core.nearest import nearest
+from ...core.errors import InputError, nearest
 from ...datasets import registry as datasets
 from ...datasets.formats import file_kind
 from . import many

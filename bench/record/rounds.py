@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..words.columns import TIMED
-from .schema import ROUND
-from .statuses import STATUSES
+from .schema import ROUND, STATUSES
 
 NAMES = ", ".join(ROUND)
 

@@ -17,6 +17,11 @@ import numpy as np
 
 from ..words.columns import CELLS, METRICS, TIMED
 
+STATUSES = ("done", "diverged", "timeout", "error", "skipped")  # of a cell
+
+FAILED = ("diverged", "timeout", "error")
+"""Statuses that count as the worst error."""
+
 COLUMNS = tuple(column.name for column in CELLS)  # the columns of cells.csv, in order
 KEY = tuple(column.name for column in CELLS if column.kind.names_cell)  # those that name a cell
 MORE = tuple(column.name for column in METRICS)  # the columns of metrics.csv after those that name the cell, in order

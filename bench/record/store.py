@@ -21,8 +21,22 @@ from . import rounds
 from .beside_arrays import kept_beside, kept_name
 from .cell_table import CellTable, numbers, words
 from .database import BROKEN, damaged, read_only, unwritable, writable
-from .schema import ABOUT, COLUMNS, FILE, KEY, MEASURED, MORE, PLANNED, RESULT, SKIPPED, Row, label, packed, unpacked
-from .statuses import FAILED
+from .schema import (
+    ABOUT,
+    COLUMNS,
+    FAILED,
+    FILE,
+    KEY,
+    MEASURED,
+    MORE,
+    PLANNED,
+    RESULT,
+    SKIPPED,
+    Row,
+    label,
+    packed,
+    unpacked,
+)
 from .validity import wrong_arrays, wrong_facts, wrong_row, wrong_truth
 
 TRUTH = ("t", "poses", "ids", "xy", "sighted", "sighted_at")  # the arrays of a log's truth

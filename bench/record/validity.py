@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..words.columns import about
-from .schema import TEXTS
-from .statuses import STATUSES
+from .schema import STATUSES, TEXTS
 
 KINDS = ("truth", "reference", "relations", "", None)
 

@@ -34,7 +34,7 @@ from ..plan.variant import BackendVariant
 from ..words.console import plain
 from ..words.numerals import number
 from .backends import OF_EACH, asked, executed
-from .process import Extent, Process, Subject, said_of, surveyed
+from .process import Process, Stretch, Subject, said_of, surveyed
 from .ratios import Ratio
 from .tables import ratio_table, ratios_as_csv
 from .timing import Timing, in_turns, timing
@@ -65,7 +65,7 @@ class Added(NamedTuple):
         return f"{number(self.us)} ({number(self.low)} to {number(self.high)})"
 
 
-class Row(NamedTuple):
+class AssociationRow(NamedTuple):
     """A backend at one size."""
 
     name: str
@@ -86,9 +86,9 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
         for variant in backend_variants(namespace.backend or BACKENDS)
         for size in sizes
     ]
-    rows = list[Row]()
+    rows = list[AssociationRow]()
     for process, found, death in executed(measure, processes, console):
-        rows += [Row(process.subjects[0].label, process.sizes[0], reason=death)] if death else found
+        rows += [AssociationRow(process.subjects[0].label, process.sizes[0], reason=death)] if death else found
     reached = expectations(rows)
     console.print(_table(rows, extent))
     if reached:
@@ -101,7 +101,7 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     return list(files)
 
 
-def measure(process: Process) -> list[Row]:
+def measure(process: Process) -> list[AssociationRow]:
     """Measures a backend at one size; one that fails has a row with the reason."""
     (subject,), (landmarks,), extent = process.subjects, process.sizes, process.extent
     here = world(landmarks, extent.steps, extent.sightings, extent.seed, scattered=extent.scattered)
@@ -120,12 +120,14 @@ def measure(process: Process) -> list[Row]:
             if ready == compiled.ready():  # else code was loaded while the clock ran
                 break
     except Exception as error:  # whatever a backend raises, the others go on
-        return [Row(subject.label, landmarks, reason=said_of(error))]
+        return [AssociationRow(subject.label, landmarks, reason=said_of(error))]
     assert isinstance(backends[1], Associating)
     right = [landmark for step in here.drive[first : first + len(found)] for landmark in step.sightings.ids.tolist()]
     taken = backends[1].assigned().tolist()[-len(right) :]
     share = sum(a == b for a, b in zip(taken, right, strict=True)) / max(1, len(right))
-    return [Row(subject.label, landmarks, timing(told), timing(found), timing(idle), added(told, found), share)]
+    return [
+        AssociationRow(subject.label, landmarks, timing(told), timing(found), timing(idle), added(told, found), share)
+    ]
 
 
 def added(told: Ints | Array, found: Ints | Array) -> Added:
@@ -140,7 +142,7 @@ def added(told: Ints | Array, found: Ints | Array) -> Added:
     return Added(float(np.median(parts)), parts[outermost], parts[-1 - outermost])
 
 
-def expectations(rows: Sequence[Row]) -> list[Ratio]:
+def expectations(rows: Sequence[AssociationRow]) -> list[Ratio]:
     """Compares what is added with what is expected, where that is known."""
     found = list[Ratio]()
     for row in rows:
@@ -156,7 +158,7 @@ def expectations(rows: Sequence[Row]) -> list[Ratio]:
     return found
 
 
-def as_csv(rows: Sequence[Row]) -> str:
+def as_csv(rows: Sequence[AssociationRow]) -> str:
     """Writes one line per backend and size; blank where it was not timed."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -175,7 +177,7 @@ def _microseconds(told: Timing, found: Timing) -> tuple[float, ...]:
     return told.p50, told.p99, found.p50, found.p99
 
 
-def _table(rows: Sequence[Row], extent: Extent) -> Table:
+def _table(rows: Sequence[AssociationRow], extent: Stretch) -> Table:
     which = "any landmarks of the map" if extent.scattered else "the nearest landmarks"
     title = f"CPU time of a step, µs, with ids and without, association={RULE}; {extent.sightings} sightings of {which}"
     table = Table(title=title)

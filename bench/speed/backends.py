@@ -19,11 +19,11 @@ from ..plan.variant import BackendVariant
 from ..words.console import ProgressBar, plain
 from ..workers.tasks import execute
 from .mrpt import built
-from .process import Extent, Process, Subject, lost, measure
+from .process import Process, Stretch, Subject, lost, measure
 from .ratios import Ratio, ratios
 from .side_by_side import REFERENCE, Together, chosen, measure_together
 from .tables import as_csv, backend_table, part_table, ratio_table, ratios_as_csv, reference_table, together_table
-from .timing import Row
+from .timing import TimingRow
 
 BACKENDS = "ekf,ekf[compress_above=9999],ukf,invariant-ekf,fastslam[version=1],fastslam,smoother,isam2,fixed-lag"
 """those with a cost per step; `graph` has one at the end alone"""
@@ -77,7 +77,7 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     variants = backend_variants(namespace.backend or BACKENDS)
     rows = _measured(list(_processes(variants, sizes, particles, extent)), console)
     together = _together(variants, sizes, extent, console)
-    rows += [Row("backend", v.label, size, reason=v.missing) for v in variants if v.missing for size in sizes]
+    rows += [TimingRow("backend", v.label, size, reason=v.missing) for v in variants if v.missing for size in sizes]
     order = [variant.label for variant in variants]
     rows.sort(
         key=lambda row: (
@@ -97,7 +97,7 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
 
 def asked(
     namespace: argparse.Namespace, sightings: int = SIGHTINGS, seconds: float | None = None
-) -> tuple[tuple[int, ...], tuple[int, ...], Extent]:
+) -> tuple[tuple[int, ...], tuple[int, ...], Stretch]:
     """Returns numbers of landmarks and of particles, and the extent; InputError for invalid ones.
 
     `sightings` and `seconds` are the study's own, where none are given.
@@ -111,7 +111,7 @@ def asked(
             raise InputError(f"--{flag} {count}: expected 1 or more")
     if namespace.seconds is not None and not 0 < namespace.seconds < float("inf"):
         raise InputError(f"--seconds {namespace.seconds:g}: expected a number above 0")
-    extent = Extent(
+    extent = Stretch(
         namespace.steps or usual.steps,
         namespace.sightings or sightings,
         namespace.seconds or seconds or usual.seconds,
@@ -122,7 +122,7 @@ def asked(
 
 
 def _processes(
-    variants: Sequence[BackendVariant], sizes: tuple[int, ...], particles: tuple[int, ...], extent: Extent
+    variants: Sequence[BackendVariant], sizes: tuple[int, ...], particles: tuple[int, ...], extent: Stretch
 ) -> Iterator[Process]:
     """Yields one process per backend and size; with particles, one per number of these, with all sizes in it."""
     here = [variant for variant in variants if variant.builder is not None]
@@ -137,16 +137,18 @@ def _processes(
                 yield Process(subjects, (size,), None, extent)
 
 
-def _measured(processes: Sequence[Process], console: Console) -> list[Row]:
-    rows: list[Row] = []
+def _measured(processes: Sequence[Process], console: Console) -> list[TimingRow]:
+    rows: list[TimingRow] = []
     for process, found, death in executed(measure, processes, console):
         rows += lost(process, death) if death else found
     return rows
 
 
-def _together(variants: Sequence[BackendVariant], sizes: Sequence[int], extent: Extent, console: Console) -> list[Row]:
+def _together(
+    variants: Sequence[BackendVariant], sizes: Sequence[int], extent: Stretch, console: Console
+) -> list[TimingRow]:
     """Measures what is timed in turns, one process per size; nothing where fewer than two are asked for."""
-    subjects, rows = chosen(variants), list[Row]()
+    subjects, rows = chosen(variants), list[TimingRow]()
     if not subjects:
         return rows
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
@@ -173,7 +175,7 @@ def executed(
             yield tasks[ended.task], [] if said else ended.value, said
 
 
-def _print(rows: Sequence[Row], reached: Sequence[Ratio], title: str, console: Console) -> None:
+def _print(rows: Sequence[TimingRow], reached: Sequence[Ratio], title: str, console: Console) -> None:
     backends = [row for row in rows if row.kind == "backend"]
     for with_particles in (False, True):
         mine = [row for row in backends if (row.particles is not None) == with_particles]
@@ -189,7 +191,11 @@ def _print(rows: Sequence[Row], reached: Sequence[Ratio], title: str, console: C
 
 
 def _written(
-    namespace: argparse.Namespace, rows: Sequence[Row], together: Sequence[Row], reached: Sequence[Ratio], title: str
+    namespace: argparse.Namespace,
+    rows: Sequence[TimingRow],
+    together: Sequence[TimingRow],
+    reached: Sequence[Ratio],
+    title: str,
 ) -> list[Path]:
     written, every = list[Path](), [*rows, *together]
     if namespace.csv is not None:

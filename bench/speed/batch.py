@@ -48,7 +48,7 @@ class Run(NamedTuple):
     cost: float  # its J
 
 
-class Row(NamedTuple):
+class SolverRow(NamedTuple):
     """A log from a start."""
 
     log: str
@@ -73,7 +73,7 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     """Measures and prints; returns the files written."""
     rounds = max(1, namespace.rounds or (QUICK if namespace.quick else ROUNDS))
     names = list(LOGS)[:1] if namespace.quick else list(LOGS)
-    rows = list[Row]()
+    rows = list[SolverRow]()
     for name in names:
         source = datasets.find(name.partition("[")[0])
         log = source.make(source.options(**LOGS[name]), generator(name.partition("[")[0], namespace.seed)).log
@@ -88,7 +88,7 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     return files
 
 
-def measured(name: str, log: Log, start: str, rounds: int) -> Row:
+def measured(name: str, log: Log, start: str, rounds: int) -> SolverRow:
     """Times both solvers in turns; the fastest run of each counts. Our first, which loads code, is not counted."""
     path, landmarks = started(log, start)
     own, gtsam = [_own(log, path, landmarks)], list[Run]()
@@ -98,7 +98,7 @@ def measured(name: str, log: Log, start: str, rounds: int) -> Row:
         gtsam += [_gtsam(log, path, landmarks, solver) for solver in SOLVERS]
         if time.process_time() - begun > LONG:
             break
-    return Row(name, start, min(own[1:]), min(gtsam))
+    return SolverRow(name, start, min(own[1:]), min(gtsam))
 
 
 def started(log: Log, start: str) -> tuple[Array, Map]:
@@ -113,7 +113,7 @@ def started(log: Log, start: str) -> tuple[Array, Map]:
     return batch.place()
 
 
-def geometric_mean(rows: Sequence[Row]) -> float:
+def geometric_mean(rows: Sequence[SolverRow]) -> float:
     """Returns the geometric mean of the known ratios."""
     return float(np.exp(np.mean([np.log(row.ratio) for row in rows if row.ratio])))
 
@@ -158,7 +158,7 @@ def _gtsam(log: Log, path: Array, landmarks: Map, solver: str) -> Run:
     return Run(1e3 * (time.process_time() - begun), 2 * graph.error(best))
 
 
-def _table(rows: Sequence[Row]) -> Table:
+def _table(rows: Sequence[SolverRow]) -> Table:
     table = Table(title=plain(f"CPU time of the batch optimum, ms; geometric mean {geometric_mean(rows):.1f} times"))
     table.add_column("log")
     table.add_column("start")

@@ -16,7 +16,7 @@ from ..drawing.axes import logarithmic, short
 from ..drawing.picture import GRID, picture
 from ..words.styles import Look, looks
 from .ratios import exponent
-from .timing import Row
+from .timing import TimingRow
 
 GREY = "#777777"
 ASIDE = 1.04  # ratio of one backend's abscissas to the next one's, at the same size
@@ -41,7 +41,7 @@ class _Curve(NamedTuple):
         return short(self.name) + ("" if np.isnan(power) else f"  {self.letter}^{power:z.1f}")
 
 
-def write_figure(path: Path, rows: Sequence[Row], what: str) -> bool:
+def write_figure(path: Path, rows: Sequence[TimingRow], what: str) -> bool:
     """Draws the rows into `path`, a PNG, with a description of a step; False where nothing was timed."""
     backends = [row for row in rows if row.kind == "backend"]  # those of a panel first: colours go round
     shown = looks(row.name for row in sorted(backends, key=lambda row: row.particles is not None))
@@ -82,13 +82,13 @@ def write_figure(path: Path, rows: Sequence[Row], what: str) -> bool:
     return True
 
 
-def _common(rows: Sequence[Row]) -> int:
+def _common(rows: Sequence[TimingRow]) -> int:
     """Returns the number of landmarks of most rows, the largest of several: references are not timed everywhere."""
     counts = {n: sum(row.landmarks == n for row in rows) for n in {row.landmarks for row in rows}}
     return max(counts, key=lambda n: (counts[n], n))
 
 
-def _curves(rows: Sequence[Row], shown: dict[str, Look], along: str) -> list[_Curve]:
+def _curves(rows: Sequence[TimingRow], shown: dict[str, Look], along: str) -> list[_Curve]:
     """Makes one curve per name; of a reference beside several backends, the one beside the first."""
     curves: list[_Curve] = []
     letter = "N" if along == "landmarks" else "M"

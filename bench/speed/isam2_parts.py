@@ -12,7 +12,7 @@ import numpy as np
 
 from ...core.factors import Step
 from ..measure.clock import clock_cost
-from .timing import Row, timing
+from .timing import TimingRow, timing
 
 EVERY = 20  # steps between two timings of what is no part of a step
 PYTHON = "Python's own"  # the rest of a step: making factors
@@ -45,7 +45,7 @@ class Stopwatch:
         setattr(owner, name, timed)
 
 
-def isam2_parts(backend: Any, steps: Sequence[Step], seconds: float, landmarks: int, beside: str) -> list[Row]:
+def isam2_parts(backend: Any, steps: Sequence[Step], seconds: float, landmarks: int, beside: str) -> list[TimingRow]:
     """Times the parts of the steps of an `isam2` after its survey; none for any other backend."""
     from ...backends.graphs.isam2 import Isam2
 
@@ -78,7 +78,7 @@ def isam2_parts(backend: Any, steps: Sequence[Step], seconds: float, landmarks: 
     finally:
         gc.enable()
     return [
-        Row("part", name, landmarks, timing=timing(np.maximum(np.array(ns, np.int64), 0)), beside=beside)
+        TimingRow("part", name, landmarks, timing=timing(np.maximum(np.array(ns, np.int64), 0)), beside=beside)
         for name, ns in parts.items()
     ]
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.factors import Step
-from .timing import Row, timing
+from .timing import TimingRow, timing
 from .world import SIGHTING_SD, World
 
 NAME = "MRPT's EKF"
@@ -54,11 +54,11 @@ def built(folder: Path) -> Program:
     return Program(build / "mrpt_ekf", (build / "version").read_text().strip(), "")
 
 
-def mrpt_row(program: Program, here: World, seconds: float, patience: float) -> Row:
+def mrpt_row(program: Program, here: World, seconds: float, patience: float) -> TimingRow:
     """Times its steps of the drive until `seconds` are spent; a survey is given up after `patience`, s."""
     size = len(here.map.ids)
     if program.path is None:
-        return Row("together", NAME, size, reason=program.reason)
+        return TimingRow("together", NAME, size, reason=program.reason)
     text = "\n".join([f"{len(here.survey)} {len(here.drive)} {SIGHTING_SD[0]} {SIGHTING_SD[1]}", *_lines(here)])
     command = [str(program.path), f"{seconds}", f"{patience}"]
     done = subprocess.run(command, input=text, capture_output=True, text=True, errors="replace", check=False)
@@ -66,9 +66,9 @@ def mrpt_row(program: Program, here: World, seconds: float, patience: float) -> 
         reason = f"it ended with status {done.returncode}: {_last(done.stderr)}"
         if done.returncode == GIVEN_UP:
             reason = f"its map was not made within {patience:g} s of CPU"
-        return Row("together", NAME, size, reason=reason)
+        return TimingRow("together", NAME, size, reason=reason)
     ns = np.array([int(line) for line in done.stdout.splitlines()[:-1]])  # the last line is the pose
-    return Row("together", NAME, size, timing=timing(ns), implementation=f"MRPT {program.version}".strip())
+    return TimingRow("together", NAME, size, timing=timing(ns), implementation=f"MRPT {program.version}".strip())
 
 
 def _lines(here: World) -> Iterator[str]:

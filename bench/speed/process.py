@@ -17,7 +17,7 @@ from ..measure.cell import generator, located
 from ..measure.drive import WARM_UP
 from .isam2_parts import isam2_parts
 from .references import Floors, particle_loop, search, textbook
-from .timing import Row, array_bytes, holds_foreign, stepped, timing
+from .timing import TimingRow, array_bytes, holds_foreign, stepped, timing
 from .world import World, world
 
 GAUSSIAN = ("ekf", "ukf", "invariant-ekf")  # with a full covariance: dsyrk and memory are lower bounds
@@ -32,7 +32,7 @@ class Subject(NamedTuple):
     options: Any
 
 
-class Extent(NamedTuple):
+class Stretch(NamedTuple):
     """The part of a world that a backend is driven through."""
 
     steps: int
@@ -49,7 +49,7 @@ class Process:
     subjects: tuple[Subject, ...]  # variants of one backend
     sizes: tuple[int, ...]
     particles: int | None
-    extent: Extent
+    extent: Stretch
 
     @property
     def name(self) -> str:
@@ -62,9 +62,9 @@ class Process:
         return f"{labels}: N={maps}" + (f", M={self.particles:,}" if self.particles is not None else "")
 
 
-def measure(process: Process) -> list[Row]:
+def measure(process: Process) -> list[TimingRow]:
     """Measures every row; a backend that fails is a row with the reason."""
-    rows: list[Row] = []
+    rows: list[TimingRow] = []
     e = process.extent
     for landmarks in process.sizes:
         here = world(landmarks, e.steps, e.sightings, e.seed, scattered=e.scattered)
@@ -83,18 +83,18 @@ def measure(process: Process) -> list[Row]:
     return rows
 
 
-def lost(process: Process, reason: str, kind: str = "backend") -> list[Row]:
+def lost(process: Process, reason: str, kind: str = "backend") -> list[TimingRow]:
     """Returns the rows of a process that died."""
     return [
-        Row(kind, subject.label, landmarks, process.particles, reason=reason)
+        TimingRow(kind, subject.label, landmarks, process.particles, reason=reason)
         for landmarks in process.sizes
         for subject in process.subjects
     ]
 
 
-def _attempted(subject: Subject, here: World, process: Process) -> list[Row]:
+def _attempted(subject: Subject, here: World, process: Process) -> list[TimingRow]:
     """Measures the backend's row and those of its parts; if it fails, the reason replaces what is missing."""
-    landmarks, rows = len(here.map.ids), list[Row]()
+    landmarks, rows = len(here.map.ids), list[TimingRow]()
     try:
         rows.append(_timed(subject, here, process))
         if subject.name == "isam2":
@@ -103,7 +103,7 @@ def _attempted(subject: Subject, here: World, process: Process) -> list[Row]:
         return rows
     except Exception as error:  # whatever a backend raises, the others go on
         reason = said_of(error)
-    return [*rows, Row("part" if rows else "backend", subject.label, landmarks, process.particles, reason=reason)]
+    return [*rows, TimingRow("part" if rows else "backend", subject.label, landmarks, process.particles, reason=reason)]
 
 
 def said_of(error: Exception) -> str:
@@ -113,7 +113,7 @@ def said_of(error: Exception) -> str:
     return located(error)
 
 
-def _timed(subject: Subject, here: World, process: Process) -> Row:
+def _timed(subject: Subject, here: World, process: Process) -> TimingRow:
     surveyed(subject, here._replace(survey=here.survey[:WARM_UP]), process)
     while True:
         ready, before = compiled.ready(), _resident()
@@ -127,7 +127,7 @@ def _timed(subject: Subject, here: World, process: Process) -> Row:
     finished = backend.finish()
     finish_ms = None if finished is None else (time.process_time_ns() - start) / 1e6
     size = len(here.map.ids)
-    return Row(
+    return TimingRow(
         "backend",
         subject.label,
         size,

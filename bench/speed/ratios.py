@@ -9,7 +9,7 @@ import numpy as np
 
 from ..words.numerals import number
 from .isam2_parts import PARTS, PYTHON
-from .timing import Row, Timing
+from .timing import Timing, TimingRow
 
 AGAINST_TEXTBOOK = {10: 10, 30: 20, 100: 80, 300: 400, 1000: 1000}  # landmarks -> expected speedup
 COMPRESSED = {1000: 15, 3000: 25}  # landmarks -> expected ratio of the dense to the compressed filter, on average
@@ -48,7 +48,7 @@ def exponent(sizes: Sequence[float], costs: Sequence[float]) -> float:
     return float(slope)
 
 
-def growth(rows: Sequence[Row]) -> dict[str, float]:
+def growth(rows: Sequence[TimingRow]) -> dict[str, float]:
     """Fits the exponent of the map's size in every backend's median step, with the most particles."""
     found: dict[str, float] = {}
     timed = [row for row in rows if row.kind == "backend" and row.timing]
@@ -60,7 +60,7 @@ def growth(rows: Sequence[Row]) -> dict[str, float]:
     return {name: power for name, power in found.items() if math.isfinite(power)}
 
 
-def ratios(rows: Sequence[Row], options: Mapping[str, Any]) -> list[Ratio]:
+def ratios(rows: Sequence[TimingRow], options: Mapping[str, Any]) -> list[Ratio]:
     """Makes every comparison that `rows` have both sides of; `options` are those of each backend's label."""
     known = _Known(rows, options)
     return [
@@ -74,7 +74,7 @@ def ratios(rows: Sequence[Row], options: Mapping[str, Any]) -> list[Ratio]:
 
 
 class _Known:
-    def __init__(self, rows: Sequence[Row], options: Mapping[str, Any]) -> None:
+    def __init__(self, rows: Sequence[TimingRow], options: Mapping[str, Any]) -> None:
         self.options = options
         self._timings = {
             (row.name, row.landmarks, row.particles): row.timing for row in rows if row.timing and row.kind != "part"
@@ -154,7 +154,7 @@ def _particle_filters(known: _Known) -> Iterator[Ratio]:
             yield _at_most(what, SECOND_VERSION, max(both))
 
 
-def _python(rows: Sequence[Row]) -> Iterator[Ratio]:
+def _python(rows: Sequence[TimingRow]) -> Iterator[Ratio]:
     mine = {(row.name, row.beside, row.landmarks): row.timing for row in rows if row.kind == "part" and row.timing}
     steps = [row for row in rows if row.kind == "backend" and row.timing]
     for row in steps:
@@ -174,7 +174,7 @@ def _search(known: _Known) -> Iterator[Ratio]:
         yield Ratio(what, f"within {SEARCH_MS:g} ms", ms, ms <= SEARCH_MS, "ms")
 
 
-def step_of_parts(rows: Sequence[Row], beside: str, landmarks: int) -> float:
+def step_of_parts(rows: Sequence[TimingRow], beside: str, landmarks: int) -> float:
     """Returns the mean step, in µs, of which the parts beside that backend are parts."""
     mine = [row for row in rows if row.kind == "part" and (row.beside, row.landmarks) == (beside, landmarks)]
     return sum(row.timing.mean for row in mine if row.name in PARTS and row.timing)

@@ -19,7 +19,7 @@ from ...backends.locating.map_index import MapIndex
 from ...core.factors import UNKNOWN
 from ...core.se2 import Ints
 from ..measure.clock import clock_cost
-from .timing import LEAST, Row, stepped, timing
+from .timing import LEAST, TimingRow, stepped, timing
 from .world import World
 
 BUDGET = 2.0  # s of CPU for each reference, at least three steps
@@ -50,42 +50,42 @@ class Floors:
         source, target = np.ones(LARGE // 8), np.ones(LARGE // 8)
         self._copies.append(_called(lambda: np.copyto(target, source), seconds=0.2))
 
-    def rows(self, beside: str) -> list[Row]:
+    def rows(self, beside: str) -> list[TimingRow]:
         """Returns the measured rows."""
         bytes_a_step = 2 * 8 * self._n * (self._n + 1) / 2
         streamed = (bytes_a_step / (2 * LARGE)) * np.concatenate(self._copies).astype(np.float64)
         return [
-            Row("reference", "dsyrk", self._landmarks, timing=timing(np.concatenate(self._dsyrk)), beside=beside),
-            Row("reference", "memory", self._landmarks, timing=timing(streamed), beside=beside),
+            TimingRow("reference", "dsyrk", self._landmarks, timing=timing(np.concatenate(self._dsyrk)), beside=beside),
+            TimingRow("reference", "memory", self._landmarks, timing=timing(streamed), beside=beside),
         ]
 
 
-def textbook(world: World, beside: str) -> Row:
+def textbook(world: World, beside: str) -> TimingRow:
     """Times the textbook filter from a given map: its cost is the same as if it had made it."""
     from .textbook_ekf import TextbookEkf
 
     landmarks = len(world.map.ids)
     if landmarks > LARGEST_TEXTBOOK:
         said = f"not timed beyond {LARGEST_TEXTBOOK} landmarks, where a step takes seconds"
-        return Row("reference", "textbook", landmarks, reason=said, beside=beside)
+        return TimingRow("reference", "textbook", landmarks, reason=said, beside=beside)
     ns = stepped(TextbookEkf(world.surveyed()), world.drive, BUDGET)
-    return Row("reference", "textbook", landmarks, timing=timing(ns), beside=beside)
+    return TimingRow("reference", "textbook", landmarks, timing=timing(ns), beside=beside)
 
 
-def particle_loop(world: World, particles: int, seed: int, beside: str) -> Row:
+def particle_loop(world: World, particles: int, seed: int, beside: str) -> TimingRow:
     """Times the loop from a given map."""
     from .textbook_fastslam import TextbookFastSlam
 
     landmarks = len(world.map.ids)
     if particles > MOST_IN_A_LOOP:
         said = f"not timed beyond {MOST_IN_A_LOOP:,} particles, where a step takes half a second"
-        return Row("reference", "particle loop", landmarks, particles, reason=said, beside=beside)
+        return TimingRow("reference", "particle loop", landmarks, particles, reason=said, beside=beside)
     loop = TextbookFastSlam(world.surveyed(), particles, np.random.default_rng(seed))
     ns = stepped(loop, world.drive, BUDGET)
-    return Row("reference", "particle loop", landmarks, particles, timing(ns), beside=beside)
+    return TimingRow("reference", "particle loop", landmarks, particles, timing(ns), beside=beside)
 
 
-def search(world: World, beside: str) -> Row:
+def search(world: World, beside: str) -> TimingRow:
     """Times `locate` on a given map, repeated as the window of steps moves on through the drive."""
     known = world.surveyed().map
     assert known is not None
@@ -101,7 +101,7 @@ def search(world: World, beside: str) -> Row:
         locate(unnamed[last - WINDOW if last > WINDOW else 0 : last], on)
         spent.append(time.process_time_ns() - start)
         last = last + 1 if last < len(unnamed) else min(WINDOW, len(unnamed))
-    return Row("reference", "locate", len(known.ids), timing=timing(np.array(spent) - clock), beside=beside)
+    return TimingRow("reference", "locate", len(known.ids), timing=timing(np.array(spent) - clock), beside=beside)
 
 
 def _called(call: Callable[[], Any], seconds: float = BUDGET / 4) -> Ints:

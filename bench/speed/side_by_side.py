@@ -13,7 +13,7 @@ from ...core.kernels import compiled
 from ..plan.variant import BackendVariant
 from .mrpt import Program, mrpt_row
 from .process import PATIENCE, Process, Subject, said_of, surveyed
-from .timing import Row, in_turns, timing
+from .timing import TimingRow, in_turns, timing
 from .world import World, world
 
 TOGETHER = ("ekf", "smoother", "isam2")
@@ -37,9 +37,9 @@ def chosen(variants: Sequence[BackendVariant]) -> tuple[Subject, ...]:
     return found if len(found) > 1 else ()
 
 
-def measure_together(task: Together) -> list[Row]:
+def measure_together(task: Together) -> list[TimingRow]:
     """Measures a row for each backend, and MRPT's beside the reference; one that fails has the reason."""
-    process, rows = task.process, list[Row]()
+    process, rows = task.process, list[TimingRow]()
     extent = process.extent
     for landmarks in process.sizes:
         here = world(landmarks, extent.steps, extent.sightings, extent.seed, scattered=extent.scattered)
@@ -54,16 +54,16 @@ def measure_together(task: Together) -> list[Row]:
     return rows
 
 
-def _timed(process: Process, here: World) -> list[Row]:
-    landmarks, lost, there = len(here.map.ids), list[Row](), dict[Subject, Backend]()
+def _timed(process: Process, here: World) -> list[TimingRow]:
+    landmarks, lost, there = len(here.map.ids), list[TimingRow](), dict[Subject, Backend]()
     for subject in process.subjects:
         try:
             there[subject] = surveyed(subject, here, process)
         except Exception as error:  # whatever a backend raises, the others go on
-            lost.append(Row("together", subject.label, landmarks, reason=said_of(error)))
+            lost.append(TimingRow("together", subject.label, landmarks, reason=said_of(error)))
     spent = in_turns(list(there.values()), [here.drive] * len(there), process.extent.seconds * len(there))
     return lost + [
-        Row(
+        TimingRow(
             "together",
             subject.label,
             landmarks,

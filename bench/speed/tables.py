@@ -12,7 +12,7 @@ from ..words.console import plain
 from ..words.numerals import listed, number
 from .isam2_parts import PARTS
 from .ratios import Ratio, growth, step_of_parts
-from .timing import FIFTHS, Row
+from .timing import FIFTHS, TimingRow
 
 COLUMNS = (
     *("kind", "name", "beside", "landmarks", "particles", "reason", "steps", "mean_us", "p50_us", "p95_us", "p99_us"),
@@ -29,7 +29,7 @@ CAUTION = "Costs compare implementations, not algorithms alone."
 STATE = "State: NumPy arrays held, with their room to grow; *: growth of the process, as GTSAM holds the memory."
 
 
-def backend_table(rows: Sequence[Row], title: str) -> Table:
+def backend_table(rows: Sequence[TimingRow], title: str) -> Table:
     """Makes the table of every backend at every size; particles are a column where one has them."""
     table = _table(title, "backend")
     particles = any(row.particles is not None for row in rows)
@@ -58,7 +58,7 @@ def backend_table(rows: Sequence[Row], title: str) -> Table:
     return table
 
 
-def together_table(rows: Sequence[Row], reference: str) -> Table:
+def together_table(rows: Sequence[TimingRow], reference: str) -> Table:
     """Makes the table of what was timed in turns, every figure with its ratio to the reference's at that size."""
     table = _table(f"In turns on the same steps, µs, and how many times {plain(reference)}'s", "N", "backend")
     table.add_column("implementation", no_wrap=True)
@@ -82,7 +82,7 @@ def together_table(rows: Sequence[Row], reference: str) -> Table:
     return table
 
 
-def reference_table(rows: Sequence[Row]) -> Table:
+def reference_table(rows: Sequence[TimingRow]) -> Table:
     """Makes the table of references; of one timed beside several backends, beside the first."""
     table = _table("References, µs, each timed in the backend's own process", "reference", "beside")
     for heading in ("N", "M", "steps", "mean", "p50", "p99"):
@@ -99,7 +99,7 @@ def reference_table(rows: Sequence[Row]) -> Table:
     return table
 
 
-def part_table(rows: Sequence[Row]) -> Table:
+def part_table(rows: Sequence[TimingRow]) -> Table:
     """Makes the table of an iSAM2 step's parts."""
     table = _table("Where a step of iSAM2 goes, µs, timed apart", "backend", "part")
     for heading in ("N", "mean", "of a step", "p50", "p99"):
@@ -124,7 +124,7 @@ def ratio_table(ratios: Sequence[Ratio]) -> Table:
     return table
 
 
-def as_csv(rows: Sequence[Row]) -> str:
+def as_csv(rows: Sequence[TimingRow]) -> str:
     """Writes one line per row, in COLUMNS; blank where there is no such figure."""
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
@@ -144,7 +144,7 @@ def ratios_as_csv(ratios: Sequence[Ratio]) -> str:
     return text.getvalue()
 
 
-def _figures(row: Row) -> dict[str, float | str]:
+def _figures(row: TimingRow) -> dict[str, float | str]:
     assert row.timing is not None
     t = row.timing
     fifths = {f"fifth{k}_us": us for k, us in enumerate(t.fifths, 1)}
@@ -152,7 +152,7 @@ def _figures(row: Row) -> dict[str, float | str]:
     return {"steps": t.steps} | {name: "" if math.isnan(us) else round(us, 4) for name, us in figures.items()}
 
 
-def _programs(rows: Sequence[Row]) -> list[str]:
+def _programs(rows: Sequence[TimingRow]) -> list[str]:
     by_kind: dict[str, dict[str, None]] = {}
     for row in rows:
         if row.implementation:
@@ -162,7 +162,7 @@ def _programs(rows: Sequence[Row]) -> list[str]:
     return ["; ".join(f"{kind}: {', '.join(names)}" for kind, names in by_kind.items()) + f". {CAUTION}"]
 
 
-def _reasons(rows: Sequence[Row]) -> list[str]:
+def _reasons(rows: Sequence[TimingRow]) -> list[str]:
     """Lists why rows have no figures, each reason once, with the sizes at which it holds."""
     sizes: dict[tuple[str, str], list[str]] = {}
     for row in rows:
@@ -172,7 +172,7 @@ def _reasons(rows: Sequence[Row]) -> list[str]:
     return [f"{name}, {listed(at)}: {reason}." for (name, reason), at in sizes.items()]
 
 
-def _state(row: Row) -> str:
+def _state(row: TimingRow) -> str:
     size = row.array_bytes if row.resident_bytes is None else max(row.resident_bytes, 0)
     if size is None:
         return ""

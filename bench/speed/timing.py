@@ -30,7 +30,7 @@ class Timing(NamedTuple):
     fifths: tuple[float, ...]  # means over the fifths of the run, NaN for one without a step
 
 
-class Row(NamedTuple):
+class TimingRow(NamedTuple):
     """A timing at one size, or why there is none."""
 
     kind: str  # backend | reference | part (of a backend's step) | together (with others, in turns)

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from ...core.errors import InputError
-from ...core.nearest import nearest
+from ...core.errors import InputError, nearest
 from ...core.toml.lines import Place
 from ...core.toml.table import TomlTable, shown
 from ..plan.plan import Cell

@@ -3,8 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from ...core.errors import InputError
-from ...core.nearest import nearest
+from ...core.errors import InputError, nearest
 from ...core.toml.table import TomlTable, is_number, shown
 from ..words.columns import CELLS, METRICS
 from .blocks import Combination

@@ -14,7 +14,7 @@ from ..engine.key import log_key, made_once, result_key
 from ..engine.log_files import LogFiles
 from ..measure.cell import Result
 from ..plan.work import PlannedCell
-from ..record.statuses import FAILED
+from ..record.schema import FAILED
 from ..record.store import Known, Store
 from ..words.numerals import counted, lasting
 from ..workers.batch import KeptLog
@@ -39,7 +39,7 @@ class Share(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Estimate:
+class StudyEstimate:
     """The estimate for what is to be run now, without the making of logs."""
 
     shares: Sequence[Share]
@@ -91,7 +91,7 @@ class Estimate:
 
 def estimate(
     study: Study, store: Store | None, executor: Executor, request: RunRequest, budget_s: float = BUDGET_S
-) -> Estimate:
+) -> StudyEstimate:
     """Estimates how long the requested cells of the study will take on the executor's slots.
 
     A cell takes as long as the record's of the same variants did on average, else as those of the same names, else as
@@ -111,7 +111,7 @@ def estimate(
     side = [s or 0.0 for cell, s in zip(todo, each, strict=True) if not cell.timed]
     alone = [s or 0.0 for cell, s in zip(todo, each, strict=True) if cell.timed]
     wall = max([sum(side) / executor.slots, *side]) + sum(alone)
-    return Estimate(_shares(study, done, todo, each), executor.slots, len(alone), wall, len(now), undone)
+    return StudyEstimate(_shares(study, done, todo, each), executor.slots, len(alone), wall, len(now), undone)
 
 
 class _Averages:

@@ -73,8 +73,7 @@ from math import inf
 from pathlib import Path
 from typing import Any, Literal
 
-from ...core.errors import InputError
-from ...core.nearest import nearest
+from ...core.errors import InputError, nearest
 from ...core.toml.lines import Place
 from ...core.toml.table import LARGEST, TomlTable, called, shown, too_deep
 from ..words.columns import about

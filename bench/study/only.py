@@ -4,8 +4,7 @@ import re
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any
 
-from ...core.errors import InputError
-from ...core.nearest import nearest
+from ...core.errors import InputError, nearest
 from ..plan.work import PlannedCell
 from .study import Study
 

@@ -7,8 +7,7 @@ from typing import Any, Self
 from rich.console import Console
 
 from ..plan.work import PlannedCell
-from ..record.schema import Row
-from ..record.statuses import FAILED
+from ..record.schema import FAILED, Row
 from ..words.console import ProgressBar, plain
 from ..words.numerals import counted
 

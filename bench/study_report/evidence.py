@@ -17,7 +17,7 @@ from ..claims.answer import Answer
 from ..claims.conclusion import Conclusion, conclude
 from ..claims.curves import Medians, medians
 from ..claims.finding import Verdict
-from ..claims.standing import Standing, standing
+from ..claims.standing import Progress, standing
 from ..drawing.figure import ReportFigure
 from ..record.cell_table import CellTable
 from ..record.store import Store
@@ -91,7 +91,7 @@ class Evidence:
         return [*others, *held[: max(MOST_TELLING - len(others), 1)]]
 
     @cached_property
-    def standing(self) -> Standing:
+    def standing(self) -> Progress:
         """Returns the study's progress."""
         return standing(self.table)
 

@@ -22,8 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import InputError
-from ...core.nearest import nearest
+from ...core.errors import InputError, nearest
 from ...core.toml.table import TomlTable
 from ..plan.spec import backend_variants, dataset_variants
 

@@ -10,8 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..record.schema import Row
-from ..record.statuses import FAILED
+from ..record.schema import FAILED, Row
 from ..words.numerals import chance, counted, listed, number
 from .costs import BetweenRuns, between_runs
 from .pairing import Pair, PairedRuns

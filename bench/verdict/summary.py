@@ -3,8 +3,7 @@
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..record.schema import Row, label
-from ..record.statuses import FAILED
+from ..record.schema import FAILED, Row, label
 from ..words.columns import about
 from ..words.names import called
 from .statistics import FEWEST, Estimate, estimate, median, median_over

@@ -10,8 +10,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..errors import InputError
-from ..nearest import nearest
+from ..errors import InputError, nearest
 from ..scan import Scan, strict
 from ..se2 import Array
 from ..table import text

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...frontend.camera.camera import Camera
-from ...frontend.depth.frame import DepthFrame
+from ...frontend.depth.recording import DepthFrame
 from .registering import Registration
 from .shots import Flaw, Pixels, Shot, pairs
 

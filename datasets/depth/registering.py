@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
-from ...frontend.depth.frame import Depth
+from ...frontend.depth.recording import Depth
 from ._registering import draw, draw_through_lens
 
 MORE = 1.1

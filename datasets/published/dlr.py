@@ -37,7 +37,7 @@ from ...core.small_matrices import symmetric
 from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .catalogue import fetched
-from .stepwise import FLOORED, Row, definite, read_rows
+from .stepwise import FLOORED, FileRow, definite, read_rows
 
 FILE = "map.circles"
 
@@ -95,9 +95,9 @@ def read(path: Path) -> Dataset:
     return Dataset(log, None)
 
 
-def _rows(path: Path) -> tuple[list[Row], list[Row], Ints]:
+def _rows(path: Path) -> tuple[list[FileRow], list[FileRow], Ints]:
     """The rows of steps, those of circles, and the step of each circle, (s,)."""
-    steps, circles, step = list[Row](), list[Row](), list[int]()
+    steps, circles, step = list[FileRow](), list[FileRow](), list[int]()
     for row in read_rows(path):
         if row.word == "STEP" and row.cells:
             _check_image(row, steps)
@@ -115,7 +115,7 @@ def _rows(path: Path) -> tuple[list[Row], list[Row], Ints]:
     return steps, circles, np.array(step, np.int64)
 
 
-def _check_image(row: Row, before: list[Row]) -> None:
+def _check_image(row: FileRow, before: list[FileRow]) -> None:
     """Raises InputError unless the image's number follows the last one's: no motion is missing."""
     found = _FRAME.search(row.cells[0])
     if found is None:
@@ -125,7 +125,7 @@ def _check_image(row: Row, before: list[Row]) -> None:
         raise row.fault(f"the image has number {int(found[1])}, expected {int(last[1]) + 1}, the next")
 
 
-def _motions(steps: list[Row]) -> tuple[Array, Array, int]:
+def _motions(steps: list[FileRow]) -> tuple[Array, Array, int]:
     """(n, 3) and (n, 3, 3) in our frame, before the motion, and the number of covariances with a floor."""
     table = np.array([row.numbers(_MOTION, row.cells[1:]) for row in steps])
     for k in np.flatnonzero(np.abs(table[:, 2]) > np.pi):
@@ -135,7 +135,7 @@ def _motions(steps: list[Row]) -> tuple[Array, Array, int]:
     return np.stack((-dy, -dx, -dphi), axis=-1), cov, singular
 
 
-def _sightings(circles: list[Row]) -> tuple[Array, Array, Array, int]:
+def _sightings(circles: list[FileRow]) -> tuple[Array, Array, Array, int]:
     """Ranges and bearings (s, 2), covariances (s, 2, 2), qualities (s,), and the number of covariances with a floor."""
     table = np.array([row.numbers(_CIRCLE, row.cells[: len(_CIRCLE)]) for row in circles]).reshape(-1, len(_CIRCLE))
     px, py, quality, xx, xy, yy = table.T
@@ -147,7 +147,7 @@ def _sightings(circles: list[Row]) -> tuple[Array, Array, Array, int]:
     return *as_range_bearing(np.stack((-py, -px), axis=-1), cov), quality, singular
 
 
-def _identities(circles: list[Row]) -> tuple[Ints, int]:
+def _identities(circles: list[FileRow]) -> tuple[Ints, int]:
     """(s,) the id of each circle, and the number of those that are UNKNOWN for having several."""
     named = [[row.identity(cell, UNKNOWN) for cell in row.cells[len(_CIRCLE) :]] for row in circles]
     ids = [names[0] if len(names) == 1 else UNKNOWN for names in named]

@@ -37,7 +37,7 @@ from ...core.table import LARGEST, read_spaced
 from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .catalogue import fetched
-from .stepwise import FLOORED, Row, definite, read_rows
+from .stepwise import FLOORED, FileRow, definite, read_rows
 
 _MOTION = ("rot1", "trans", "rot2")
 _SENSOR = ("id", "range", "bearing")
@@ -136,9 +136,9 @@ def turns_cov(turns: Array, options: Options) -> Array:
     return np.stack(columns, axis=-1)[:, :, None] * np.eye(3)
 
 
-def _rows(path: Path) -> tuple[list[Row], list[Row], Ints]:
+def _rows(path: Path) -> tuple[list[FileRow], list[FileRow], Ints]:
     """The rows of motions, those of sightings, and the step of each of these, (s,)."""
-    motions, sightings, step = list[Row](), list[Row](), list[int]()
+    motions, sightings, step = list[FileRow](), list[FileRow](), list[int]()
     for row in read_rows(path):
         if row.word == "ODOMETRY":
             motions.append(row)
@@ -156,7 +156,7 @@ def _rows(path: Path) -> tuple[list[Row], list[Row], Ints]:
     return motions, sightings, np.array(step, np.int64)
 
 
-def _sightings(rows: list[Row], step: Ints, options: Options) -> tuple[Ints, Array, int]:
+def _sightings(rows: list[FileRow], step: Ints, options: Options) -> tuple[Ints, Array, int]:
     """Ids (s,), ranges and bearings (s, 2), and the number of ranges set to NEAREST."""
     for row in rows:
         row.check_count(_SENSOR, row.cells)

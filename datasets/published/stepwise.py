@@ -26,7 +26,7 @@ FLOORED = (
 """Describes `definite` in the notes of a log."""
 
 
-class Row(NamedTuple):
+class FileRow(NamedTuple):
     """A line of the file that is neither blank nor a comment."""
 
     path: Path
@@ -66,15 +66,15 @@ class Row(NamedTuple):
         return found
 
 
-def read_rows(path: Path) -> Iterator[Row]:
+def read_rows(path: Path) -> Iterator[FileRow]:
     """Yields the rows of `path` in order; InputError if it is missing, empty or not text."""
     for line, content in enumerate(text(path).split("\n"), start=1):
         word, *cells = content.split() or [""]
         if word and not word.startswith("#"):
-            yield Row(path, line, word, cells)
+            yield FileRow(path, line, word, cells)
 
 
-def definite(cov: Array, rows: Sequence[Row]) -> tuple[Array, int]:
+def definite(cov: Array, rows: Sequence[FileRow]) -> tuple[Array, int]:
     """`cov` (m, k, k), one per row, with FLOOR added to the diagonal of singular ones, and the number of these.
 
     The floor is at least a billionth of the covariance's largest eigenvalue, to leave significant digits. InputError

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from ...core.errors import InputError
 from ...core.factors import Truth
 from ...core.se2 import Array
-from ...frontend.depth.frame import DepthFrame
-from ...frontend.depth.recording import DepthRecording
+from ...frontend.depth.recording import DepthFrame, DepthRecording
 from ...frontend.wheels.motion import Track
 from ..depth.folder import MM, TRUTH, TUM_UNITS
 from ..depth.robot import Topics, write_depth_robot

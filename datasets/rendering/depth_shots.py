@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.se2 import Array
-from ...frontend.depth.frame import DepthFrame
+from ...frontend.depth.recording import DepthFrame
 from ...frontend.markers.aruco import Image
 from .boxes import Box
 from .depth import NOISE_SD, kinect, true_depth

@@ -26,7 +26,7 @@ from ..registry import Source
 from ..rendering.room import Room, wall_point
 from .faults import Faults, with_faults
 from .measurements import counted, in_reach, polar, prior
-from .wheeled_robot import Loop, count, drive
+from .wheeled_robot import ClosedPath, count, drive
 
 ENCODER = Encoder(left=2.31249273072714e-06, right=2.30439760302837e-06, base=0.719561485930414, k=0.01, interval=0.05)
 """Each reading of d metres has an error of k |d|; 20 readings per second."""
@@ -55,7 +55,7 @@ ROOM = Room(length=6.0, width=5.0, height=2.5, side=SIDE, markers=())
 LOW, HIGH = 0.1, 0.9
 """m above the camera, range of the markers' heights on the walls."""
 
-LOOP = Loop(
+LOOP = ClosedPath(
     cos=np.array([[1.5, 0.0], [0.0, 0.0], [0.15, 0.0]]),
     sin=np.array([[0.0, 1.1], [0.0, 0.0], [0.0, 0.0]]),
 )

@@ -29,7 +29,7 @@ from ..rendering.scrambled import scrambled
 from ..rendering.surfaces import paint
 from .camera_options import CameraOptions
 from .outliers import swapped
-from .wheeled_robot import Loop, count, drive
+from .wheeled_robot import ClosedPath, count, drive
 
 DICTIONARY = "4X4_50"
 SIDE = 0.16  # m, of a marker
@@ -41,7 +41,7 @@ SOURCE = "slamduel's own world: frames are rendered, wheel counters simulated wi
 
 ENCODER = Encoder(left=1.6e-4, right=1.6e-4, base=0.36, k=0.01, noise="distance")
 
-LOOP = Loop(
+LOOP = ClosedPath(
     cos=np.array([[1.4, 0.0], [0.0, 0.0], [0.25, 0.0]]),
     sin=np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]),
 )

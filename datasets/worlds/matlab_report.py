@@ -22,12 +22,12 @@ from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import FLOORS, counted, in_reach, polar, prior
-from .wheeled_robot import Loop, count, drive
+from .wheeled_robot import ClosedPath, count, drive
 
 CENTRE, HALF, START = np.array([1.0, 1.4]), np.array([2.3, 1.75]), np.deg2rad(160.0)
 """The path's ellipse: its centre and half axes, m, and the robot's starting angle on it, counter-clockwise."""
 
-LOOP = Loop(cos=HALF * np.array([[cos(START), sin(START)]]), sin=HALF * np.array([[-sin(START), cos(START)]]))
+LOOP = ClosedPath(cos=HALF * np.array([[cos(START), sin(START)]]), sin=HALF * np.array([[-sin(START), cos(START)]]))
 """The path around its centre."""
 
 SPEED, PERIOD, STEPS = 0.3, 0.2, 280

@@ -26,7 +26,7 @@ SPIN = 0.3
 """s, duration of a spin."""
 
 
-class Loop(NamedTuple):
+class ClosedPath(NamedTuple):
     """A smooth closed path: x and y as Fourier series of the lap's angle."""
 
     cos: Array  # (h, 2) coefficients of cos(angle), cos(2 angle) ..., m
@@ -51,7 +51,7 @@ class Loop(NamedTuple):
         return np.concatenate(([0.0], np.cumsum((pace[1:] + pace[:-1]) / 2) * (angles[1] - angles[0])))
 
 
-def drive(loop: Loop, speed: float, t: Array) -> tuple[Array, Array]:
+def drive(loop: ClosedPath, speed: float, t: Array) -> tuple[Array, Array]:
     """The true poses (n, 3) at the times `t` (n,), s, and the distance driven, (n,) m.
 
     The robot is at rest at angle 0 until t = 0, heads along the path, and accelerates to `speed` (m/s).

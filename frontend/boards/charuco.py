@@ -49,7 +49,7 @@ FISHEYE_STARTS = (1 / np.pi, 0.5, 0.75)
 """Initial focal lengths of a fisheye, in units of the image's longer side; the first is that of 180 degrees."""
 
 
-class Fit(NamedTuple):
+class ViewFit(NamedTuple):
     """The fit of one view."""
 
     view: View
@@ -73,7 +73,7 @@ class Calibration:
     """A camera and its uncertainty."""
 
     camera: Camera  # mounted at the robot's origin, axes alike
-    fits: list[Fit]
+    fits: list[ViewFit]
     rms: float  # px, of all corners' distances
     sd: Array  # (4 + d,) of fx, fy, cx and cy, px, and of the lens's coefficients
     turn: float  # degrees between the two views that differ most in the board's orientation
@@ -92,10 +92,10 @@ def calibrate(views: Sequence[View], size: tuple[int, int], model: str) -> Calib
             "to 30, tilted every way by 20 to 45 degrees"
         )
     camera, poses = _solve(views, size, model)
-    fits: list[Fit] = []
+    fits: list[ViewFit] = []
     for view, pose in zip(views, poses, strict=True):
         residuals = view.corners - camera.project(view.points @ pose[:3, :3].T + pose[:3, 3])
-        fits.append(Fit(view, residuals, float(np.sqrt((residuals**2).sum(axis=1).mean())), pose, bad=False))
+        fits.append(ViewFit(view, residuals, float(np.sqrt((residuals**2).sum(axis=1).mean())), pose, bad=False))
     usual = float(np.median([fit.error for fit in fits]))
     fits = [fit._replace(bad=fit.error > OUTLYING * usual) for fit in fits]
     sd = _standard_deviations(camera, fits)
@@ -184,7 +184,7 @@ def _fisheye(views: Sequence[View], size: tuple[int, int], flags: int) -> _Solut
     return _Solution(*best[1:])
 
 
-def _standard_deviations(camera: Camera, fits: Sequence[Fit]) -> Array:
+def _standard_deviations(camera: Camera, fits: Sequence[ViewFit]) -> Array:
     """(4 + d,) of fx, fy, cx, cy and the distortion, with all poses marginalised out of the least-squares problem.
 
     The noise is that of the residuals. Huge where the views leave a parameter undetermined.
@@ -210,7 +210,7 @@ def _standard_deviations(camera: Camera, fits: Sequence[Fit]) -> Array:
     return np.sqrt(variances * squares / max(numbers, 1)) / scale
 
 
-def _remarks(camera: Camera, fits: Sequence[Fit], rms: float, share: float, covered: float) -> list[str]:
+def _remarks(camera: Camera, fits: Sequence[ViewFit], rms: float, share: float, covered: float) -> list[str]:
     remarks: list[str] = []
     remarks += [
         f"{fit.view.name} fits badly, to {fit.error:.2f} px: check if it is blurred or the board is bent"

@@ -21,7 +21,7 @@ from ..markers._step import LIMITED, LIMITS
 from ..markers.aruco import Image
 from ..markers.prior import UNKNOWN_CAMERA
 from .board import Board
-from .charuco import Fit
+from .charuco import ViewFit
 from .noise_curve import Flat, flat_areas, noise_curve
 
 FEWEST_PICTURES, FEWEST_MARKERS = 4, 12
@@ -80,7 +80,7 @@ class Pictures:
         self._count = 0
         self._small = self._clipped = 0
 
-    def add(self, seen: Fit, image: Image) -> None:
+    def add(self, seen: ViewFit, image: Image) -> None:
         """Takes the grey or BGR `image` of a view that was used for the calibration."""
         grey = image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), np.uint8)
         charuco, camera = self._board.opencv, self._camera
@@ -112,7 +112,7 @@ class Pictures:
         """The response, or in a few words why these pictures do not tell it."""
         prior = UNKNOWN_CAMERA.copy()
         common, sd = np.zeros(3), np.zeros(3)
-        fits: list[tuple[int, template.Fit]] = []
+        fits: list[tuple[int, template.PatternFit]] = []
         pictures: set[int] = set()
         for _ in range(PASSES):
             fits = self._fits(prior)
@@ -132,9 +132,9 @@ class Pictures:
         response = Response(Measured(gamma, gamma * tone.sd), sharp, _blur(fits), *(noise or (None, None)))
         return BoardResponse(response, Measured(module * ink.value, module * ink.sd), len(pictures), len(fits))
 
-    def _fits(self, prior: Array) -> list[tuple[int, template.Fit]]:
+    def _fits(self, prior: Array) -> list[tuple[int, template.PatternFit]]:
         """The markers that are fitted, each with its picture's number."""
-        found: list[tuple[int, template.Fit]] = []
+        found: list[tuple[int, template.PatternFit]] = []
         self._clipped = 0
         for patch in self._patches:
             fit = template.fit(patch.image, patch.rays, patch.pattern, patch.corner_rays, patch.corners, prior)
@@ -182,13 +182,13 @@ def _summed(parts: Iterable[_Shared]) -> _Shared:
     return _Shared(np.sum(normals, axis=0), np.sum(rights, axis=0))
 
 
-def _is_optimum(fit: template.Fit) -> bool:
+def _is_optimum(fit: template.PatternFit) -> bool:
     """Tells if no parameter was stopped at its limit: there the loss is not quadratic about what was found."""
     stopped = (fit.look[LIMITED] <= LIMITS[0]) | (fit.look[LIMITED] >= LIMITS[1])
     return not stopped.any()
 
 
-def _share_of(fit: template.Fit, prior: Array) -> _Shared:
+def _share_of(fit: template.PatternFit, prior: Array) -> _Shared:
     """What one marker says of the common parameters, without the prior: the rest is marginalised out."""
     normal = fit.normal / max(fit.residual**2, 0.25)
     taken = 1 / prior[1, SHARED - 8 - A] ** 2
@@ -201,7 +201,7 @@ def _share_of(fit: template.Fit, prior: Array) -> _Shared:
     return _Shared(own, own @ found + taken * (found - prior[0, SHARED - 8 - A]))
 
 
-def _blur(fits: Sequence[tuple[int, template.Fit]]) -> Measured:
+def _blur(fits: Sequence[tuple[int, template.PatternFit]]) -> Measured:
     """px, the median over the pictures of their markers' median blur."""
     by_picture: dict[int, list[float]] = {}
     for picture, fit in fits:

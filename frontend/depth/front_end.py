@@ -19,11 +19,11 @@ from ..maps.cloud import BLUR, Cloud, cloud_of
 from ..maps.spool import Spool
 from ..wheels.motion import Motion
 from .features import Features, Finder
-from .frame import DepthFrame
 from .level import Level, Leveller
 from .loops import Loops
 from .pairs import Keyframe, Pair, Pairs, Trial, without_ids
 from .planar import Planar
+from .recording import DepthFrame
 from .settings import Settings
 from .surfaces import Coarse
 from .tracks import Tracks
@@ -33,7 +33,7 @@ BEFORE = (1, 3)
 """Steps back to the keyframes that a new one's features are matched with."""
 
 
-class Step(NamedTuple):
+class FrameStep(NamedTuple):
     """A step of the log."""
 
     t: float  # s
@@ -41,7 +41,7 @@ class Step(NamedTuple):
     level: Level
 
 
-class Seen(NamedTuple):
+class FrameFindings(NamedTuple):
     """The front end's findings in one frame."""
 
     frame: DepthFrame
@@ -51,7 +51,7 @@ class Seen(NamedTuple):
     stepped: bool  # the log has a step there
 
 
-class Loop(NamedTuple):
+class FrameLoop(NamedTuple):
     """A place that was seen again: a loop closure of the log, or a reason for features to be the same landmarks."""
 
     to: int  # the earlier step
@@ -64,8 +64,8 @@ class FrontEnd:
 
     def __init__(self, camera: Camera, settings: Settings, motion: Motion | None) -> None:
         self.settings, self.camera = settings, camera
-        self.steps: list[Step] = []
-        self.loops: list[Loop] = []
+        self.steps: list[FrameStep] = []
+        self.loops: list[FrameLoop] = []
         self.clouds = Spool()  # of the steps
         self.counts, self.turned_down = Counter[str](), Counter[str]()
         self.tracks, self._ways = Tracks(settings), Ways()
@@ -77,7 +77,7 @@ class FrontEnd:
         self._recent = deque[Keyframe](maxlen=max(BEFORE) + 1)
         blurred = np.sqrt(max(BLUR - settings.constant_sd, 0.0) / settings.depth_sd)
         self._sharp = min(settings.far, float(blurred))  # m, the farthest points of a cloud
-        self.seen: Seen | None = None  # of the last frame
+        self.seen: FrameFindings | None = None  # of the last frame
         self._trials: list[Trial] = []
         self._last: tuple[Keyframe, Pair] | None = None  # the last frame that is no step, seen from the last step
 
@@ -87,7 +87,7 @@ class FrontEnd:
         self._trials, self.search.trials = [], []
         steps, keyframe = len(self.steps), self._taken(frame)
         stepped = keyframe is not None and len(self.steps) > steps and self._recent[-1] is keyframe
-        self.seen = Seen(frame, keyframe, self._trials, self.search.trials, stepped)
+        self.seen = FrameFindings(frame, keyframe, self._trials, self.search.trials, stepped)
 
     def _taken(self, frame: DepthFrame) -> Keyframe | None:
         """Takes a frame; None for one that is not looked at."""
@@ -140,7 +140,7 @@ class FrontEnd:
         return cloud_of(self.camera, level.T, frame.depth, colour, (self.settings.near, self._sharp))
 
     def _start(self, frame: Keyframe) -> Keyframe:
-        self.steps.append(Step(frame.t, None, frame.level))
+        self.steps.append(FrameStep(frame.t, None, frame.level))
         self.clouds.add(frame.cloud)
         self._recent.append(frame)
         self.search.remember(frame, ())
@@ -230,7 +230,7 @@ class FrontEnd:
     def _step(self, frame: Keyframe, motion: Planar) -> None:
         """Begins a step, and looks for places that were seen before."""
         self._last = None
-        self.steps.append(Step(frame.t, motion, frame.level))
+        self.steps.append(FrameStep(frame.t, motion, frame.level))
         self.clouds.add(frame.cloud)
         self._ways.step(motion)
         self._recent.append(frame)
@@ -242,7 +242,7 @@ class FrontEnd:
         found = self.search.search(frame)
         for pair in found:
             self._ways.join(pair.first.step, pair.second.step, pair.motion)
-            self.loops.append(Loop(pair.first.step, pair.second.step, pair.motion))
+            self.loops.append(FrameLoop(pair.first.step, pair.second.step, pair.motion))
             if self.settings.landmarks:
                 self._track(pair)
         self.search.remember(frame, found)

@@ -1,16 +1,31 @@
-"""A recording of a depth camera's frames with the wheels' motion."""
+"""A frame of a depth camera, and a recording of its frames with the wheels' motion."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ...core.errors import InputError
 from ...core.factors import Prior
 from ..camera.camera import Camera
 from ..wheels.motion import Motion
-from .frame import DepthFrame
+
+Grey = NDArray[np.uint8]
+Depth = NDArray[np.float32]
+"""(h, w) m along the optical axis, not along the ray; 0 where there is none."""
+
+
+class DepthFrame(NamedTuple):
+    """A grey image and the depth of its pixels."""
+
+    seconds: float  # s, the middle of the exposure, by the clock of the wheels' readings
+    grey: Grey  # (h, w)
+    depth: Depth  # (h, w) registered to `grey`: of the same pixels
+    colour: NDArray[np.uint8] | None = None  # (h, w, 3) BGR; None: the camera has grey images only
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,19 +5,29 @@ tenth: all of these together cost some ten times the last. In between only the l
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ...core.se2 import Array
 from ...core.small_matrices import inverse
-from .loops import Loop
+from .loops import ScanLoop
 from .pose_graph import Edges, optimised
 from .rows import Rows
 from .settings import Settings
-from .step import Step
 
 
-class Estimate:
+class ScanStep(NamedTuple):
+    """The pose of a scan, and the motion since the step before."""
+
+    t: float
+    scan: int  # its number
+    pose: Array  # (3,) on the matcher's path
+    delta: Array  # (3,) from the step before
+    cov: Array  # (3, 3) in the axes of delta
+
+
+class StepPoses:
     """The poses of the steps."""
 
     def __init__(self, settings: Settings) -> None:
@@ -35,7 +45,7 @@ class Estimate:
         self._poses.append(pose)
         self._loops.append(loops)
 
-    def correct(self, steps: Sequence[Step], loops: Sequence[Loop]) -> None:
+    def correct(self, steps: Sequence[ScanStep], loops: Sequence[ScanLoop]) -> None:
         """Moves the last steps to the optimum; all of them where enough are new."""
         s, n = self._settings, len(self._poses)
         if n - self._whole >= s.optimise_all * n:
@@ -43,12 +53,12 @@ class Estimate:
         else:
             self._move(max(1, n - s.optimise_last), steps, loops, 15)
 
-    def move(self, steps: Sequence[Step], loops: Sequence[Loop], iterations: int) -> None:
+    def move(self, steps: Sequence[ScanStep], loops: Sequence[ScanLoop], iterations: int) -> None:
         """Moves all steps to the optimum."""
         self._whole = len(self._poses)
         self._move(1, steps, loops, iterations)
 
-    def _move(self, first: int, steps: Sequence[Step], loops: Sequence[Loop], iterations: int) -> None:
+    def _move(self, first: int, steps: Sequence[ScanStep], loops: Sequence[ScanLoop], iterations: int) -> None:
         """Moves the steps from `first` on; those before are held."""
         recent = [loop for loop in loops[self._loops[first] :] if loop.step >= first]
         to, step = (np.array([getattr(one, name) for one in recent], np.int64) for name in ("to", "step"))

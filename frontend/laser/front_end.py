@@ -13,14 +13,13 @@ from ...core.se2 import Array, between, compose, rotation
 from ...core.small_matrices import inverse
 from ._matching import match
 from ._search import correlated
-from .estimate import Estimate
+from .estimate import ScanStep, StepPoses
 from .finished import Finished
 from .localising import Localiser
-from .loops import Loop, Match, Surprises, cloud, contradicted, loop_of, searched
+from .loops import Match, ScanLoop, Surprises, cloud, contradicted, loop_of, searched
 from .rows import Rows
 from .scanner import Scan, Scanner
 from .settings import Settings
-from .step import Step
 from .submap import Submap
 from .wheels_check import WheelsCheck, contradicts
 
@@ -62,8 +61,8 @@ class FrontEnd:
     ) -> None:
         """With a `localiser`, steps are placed on its map instead of being searched for in earlier submaps."""
         self.scanner, self.settings, self.wheels, self.localiser = scanner, settings, wheels, localiser
-        self.steps: list[Step] = []
-        self.loops: list[Loop] = []
+        self.steps: list[ScanStep] = []
+        self.loops: list[ScanLoop] = []
         self.t: list[float] = []
         self.finished = Finished(settings)
         self.turned_down: Counter[str] = Counter()
@@ -74,7 +73,7 @@ class FrontEnd:
         self._path = Rows(3)
         self._poses = Rows(3)  # of the steps, on the matcher's path
         self._rates = Rows(2)  # m/s, rad/s at the steps
-        self._estimate = Estimate(settings)
+        self._estimate = StepPoses(settings)
         self._surprises = Surprises(settings)
         self._wheels_check, self._wheels_only = WheelsCheck(), False  # the step is by the wheels alone
         self._corrected, self._loops_then = 0.0, 0  # the way, and the number of loops, at the last correction
@@ -212,7 +211,7 @@ class FrontEnd:
         s, k = self.settings, len(self.steps)
         self._rates.append(rate)
         if k == 0:
-            self.steps.append(Step(t, 0, pose, np.zeros(3), np.zeros((3, 3))))
+            self.steps.append(ScanStep(t, 0, pose, np.zeros(3), np.zeros((3, 3))))
             self._estimate.append(pose, 0)
         else:
             last = self._poses.array[-1]
@@ -221,7 +220,7 @@ class FrontEnd:
             self._wheels_only = False
             cov = s.explained * inverse(fused) + np.diag([s.floor**2, s.floor**2, s.turn_floor**2])
             cov += self._stale(k) + self._stale(k - 1)
-            self.steps.append(Step(t, len(self.t) - 1, pose, delta, (cov + cov.T) / 2))
+            self.steps.append(ScanStep(t, len(self.t) - 1, pose, delta, (cov + cov.T) / 2))
             self._estimate.append(compose(self.estimate[-1], delta), len(self.loops))
         self._poses.append(pose)
         for submap in self._active:
@@ -273,7 +272,7 @@ class FrontEnd:
         poses, scans = [pose for pose, _ in self._drawn], [scan for _, scan in self._drawn]
         return cloud(self._poses.array[k], poses, scans, self.settings.cloud_cell)
 
-    def _take(self, loop: Loop, off: Array, since: float) -> None:
+    def _take(self, loop: ScanLoop, off: Array, since: float) -> None:
         """Takes a loop that is where it was expected, or that enough others agree with; `off` is how far it is off."""
         if self._surprises.is_expected(off, since):
             self.loops.append(loop)

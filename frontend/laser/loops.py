@@ -44,7 +44,7 @@ FARTHEST = 12.0
 """m; how far a point may be at most to set the step of the search in heading."""
 
 
-class Loop(NamedTuple):
+class ScanLoop(NamedTuple):
     """The pose of a step in the frame of an earlier one, as backends get it."""
 
     to: int
@@ -131,7 +131,7 @@ def cloud(pose: Array, poses: Sequence[Array], scans: Sequence[Scan], size: floa
     return one_a_cell(np.concatenate(parts), size)
 
 
-def loop_of(found: Match, submap: Submap, step: int, poses: Array, settings: Settings, stale: Array) -> Loop:
+def loop_of(found: Match, submap: Submap, step: int, poses: Array, settings: Settings, stale: Array) -> ScanLoop:
     """A match as a loop to the step of the submap nearest to it: least of the submap's own bend enters.
 
     `poses` are those of all steps on the matcher's path; `stale` (3, 3) is the covariance by the scan's age.
@@ -141,10 +141,10 @@ def loop_of(found: Match, submap: Submap, step: int, poses: Array, settings: Set
     R = rotation(float(poses[to][2]))
     cov = inverse(R.T @ found.information @ R + WEAK)
     cov += np.diag([settings.loop_floor**2, settings.loop_floor**2, settings.loop_turn_floor**2]) + stale
-    return Loop(to, step, between(poses[to], found.pose), cov, found.score)
+    return ScanLoop(to, step, between(poses[to], found.pose), cov, found.score)
 
 
-def contradicted(loops: Sequence[Loop], estimate: Array) -> NDArray[np.bool_]:
+def contradicted(loops: Sequence[ScanLoop], estimate: Array) -> NDArray[np.bool_]:
     """Which loops all others and the odometry contradict, at their optimum `estimate` (k, 3)."""
     to, step = (np.array([getattr(loop, name) for loop in loops], np.int64) for name in ("to", "step"))
     off = np.array([loop.delta for loop in loops]).reshape(-1, 3) - between(estimate[to], estimate[step])
@@ -158,7 +158,7 @@ class Surprises:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._waiting: list[tuple[Loop, float]] = []  # and the path when it was found
+        self._waiting: list[tuple[ScanLoop, float]] = []  # and the path when it was found
 
     def is_expected(self, off: Array, since: float) -> bool:
         """Tells if a match may be `off` (3,) the estimate, `since` metres after the last correction."""
@@ -172,14 +172,14 @@ class Surprises:
         """Forgets all: a loop where it was expected says that the estimate is right."""
         self._waiting.clear()
 
-    def add(self, loop: Loop, path: float, estimate: Array) -> list[Loop]:
+    def add(self, loop: ScanLoop, path: float, estimate: Array) -> list[ScanLoop]:
         """Adds a loop; returns all that ask for the same correction once they are enough, else none."""
         s = self._settings
         self._waiting = [(one, at) for one, at in self._waiting if path - at < s.confirm_within]
         self._waiting.append((loop, path))
         now = estimate[loop.step]
         mine = _corrected(loop, now, estimate)
-        same = list[tuple[Loop, float]]()
+        same = list[tuple[ScanLoop, float]]()
         for one, at in self._waiting:
             off = between(mine, _corrected(one, now, estimate))
             if np.hypot(off[0], off[1]) < s.same and abs(off[2]) < s.same_turn:
@@ -191,6 +191,6 @@ class Surprises:
         return [one for one, _ in same]
 
 
-def _corrected(loop: Loop, now: Array, estimate: Array) -> Array:
+def _corrected(loop: ScanLoop, now: Array, estimate: Array) -> Array:
     """Where a loop would have the pose `now`."""
     return compose(compose(estimate[loop.to], loop.delta), between(estimate[loop.step], now))

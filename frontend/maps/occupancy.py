@@ -30,7 +30,7 @@ MANY = 10.0
 UNKNOWN, FREE, WALL = 0, 1, 2
 
 
-class Seen(Protocol):
+class SeenBeams(Protocol):
     """Beams from poses at a log's steps and between them."""
 
     @property
@@ -82,7 +82,7 @@ def of_states(origin: Array, size: float, states: NDArray[np.uint8]) -> Occupanc
     return Occupancy(origin, size, cells)
 
 
-def occupancy(seen: Seen, path: Array, cell: float = CELL, most: int = MOST) -> Occupancy:
+def occupancy(seen: SeenBeams, path: Array, cell: float = CELL, most: int = MOST) -> Occupancy:
     """Draws all beams into one grid, the steps of the log being at `path` (n, 3); at most `most` cells on a side."""
     return inserted(seen, path, *framed(*extent(seen, path), cell, most))
 
@@ -95,7 +95,7 @@ def framed(low: Array, high: Array, cell: float, most: int) -> tuple[Array, floa
     return origin, size, (n, m)
 
 
-def extent(seen: Seen, path: Array) -> tuple[Array, Array]:
+def extent(seen: SeenBeams, path: Array) -> tuple[Array, Array]:
     """The corners (2,), m, low and high, of the rectangle around all ends along `path` (n, 3), OUTLIERS aside."""
     poses = seen.at.along(path)
     return around(np.concatenate([act(pose, seen.beams(k).ends) for k, pose in enumerate(poses)]), poses)
@@ -108,7 +108,7 @@ def around(points: Array, poses: Array) -> tuple[Array, Array]:
     return low, np.maximum(np.quantile(hit, 1 - OUTLIERS, axis=0), poses[:, :2].max(axis=0))
 
 
-def inserted(seen: Seen, path: Array, origin: Array, size: float, shape: tuple[int, int]) -> Occupancy:
+def inserted(seen: SeenBeams, path: Array, origin: Array, size: float, shape: tuple[int, int]) -> Occupancy:
     """Draws the beams along `path` (n, 3) into a grid of that place, cell size (m) and shape, if they are inside."""
     cells: Cells = np.zeros((*shape, 4), np.float32)
     for k, pose in enumerate(seen.at.along(path)):

@@ -33,7 +33,7 @@ class Frame(NamedTuple):
     image: Image | None  # (height, width) grey or (height, width, 3) BGR; None: it could not be decoded
 
 
-class Seen(NamedTuple):
+class FrameSightings(NamedTuple):
     """The front end's result for one frame."""
 
     frame: Frame
@@ -62,7 +62,7 @@ class Recording:
     remarks: list[str] = field(default_factory=list[str])  # grows while the frames are read
 
 
-def build_log(recording: Recording, observe: Callable[[Seen], None] | None = None) -> Log:
+def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | None = None) -> Log:
     """Builds the log, one step per frame; omissions are counted in `notes["counts"]`.
 
     Frames outside the time of the motion's readings and undecodable frames are left out; what is legal yet odd is among
@@ -120,12 +120,12 @@ def _remarks(recording: Recording, counts: Counter[str], start: float, end: floa
     ]
 
 
-def see(recording: Recording, frame: Frame) -> Seen:
+def see(recording: Recording, frame: Frame) -> FrameSightings:
     """Detects the markers in one frame, which has an image."""
     assert frame.image is not None
     found, rejected = recording.detector.detect(frame.image, camera_motion(recording, frame.t))
     z, cov = recording.noise.measure(found, recording.detector.camera.mounting)
-    return Seen(frame, found, z, cov, z[:, 0] <= recording.max_range, rejected)
+    return FrameSightings(frame, found, z, cov, z[:, 0] <= recording.max_range, rejected)
 
 
 def camera_motion(recording: Recording, t: float) -> CameraMotion | None:

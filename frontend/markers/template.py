@@ -53,7 +53,7 @@ MODEL_SD = 0.002
 """px, of a corner along each axis, for model errors."""
 
 
-class Fit(NamedTuple):
+class PatternFit(NamedTuple):
     """A pattern aligned with a frame; `_grey` says which parameters there are."""
 
     rays: Array  # (4, 2) its corners on the plane z = 1 of the camera frame
@@ -67,7 +67,7 @@ class Fit(NamedTuple):
 
 def fit(
     image: NDArray[np.uint8], rays: Array, pattern: Array, start: Array, corners: Array, prior: Array = UNKNOWN_CAMERA
-) -> Fit | None:
+) -> PatternFit | None:
     """Aligns the square `pattern` (m + 2 RIM, m + 2 RIM), 1 is white, with a grey `image` (h, w); None if it fails.
 
     `rays` (h, w, 2) are the pixels' rays; `start` (4, 2) and `corners` (4, 2) an initial guess of the pattern's
@@ -91,7 +91,7 @@ def fit(
         outline, cov = corner_rays(found, modules, change_cov)
     except np.linalg.LinAlgError:
         return None
-    return Fit(outline, cov, float(residual), contrast, root @ root.T, look, normal)
+    return PatternFit(outline, cov, float(residual), contrast, root @ root.T, look, normal)
 
 
 def pattern(bits: NDArray[np.bool_]) -> Array:

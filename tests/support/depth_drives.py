@@ -9,10 +9,9 @@ from slamduel.core.factors import Truth
 from slamduel.datasets.rendering.depth_shots import DepthShots
 from slamduel.datasets.worlds.depth_room import Drive, record
 from slamduel.frontend.depth.features import Finder
-from slamduel.frontend.depth.frame import DepthFrame
 from slamduel.frontend.depth.level import Leveller
 from slamduel.frontend.depth.pairs import Keyframe, without_ids
-from slamduel.frontend.depth.recording import DepthRecording
+from slamduel.frontend.depth.recording import DepthFrame, DepthRecording
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.depth.surfaces import Surfaces
 

@@ -4,7 +4,7 @@ import sys
 from collections import Counter
 
 from noisy_logs import REACH, Slow, noisy
-from slamduel.bench.noise.likelihood import Estimate
+from slamduel.bench.noise.likelihood import NoiseEstimate
 from slamduel.bench.noise.measured import Noise, measured
 
 WORLDS = ("circle[steps=500]", "city[steps=500]", "linear[steps=500]")
@@ -15,7 +15,7 @@ ODOMETRY = (1.3, 0.7, 1.2)
 EXPECTED = (0.93, 0.97)
 
 
-def found(noise: Noise) -> dict[str, tuple[Estimate | None, float]]:
+def found(noise: Noise) -> dict[str, tuple[NoiseEstimate | None, float]]:
     """Estimates with their true values."""
     assert noise.range is not None
     assert noise.bearing is not None

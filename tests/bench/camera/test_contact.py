@@ -13,11 +13,11 @@ from slamduel.bench.camera.annotate import annotated
 from slamduel.bench.camera.kept_frames import MOST, PICTURES, STRETCHES, ContactSheet, EmptyFrames, sheet
 from slamduel.bench.camera.preview import Preview
 from slamduel.core.errors import InputError
-from slamduel.frontend.markers.pipeline import Frame, Seen, build_log
+from slamduel.frontend.markers.pipeline import Frame, FrameSightings, build_log
 from small_recording import picture, sighting, small_recording
 
 
-def film(preview: Preview) -> Callable[[Seen], None]:
+def film(preview: Preview) -> Callable[[FrameSightings], None]:
     return lambda seen: preview.add(seen.frame.t, annotated(seen))
 
 
@@ -52,11 +52,13 @@ def test_a_preview_is_whole_or_not_there(tmp_path: Path) -> None:
     assert [one.name for one in tmp_path.iterdir()] == ["one.mp4"]
 
 
-def seen_of(number: int, kept: int, rejected: int) -> Seen:
+def seen_of(number: int, kept: int, rejected: int) -> FrameSightings:
     sightings = [sighting(name, 1.0, 0.0) for name in range(kept)]
     z = np.tile([1.0, 0.0], (kept, 1))
     frame = Frame(0.1 * number, picture(number))
-    return Seen(frame, sightings, z, np.tile(np.eye(2), (kept, 1, 1)), np.ones(kept, bool), Counter(why=rejected))
+    return FrameSightings(
+        frame, sightings, z, np.tile(np.eye(2), (kept, 1, 1)), np.ones(kept, bool), Counter(why=rejected)
+    )
 
 
 @pytest.mark.parametrize("frames", [1, 5, 12, 100, 1000])

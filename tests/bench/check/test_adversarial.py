@@ -6,7 +6,7 @@ import pytest
 from broken_backends import ADVERSE, GivesUp, Sound
 from slamduel.backends.api import Builder, Map
 from slamduel.bench.check import adversarial
-from slamduel.bench.check.adversarial import Answer, batch_answer, bound, filtered, ordinary, uses_sightings
+from slamduel.bench.check.adversarial import BatchAnswer, batch_answer, bound, filtered, ordinary, uses_sightings
 from slamduel.bench.check.adversarial_logs import ADVERSARIES, Adversary
 from slamduel.bench.check.candidate import Candidate, spread
 from slamduel.bench.check.isolated import examined
@@ -146,7 +146,7 @@ def test_a_backend_has_the_bound_of_its_kind() -> None:
     assert uses_sightings(ordinary(filtering))
     narrow, wide = bound(filtering, adversary, answer), bound(drawing, adversary, answer)
     assert narrow[0][-1] < 0.5 * wide[0][-1]
-    planted = bound(filtering, BY_NAME["one-slip"], Answer(*answer))[0]
+    planted = bound(filtering, BY_NAME["one-slip"], BatchAnswer(*answer))[0]
     assert planted[-1] == pytest.approx(56 / 6 * narrow[0][-1], rel=1e-3)
 
 

@@ -23,7 +23,7 @@ from slamduel.datasets.depth.open import OpenedDepth, open_depth
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.recordings.write_depth import FORMATS, write_depth
 from slamduel.datasets.worlds.depth_room import Drive, record, shots_of
-from slamduel.frontend.depth.front_end import FrontEnd, Seen
+from slamduel.frontend.depth.front_end import FrameFindings, FrontEnd
 from slamduel.frontend.depth.log import looked_at
 from slamduel.frontend.depth.pairs import Pairs
 from slamduel.frontend.depth.recording import DepthRecording
@@ -308,7 +308,7 @@ def test_a_feature_has_the_colour_of_what_became_of_it() -> None:
     half = trial._replace(pair=trial.pair._replace(rows=rows[::2]), contradicted=rows[1::2])
     drawn = {}
     for name, trials in {"kept": [trial], "refused": [refused], "half": [half], "alone": []}.items():
-        picture = annotated(Seen(shown[2], two, trials, [], stepped=True), recording.camera)
+        picture = annotated(FrameFindings(shown[2], two, trials, [], stepped=True), recording.camera)
         drawn[name] = [pixels_of(picture, colour) for colour in (KEPT, CONTRADICTED)]
     assert drawn["kept"][0] > 500
     assert drawn["kept"][1] == drawn["alone"][0] == drawn["alone"][1] == 0

@@ -8,7 +8,7 @@ import pytest
 
 from slamduel.bench.cli import main
 from slamduel.bench.front_ends import study as frontend
-from slamduel.bench.front_ends.corners import Accuracy, Cost, Extent, Misreadings, Study, errors_in, steps
+from slamduel.bench.front_ends.corners import Accuracy, CornerExtent, Cost, Misreadings, Study, errors_in, steps
 from slamduel.bench.front_ends.study import COLUMNS
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.marker_shots import Placement, placements
@@ -52,7 +52,7 @@ def test_too_few_found_have_no_figures() -> None:
 
 
 def test_costs_and_misreadings_have_every_frame() -> None:
-    extent, seen = Extent(2, 0, 3, 2), list[None]()
+    extent, seen = CornerExtent(2, 0, 3, 2), list[None]()
     costs = list(STUDY.costs(extent.timed, lambda: seen.append(None)))
     assert [(c.refinement, c.camera.width) for c in costs] == [
         ("none", 640),
@@ -84,7 +84,7 @@ def test_the_command_prints_and_writes(
             good = Accuracy("template", distance, streak, count, count, 0, 1e-4 * distance, 1e-3, -1e-5, 2.1, 0.2)
             return [worse, missed if distance == 6 else good]
 
-        def misreadings(self, extent: Extent, progress: object) -> list[Misreadings]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        def misreadings(self, extent: CornerExtent, progress: object) -> list[Misreadings]:  # pyright: ignore[reportIncompatibleMethodOverride]
             return [Misreadings("clutter", "template", extent.clutter, 0, 0)]
 
     monkeypatch.setattr(frontend, "Study", Little)

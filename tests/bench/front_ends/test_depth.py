@@ -13,7 +13,15 @@ import pytest
 
 from slamduel.bench.cli import main
 from slamduel.bench.front_ends import depth
-from slamduel.bench.front_ends.depth import DepthStudy, Drive, Extent, frame_cost, honesty, loop_cost, pair_costs
+from slamduel.bench.front_ends.depth import (
+    DepthDrive,
+    DepthExtent,
+    DepthStudy,
+    frame_cost,
+    honesty,
+    loop_cost,
+    pair_costs,
+)
 from slamduel.bench.front_ends.depth_references import matches, motion
 from slamduel.bench.front_ends.depth_timed import PARTS, Timed, held
 from slamduel.core.se2 import Array, Ints
@@ -30,8 +38,8 @@ SHORT, CLOSED = 0.2, 1.2
 
 
 @cache
-def drives(laps: float) -> list[Drive]:
-    return DepthStudy(3, Extent(1, laps, 200)).drives(lambda: None)
+def drives(laps: float) -> list[DepthDrive]:
+    return DepthStudy(3, DepthExtent(1, laps, 200)).drives(lambda: None)
 
 
 def matrix(pose: Any) -> Array:
@@ -140,7 +148,7 @@ def test_the_command_prints_and_writes(
     folder = tmp_path / "drive"
     recording, truth = record(Options(laps=0.15), np.random.default_rng(2))
     write_depth({folder: "tum"}, recording, truth, shots_of(recording).poses)
-    monkeypatch.setattr(depth, "QUICK", Extent(1, SHORT, 20))
+    monkeypatch.setattr(depth, "QUICK", DepthExtent(1, SHORT, 20))
     monkeypatch.setattr(DepthStudy, "warm_up", lambda _: None)
     table = tmp_path / "t.csv"
     arguments = ["--frontend", "--only", "depth", "--quick", "--frames", str(folder), "--csv", str(table)]

@@ -11,7 +11,7 @@ import pytest
 import carmen_files
 from slamduel.bench.cli import main
 from slamduel.bench.front_ends import laser
-from slamduel.bench.front_ends.laser import PARTS, Drive, Extent, LaserStudy, honesty, scan_cost
+from slamduel.bench.front_ends.laser import PARTS, LaserDrive, LaserExtent, LaserStudy, honesty, scan_cost
 from slamduel.bench.front_ends.laser_references import icp, tried
 from slamduel.datasets.worlds.laser_floor import Options, laser_floor
 from slamduel.frontend.laser._search import ANYWHERE, branch_and_bound
@@ -23,11 +23,11 @@ SHORT, CLOSED = 0.3, 1.3
 
 @cache
 def study(laps: float) -> LaserStudy:
-    return LaserStudy(3, Extent(1, laps, 200, 3, 1))
+    return LaserStudy(3, LaserExtent(1, laps, 200, 3, 1))
 
 
 @cache
-def drives(laps: float) -> list[Drive]:
+def drives(laps: float) -> list[LaserDrive]:
     return study(laps).drives(lambda: None)
 
 
@@ -102,7 +102,7 @@ def test_the_command_prints_and_writes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = carmen_files.written(tmp_path / "corridor.clf", drives(SHORT)[0].recording)
-    monkeypatch.setattr(laser, "QUICK", Extent(1, 0.3, 150, 2, 1))
+    monkeypatch.setattr(laser, "QUICK", LaserExtent(1, 0.3, 150, 2, 1))
     monkeypatch.setattr(LaserStudy, "warm_up", lambda _: None)
     table = tmp_path / "t.csv"
     arguments = ["--frontend", "--only", "laser", "--quick", "--scans", str(log), "--csv", str(table)]

@@ -14,16 +14,16 @@ from slamduel.backends import registry
 from slamduel.bench.plan.spec import backend_variants
 from slamduel.bench.speed import mrpt
 from slamduel.bench.speed.mrpt import NAME, NOT_INSTALLED, Program, built, mrpt_row
-from slamduel.bench.speed.process import Extent, Process, Subject
+from slamduel.bench.speed.process import Process, Stretch, Subject
 from slamduel.bench.speed.side_by_side import TOGETHER, Together, chosen, measure_together
 from slamduel.bench.speed.tables import as_csv, backend_table, together_table
-from slamduel.bench.speed.timing import Row, Timing, in_turns
+from slamduel.bench.speed.timing import Timing, TimingRow, in_turns
 from slamduel.bench.speed.world import world
 from slamduel.bench.words.console import screen_console
 from slamduel.core.factors import Step
 from slamduel.core.se2 import Array, compose
 
-LITTLE = Extent(steps=12, sightings=6, seconds=0.5, seed=0, scattered=False)
+LITTLE = Stretch(steps=12, sightings=6, seconds=0.5, seed=0, scattered=False)
 ABSENT = Program(None, "", NOT_INSTALLED)
 
 STAND_IN = """\
@@ -106,11 +106,11 @@ def test_each_has_a_row_and_one_that_fails_its_reason(monkeypatch: pytest.Monkey
 
 def test_ratios_are_to_the_reference_at_the_same_size() -> None:
     rows = [
-        Row("together", "ekf", 10, timing=flat(4.0), implementation="compiled here"),
-        Row("together", "isam2", 10, timing=flat(50.0)._replace(p99=400.0), implementation="GTSAM's wheel"),
-        Row("together", NAME, 10, reason=NOT_INSTALLED),
-        Row("together", "ekf", 100, reason="lost"),
-        Row("together", "isam2", 100, timing=flat(60.0), implementation="GTSAM's wheel"),
+        TimingRow("together", "ekf", 10, timing=flat(4.0), implementation="compiled here"),
+        TimingRow("together", "isam2", 10, timing=flat(50.0)._replace(p99=400.0), implementation="GTSAM's wheel"),
+        TimingRow("together", NAME, 10, reason=NOT_INSTALLED),
+        TimingRow("together", "ekf", 100, reason="lost"),
+        TimingRow("together", "isam2", 100, timing=flat(60.0), implementation="GTSAM's wheel"),
     ]
     said = printed(together_table(rows, "ekf")).replace("\N{MULTIPLICATION SIGN}", "x")
     assert "ekf compiled here 100 4.00 1.00 x 4.00 1.00 x 4.00 1.00 x" in said
@@ -122,8 +122,8 @@ def test_ratios_are_to_the_reference_at_the_same_size() -> None:
 
 def test_tables_and_csv_say_whose_programs_they_are() -> None:
     rows = [
-        Row("backend", "ekf", 10, timing=flat(4.0), implementation="compiled here"),
-        Row("backend", "isam2", 10, timing=flat(50.0), implementation="GTSAM's wheel"),
+        TimingRow("backend", "ekf", 10, timing=flat(4.0), implementation="compiled here"),
+        TimingRow("backend", "isam2", 10, timing=flat(50.0), implementation="GTSAM's wheel"),
     ]
     assert "compiled here: ekf; GTSAM's wheel: isam2. Costs compare" in printed(backend_table(rows, "title"))
     assert "Costs compare" not in printed(backend_table(rows[:1], "title"))

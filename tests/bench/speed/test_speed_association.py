@@ -14,19 +14,19 @@ from slamduel.bench.speed.association import (
     AT,
     COLUMNS,
     Added,
-    Row,
+    AssociationRow,
     added,
     as_csv,
     expectations,
     measure,
     of_one_form,
 )
-from slamduel.bench.speed.process import Extent, Process, Subject
+from slamduel.bench.speed.process import Process, Stretch, Subject
 from slamduel.bench.speed.timing import Timing
 from slamduel.bench.speed.world import without_ids, world
 from slamduel.core.factors import UNKNOWN
 
-LITTLE = Extent(steps=WARM_UP + 12, sightings=4, seconds=0.5, seed=0, scattered=False)
+LITTLE = Stretch(steps=WARM_UP + 12, sightings=4, seconds=0.5, seed=0, scattered=False)
 
 
 def flat(us: float) -> Timing:
@@ -70,11 +70,11 @@ def test_what_fails_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_is_added_is_held_against_its_limit() -> None:
     rows = [
-        Row("ekf", AT, flat(20.0), flat(34.0)._replace(p99=200.0), None, Added(14.0, 13.0, 16.0)),
-        Row("ekf", 30, flat(20.0), flat(90.0), None, Added(70.0, 70.0, 70.0)),
-        Row("isam2", AT, flat(300.0), flat(2500.0), None, Added(2200.0, 2100.0, 2300.0)),
-        Row("ukf", AT, flat(20.0), flat(30.0)),
-        Row("smoother", AT, reason="lost"),
+        AssociationRow("ekf", AT, flat(20.0), flat(34.0)._replace(p99=200.0), None, Added(14.0, 13.0, 16.0)),
+        AssociationRow("ekf", 30, flat(20.0), flat(90.0), None, Added(70.0, 70.0, 70.0)),
+        AssociationRow("isam2", AT, flat(300.0), flat(2500.0), None, Added(2200.0, 2100.0, 2300.0)),
+        AssociationRow("ukf", AT, flat(20.0), flat(30.0)),
+        AssociationRow("smoother", AT, reason="lost"),
     ]
     found = expectations(rows)
     assert [(ratio.reached, ratio.holds) for ratio in found] == [(14.0, True), (180.0, False), (2200.0, False)]

@@ -16,14 +16,14 @@ from slamduel.bench.cli import main
 from slamduel.bench.speed import process
 from slamduel.bench.speed.figure import apart, write_figure
 from slamduel.bench.speed.isam2_parts import PARTS, Stopwatch
-from slamduel.bench.speed.process import Extent, Process, Subject, measure
+from slamduel.bench.speed.process import Process, Stretch, Subject, measure
 from slamduel.bench.speed.ratios import exponent, growth, ratios, step_of_parts
 from slamduel.bench.speed.tables import COLUMNS, as_csv
-from slamduel.bench.speed.timing import LEAST, Row, Timing, array_bytes, holds_foreign, stepped, timing
+from slamduel.bench.speed.timing import LEAST, Timing, TimingRow, array_bytes, holds_foreign, stepped, timing
 from slamduel.bench.speed.world import NEAREST, ODOMETRY_SD, SIGHTING_SD, world
 from slamduel.core.se2 import Array, between, compose, wrap
 
-LITTLE = Extent(steps=12, sightings=6, seconds=0.5, seed=0, scattered=False)
+LITTLE = Stretch(steps=12, sightings=6, seconds=0.5, seed=0, scattered=False)
 
 
 def flat(us: float) -> Timing:
@@ -55,9 +55,11 @@ def test_the_exponent_is_that_of_the_largest_sizes(power: float) -> None:
 
 
 def test_growth_is_that_with_the_most_particles() -> None:
-    one = [Row("backend", "ekf", n, timing=flat(n**2.0)) for n in (10, 100)]
-    other = [Row("backend", "fastslam", n, m, flat(m * n**0.5 if m == 9 else 1.0)) for n in (10, 30) for m in (9, 3)]
-    alone = [Row("backend", "ukf", 10, timing=flat(1.0)), Row("backend", "ukf", 30, reason="lost")]
+    one = [TimingRow("backend", "ekf", n, timing=flat(n**2.0)) for n in (10, 100)]
+    other = [
+        TimingRow("backend", "fastslam", n, m, flat(m * n**0.5 if m == 9 else 1.0)) for n in (10, 30) for m in (9, 3)
+    ]
+    alone = [TimingRow("backend", "ukf", 10, timing=flat(1.0)), TimingRow("backend", "ukf", 30, reason="lost")]
     assert growth([*one, *other, *alone]) == pytest.approx({"ekf": 2.0, "fastslam": 0.5})
 
 
@@ -233,23 +235,23 @@ def test_a_survey_without_end_is_given_up(monkeypatch: pytest.MonkeyPatch) -> No
 def test_ratios_are_of_medians_and_of_means_and_say_what_was_expected() -> None:
     dense, compressed = EkfOptions(compress_above=10**6), EkfOptions(compress_above=200)
     rows = [
-        Row("backend", "ekf", 100, timing=flat(30)),
-        Row("backend", "ekf", 300, timing=flat(10)),
-        Row("backend", "ekf", 1000, timing=flat(12)._replace(mean=100.0)),
-        Row("backend", "ekf[dense]", 100, timing=flat(29)),
-        Row("backend", "ekf[dense]", 300, timing=flat(200)),
-        Row("backend", "ekf[dense]", 1000, timing=flat(2000)._replace(mean=2400.0)),
-        Row("reference", "textbook", 100, timing=flat(4500), beside="ekf"),
-        Row("reference", "dsyrk", 300, timing=flat(125), beside="ekf"),
-        Row("reference", "locate", 300, timing=flat(60_000), beside="ekf"),
-        Row("backend", "fastslam[version=1]", 100, 100, flat(40)),
-        Row("backend", "fastslam[version=1]", 100, 10_000, flat(2000)),
-        Row("backend", "fastslam[version=1]", 1000, 10_000, flat(2600)),
-        Row("backend", "fastslam", 100, 100, flat(100)),
-        Row("reference", "particle loop", 100, 100, flat(40_000)),
-        Row("backend", "isam2", 100, timing=flat(1000)),
+        TimingRow("backend", "ekf", 100, timing=flat(30)),
+        TimingRow("backend", "ekf", 300, timing=flat(10)),
+        TimingRow("backend", "ekf", 1000, timing=flat(12)._replace(mean=100.0)),
+        TimingRow("backend", "ekf[dense]", 100, timing=flat(29)),
+        TimingRow("backend", "ekf[dense]", 300, timing=flat(200)),
+        TimingRow("backend", "ekf[dense]", 1000, timing=flat(2000)._replace(mean=2400.0)),
+        TimingRow("reference", "textbook", 100, timing=flat(4500), beside="ekf"),
+        TimingRow("reference", "dsyrk", 300, timing=flat(125), beside="ekf"),
+        TimingRow("reference", "locate", 300, timing=flat(60_000), beside="ekf"),
+        TimingRow("backend", "fastslam[version=1]", 100, 100, flat(40)),
+        TimingRow("backend", "fastslam[version=1]", 100, 10_000, flat(2000)),
+        TimingRow("backend", "fastslam[version=1]", 1000, 10_000, flat(2600)),
+        TimingRow("backend", "fastslam", 100, 100, flat(100)),
+        TimingRow("reference", "particle loop", 100, 100, flat(40_000)),
+        TimingRow("backend", "isam2", 100, timing=flat(1000)),
         *(
-            Row("part", name, 100, timing=flat(us), beside="isam2")
+            TimingRow("part", name, 100, timing=flat(us), beside="isam2")
             for name, us in zip(PARTS, (500, 450, 50), strict=True)
         ),
     ]
@@ -279,8 +281,8 @@ def test_ratios_are_of_medians_and_of_means_and_say_what_was_expected() -> None:
 
 def test_csv_has_every_column_and_blanks() -> None:
     rows = [
-        Row("backend", "ekf", 10, timing=timing(np.array([1000, 2000, 6000])), array_bytes=99),
-        Row("backend", "ukf", 10, reason="it diverged, twice"),
+        TimingRow("backend", "ekf", 10, timing=timing(np.array([1000, 2000, 6000])), array_bytes=99),
+        TimingRow("backend", "ukf", 10, reason="it diverged, twice"),
     ]
     first, second = csv.DictReader(as_csv(rows).splitlines())
     assert tuple(first) == COLUMNS
@@ -298,7 +300,7 @@ def test_names_keep_their_order_and_their_distance() -> None:
 
 
 def test_nothing_timed_is_nothing_drawn(tmp_path: Path) -> None:
-    assert not write_figure(tmp_path / "a.png", [Row("backend", "ekf", 10, reason="broken")], "nothing")
+    assert not write_figure(tmp_path / "a.png", [TimingRow("backend", "ekf", 10, reason="broken")], "nothing")
     assert list(tmp_path.iterdir()) == []
 
 

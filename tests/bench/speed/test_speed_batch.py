@@ -8,7 +8,7 @@ import pytest
 from random_logs import random_log
 from slamduel.bench.cli import main
 from slamduel.bench.speed import batch
-from slamduel.bench.speed.batch import Row, Run, geometric_mean, measured, started
+from slamduel.bench.speed.batch import Run, SolverRow, geometric_mean, measured, started
 
 
 @pytest.mark.parametrize("start", batch.STARTS)
@@ -25,10 +25,10 @@ def test_both_solvers_end_at_the_minimum_from_the_same_start(start: str) -> None
 
 def test_times_to_different_minima_are_not_compared() -> None:
     rows = [
-        Row("a", "odometry", Run(2.0, 10.0), Run(8.0, 10.001)),
-        Row("b", "odometry", Run(2.0, 10.0), Run(1.0, 90.0)),
+        SolverRow("a", "odometry", Run(2.0, 10.0), Run(8.0, 10.001)),
+        SolverRow("b", "odometry", Run(2.0, 10.0), Run(1.0, 90.0)),
     ]
-    rows.append(Row("c", "odometry", Run(1.0, 5.0), Run(np.inf, np.inf)))
+    rows.append(SolverRow("c", "odometry", Run(1.0, 5.0), Run(np.inf, np.inf)))
     assert [row.ratio for row in rows] == [4.0, None, None]
     assert geometric_mean(rows) == pytest.approx(4.0)
 

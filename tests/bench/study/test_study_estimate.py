@@ -9,7 +9,7 @@ import pytest
 from slamduel.bench.engine.engine import RunRequest, run
 from slamduel.bench.measure.cell import Result
 from slamduel.bench.record.store import Store
-from slamduel.bench.study.estimate import Estimate, estimate
+from slamduel.bench.study.estimate import StudyEstimate, estimate
 from slamduel.bench.study.study import Study, about
 from slamduel.bench.words.numerals import lasting
 from slamduel.bench.workers.batch import Batch, Finished, LogFacts
@@ -38,7 +38,7 @@ class Stopwatch:
         pass
 
 
-def estimated(found: Study, executor: Stopwatch, store: Store | None = None, **wanted: Any) -> Estimate:
+def estimated(found: Study, executor: Stopwatch, store: Store | None = None, **wanted: Any) -> StudyEstimate:
     asked = RunRequest(wanted.get("chosen", lambda cell: True), wanted.get("limit"), False)
     return estimate(found, store, executor, asked, wanted.get("budget_s", 20.0))
 

@@ -12,9 +12,8 @@ from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.depth.open import OpenedDepth, build, open_depth
 from slamduel.datasets.recordings.write_depth import FORMATS, write_depth
 from slamduel.datasets.worlds.depth_room import Drive, record, shots_of
-from slamduel.frontend.depth.frame import DepthFrame
 from slamduel.frontend.depth.log import build_log
-from slamduel.frontend.depth.recording import DepthRecording
+from slamduel.frontend.depth.recording import DepthFrame, DepthRecording
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.wheels.motion import Track
 

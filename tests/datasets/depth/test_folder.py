@@ -13,7 +13,7 @@ from slamduel.datasets.depth.folder import read_camera_truth
 from slamduel.datasets.depth.open import OpenedDepth, open_depth
 from slamduel.datasets.rendering.disturbances import raised, rocked
 from slamduel.frontend.camera.calibration import write_opencv
-from slamduel.frontend.depth.frame import DepthFrame
+from slamduel.frontend.depth.recording import DepthFrame
 
 
 def opened(path: Path) -> OpenedDepth:

@@ -18,7 +18,7 @@ from slamduel.datasets.rendering.sensor import LINES
 from slamduel.datasets.worlds import depth_room
 from slamduel.datasets.worlds.depth_room import START_SD, WHEELS, Drive, integrated, known, record
 from slamduel.datasets.worlds.mover import ASIDE
-from slamduel.frontend.depth.frame import DepthFrame
+from slamduel.frontend.depth.recording import DepthFrame
 from slamduel.frontend.wheels.motion import Track
 
 

@@ -13,9 +13,8 @@ from slamduel.core.errors import InputError
 from slamduel.core.factors import REMARKS, Log
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.worlds.depth_room import Drive
-from slamduel.frontend.depth.frame import DepthFrame
 from slamduel.frontend.depth.log import build_log, log_of, looked_at
-from slamduel.frontend.depth.recording import DepthRecording
+from slamduel.frontend.depth.recording import DepthFrame, DepthRecording
 from slamduel.frontend.depth.settings import Settings
 
 LOOPS = Settings(landmarks=False, loops=True)

@@ -10,10 +10,9 @@ from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.rendering.depth_shots import DepthShots
 from slamduel.datasets.worlds.depth_room import Drive, record
 from slamduel.frontend.depth.features import Finder
-from slamduel.frontend.depth.frame import DepthFrame
 from slamduel.frontend.depth.pairs import Keyframe, Pair, Pairs
 from slamduel.frontend.depth.planar import Planar, distance
-from slamduel.frontend.depth.recording import DepthRecording
+from slamduel.frontend.depth.recording import DepthFrame, DepthRecording
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.depth.tracks import sightings
 

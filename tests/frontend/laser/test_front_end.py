@@ -14,7 +14,7 @@ from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.laser_floor import Options, record
 from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.log import build_log, log_of
-from slamduel.frontend.laser.loops import Loop, Surprises, contradicted
+from slamduel.frontend.laser.loops import ScanLoop, Surprises, contradicted
 from slamduel.frontend.laser.pose_graph import Edges, optimised
 from slamduel.frontend.laser.recording import LaserRecording, matched, placed
 from slamduel.frontend.laser.scanner import Scanner, evenly
@@ -140,10 +140,10 @@ def test_loops_that_the_others_contradict_are_told(seed: int) -> None:
     angle = np.linspace(0, 2 * np.pi, 41)
     poses = np.stack((5 * np.cos(angle), 5 * np.sin(angle), wrap(angle + np.pi / 2)), axis=-1)
     sd = np.array([0.02, 0.01, 0.005])
-    loops = list[Loop]()
+    loops = list[ScanLoop]()
     for step in range(20, 41):
         delta = between(poses[step - 20], poses[step]) + sd * rng.uniform(-1, 1, 3)
-        loops.append(Loop(step - 20, step, delta, np.diag(sd**2), 0.9))
+        loops.append(ScanLoop(step - 20, step, delta, np.diag(sd**2), 0.9))
     for number, off in ((4, (0.0, 0.046, 0.0)), (11, (0.0, 0.0, 0.023 + 2 * np.pi))):
         loops[number] = loops[number]._replace(delta=between(poses[number], poses[number + 20]) + off)
     assert np.flatnonzero(contradicted(loops, poses)).tolist() == [4, 11]
@@ -238,8 +238,8 @@ def test_a_surprise_counts_once_enough_steps_ask_for_the_same() -> None:
     estimate = np.array([[0.5 * k, 0.0, 0.0] for k in range(60)])
     surprises = Surprises(settings)
 
-    def loop(step: int, off: float) -> Loop:
-        return Loop(0, step, np.add(between(estimate[0], estimate[step]), (0.0, off, 0.0)), np.eye(3), 1.0)
+    def loop(step: int, off: float) -> ScanLoop:
+        return ScanLoop(0, step, np.add(between(estimate[0], estimate[step]), (0.0, off, 0.0)), np.eye(3), 1.0)
 
     assert surprises.is_expected(np.array([0.1, 0.1, 0.0]), 0.0)
     assert not surprises.is_expected(np.array([0.0, 1.0, 0.0]), 0.0)

@@ -9,17 +9,16 @@ from slamduel.core.factors import Truth
 from slamduel.core.se2 import Array, between, compose, wrap
 from slamduel.core.small_matrices import inverse
 from slamduel.datasets.worlds.laser_floor import Options, record
-from slamduel.frontend.laser.estimate import Estimate
+from slamduel.frontend.laser.estimate import ScanStep, StepPoses
 from slamduel.frontend.laser.finished import Finished
 from slamduel.frontend.laser.front_end import FrontEnd
-from slamduel.frontend.laser.loops import Loop
+from slamduel.frontend.laser.loops import ScanLoop
 from slamduel.frontend.laser.packed import Packed
 from slamduel.frontend.laser.pose_graph import Edges, optimised
 from slamduel.frontend.laser.recording import matched
 from slamduel.frontend.laser.rows import FIRST, Rows
 from slamduel.frontend.laser.scanner import Scan, Scanner
 from slamduel.frontend.laser.settings import Settings
-from slamduel.frontend.laser.step import Step
 from slamduel.frontend.laser.submap import Submap
 from slamduel.frontend.maps._grid import DX, HIT
 
@@ -150,16 +149,18 @@ def test_only_the_submaps_used_last_are_unpacked() -> None:
     assert set(unpacked) == {*finished.kept[:3], *finished.kept[-(s.opened - 3) :]}
 
 
-def graph(laps: int) -> tuple[Array, list[Step], list[Loop]]:
+def graph(laps: int) -> tuple[Array, list[ScanStep], list[ScanLoop]]:
     """A ring driven several times with noise: true poses, steps, and a loop of each to one a lap ago."""
     rng, true = np.random.default_rng(1), rings(laps)
     cov = np.diag([1e-4, 1e-4, 1e-6])
-    steps = [Step(0.0, 0, true[0], np.zeros(3), np.zeros((3, 3)))]
+    steps = [ScanStep(0.0, 0, true[0], np.zeros(3), np.zeros((3, 3)))]
     steps += [
-        Step(float(k), k, true[k], between(true[k - 1], true[k]) + _noise(rng, cov), cov) for k in range(1, len(true))
+        ScanStep(float(k), k, true[k], between(true[k - 1], true[k]) + _noise(rng, cov), cov)
+        for k in range(1, len(true))
     ]
     loops = [
-        Loop(k - 100, k, between(true[k - 100], true[k]) + _noise(rng, cov), cov, 1.0) for k in range(100, len(true))
+        ScanLoop(k - 100, k, between(true[k - 100], true[k]) + _noise(rng, cov), cov, 1.0)
+        for k in range(100, len(true))
     ]
     return true, steps, loops
 
@@ -172,7 +173,7 @@ def test_the_estimate_of_the_last_steps_alone_is_nearly_that_of_all() -> None:
     """At the end it is the optimum of all, and in between no step moves that is older than the last ones."""
     true, steps, loops = graph(12)
     s = Settings()
-    estimate, taken, whole, held = Estimate(s), list[Loop](), 0, 0
+    estimate, taken, whole, held = StepPoses(s), list[ScanLoop](), 0, 0
     estimate.append(true[0], 0)
     for k in range(1, len(steps)):
         estimate.append(compose(estimate.poses[-1], steps[k].delta), len(taken))
@@ -198,7 +199,7 @@ def test_the_estimate_of_the_last_steps_alone_is_nearly_that_of_all() -> None:
     assert np.abs(between(best, estimate.poses)).max() < 1e-3
 
 
-def _optimum(steps: list[Step], loops: list[Loop], start: Array) -> Array:
+def _optimum(steps: list[ScanStep], loops: list[ScanLoop], start: Array) -> Array:
     number = np.arange(len(steps) - 1)
     cov = inverse(np.array([step.cov for step in steps[1:]]))
     return optimised(

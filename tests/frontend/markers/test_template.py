@@ -588,7 +588,9 @@ def draw(
     return np.clip(np.round(image), 0, 255).astype(np.uint8)
 
 
-def fit(bench: Bench, image: Image, corners: Array, rng: np.random.Generator, off: float = 0.5) -> template.Fit | None:
+def fit(
+    bench: Bench, image: Image, corners: Array, rng: np.random.Generator, off: float = 0.5
+) -> template.PatternFit | None:
     """From corners that are `off` px away."""
     rough = bench.camera.project(np.column_stack((corners, np.ones(4)))) + off * rng.normal(size=(4, 2))
     return template.fit(image, bench.rays, PATTERN, bench.camera.undistort(rough), rough)
