@@ -13,7 +13,9 @@ from slamduel.backends import registry as backends
 from slamduel.bench.plan.many import LIST
 from slamduel.bench.plan.spec import describe
 from slamduel.bench.study.file import FORMAT
+from slamduel.bench.suite.best import NONE_APART
 from slamduel.bench.suite.file import read
+from slamduel.bench.words.styles import BASELINE
 from slamduel.datasets import registry as datasets
 
 FOLDER = Path(__file__).parent
@@ -102,11 +104,12 @@ def _standing(path: Path) -> Iterator[str]:
 
 def _named(row: dict[str, str]) -> str:
     """The backend that an overview names, or why it names none."""
+    if row["backend"] == BASELINE:  # in a table of an earlier version
+        return NONE_APART
     if not row["backend"]:
         return row["why"]
-    honesty = row["honesty"] and f", {row['honesty']}"
-    none_closer = f". {row['why']}" if row["backend"] == "dead-reckoning" else ""
-    return f"**{row['backend']}** {row['error']} ({row['ends']}){honesty}, {row['cost']}{none_closer}"
+    consistency = row["consistency"] and f", {row['consistency']}"
+    return f"**{row['backend']}** {row['error']} ({row['ends']}){consistency}, {row['cost']}"
 
 
 def _options(options: list[Option]) -> Iterator[str]:

@@ -10,7 +10,7 @@ from ..drawing.axes import logarithmic
 from ..drawing.picture import picture
 from ..words.styles import looks
 from .cameras import COMPARED, CameraAccuracy
-from .corner_figure import HONEST
+from .corner_figure import CONSISTENT
 from .corners import Accuracy
 
 
@@ -25,7 +25,7 @@ def write_camera_figure(path: Path, rows: Sequence[CameraAccuracy]) -> None:
         bias.set_title("Bias of the distance, % of it")
         _dots(spread, drawn, cameras, lambda row: 1e3 * row.sd, positive=True)
         spread.set_title("Its standard deviation, mm")
-        consistency.axvspan(*HONEST, color="#e8f0e8", zorder=0)
+        consistency.axvspan(*CONSISTENT, color="#e8f0e8", zorder=0)
         _dots(consistency, drawn, cameras, lambda row: row.nees, positive=True)
         consistency.set_title("NEES; 1 is exact")
         _dots(refusals, drawn, cameras, lambda row: 100 * row.refused)

@@ -11,7 +11,7 @@ from ..drawing.picture import picture
 from ..words.styles import looks
 from .corners import Accuracy
 
-HONEST = (0.8, 1.2)  # band of the mean normalised squared error, over its degrees of freedom, that counts as consistent
+CONSISTENT = (0.8, 1.2)  # band of the mean NEES over its degrees of freedom that counts as consistent
 
 
 def write_figure(path: Path, rows: Sequence[Accuracy]) -> None:
@@ -46,7 +46,7 @@ def _lines(axes: Axes, rows: Sequence[Accuracy], value: Callable[[Accuracy], flo
 
 def _consistency(axes: Axes, rows: Sequence[Accuracy]) -> None:
     """Draws NEES of one refinement, still and moving, with intervals."""
-    axes.axhspan(*HONEST, color="#e8f0e8", zorder=0)
+    axes.axhspan(*CONSISTENT, color="#e8f0e8", zorder=0)
     axes.axhline(1, color="#8c8c8c", linewidth=0.8)
     for look, streak in zip(looks("ab").values(), dict.fromkeys(row.streak for row in rows), strict=False):
         mine = [row for row in rows if row.streak == streak]

@@ -16,8 +16,8 @@ from ...datasets.worlds.depth_room import Options, record
 from ...frontend.depth.log import log_of
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
+from .consistency import Consistency, errors, gathered
 from .depth_timed import PARTS, PairTimes, Timed
-from .honesty import Honesty, errors, gathered
 
 MEGABYTE = 1e6
 
@@ -71,7 +71,7 @@ class LoopCost(NamedTuple):
     held_kb: float  # more per frame, over the last half
 
 
-DepthRow = FrameCost | PairCost | LoopCost | Honesty
+DepthRow = FrameCost | PairCost | LoopCost | Consistency
 
 
 class DepthDrive(NamedTuple):
@@ -162,9 +162,9 @@ def loop_cost(drives: Sequence[DepthDrive]) -> LoopCost:
     )
 
 
-def honesty(drives: Sequence[DepthDrive]) -> list[Honesty]:
+def consistency(drives: Sequence[DepthDrive]) -> list[Consistency]:
     """Compares the errors of registered pairs with their covariances."""
-    rows = list[Honesty]()
+    rows = list[Consistency]()
     for kind in ("neighbours", "loop"):
         parts = list[tuple[Array, Array]]()
         for drive in drives:

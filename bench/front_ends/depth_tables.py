@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
+from .consistency import Consistency
 from .depth import DepthRow, FrameCost, LoopCost, PairCost
 from .depth_timed import PARTS
-from .honesty import Honesty
-from .tables import honesty_record, plain
+from .tables import consistency_record, plain
 
 DEPTH_COLUMNS = (
     *(f"{part}_ms" for part in PARTS),
@@ -56,8 +56,8 @@ def loop_table(rows: Sequence[LoopCost]) -> Table:
 
 def depth_record(row: DepthRow) -> dict[str, str | int | float]:
     """The columns of a row."""
-    if isinstance(row, Honesty):
-        return honesty_record("depth", row)
+    if isinstance(row, Consistency):
+        return consistency_record("depth", row)
     figures = {"log": row.log, "mean_ms": row.mean, "p99_ms": row.p99}
     if isinstance(row, PairCost):
         against = {"reference_ms": row.reference, "ratio": row.ratio}

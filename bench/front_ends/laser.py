@@ -23,7 +23,7 @@ from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.scanner import Scan
 from ...frontend.laser.settings import Settings
 from ...frontend.laser.submap import Submap
-from .honesty import Honesty, errors, gathered
+from .consistency import Consistency, errors, gathered
 from .laser_references import icp, tried
 
 PARTS = ("match", "insert", "loop search", "optimise")
@@ -211,7 +211,7 @@ def scan_cost(drives: Sequence[LaserDrive], progress: Callable[[], None]) -> Sca
     return ScanCost(name, len(ms), median, float(ms.mean()), p99, parts, float(np.median(theirs)))
 
 
-def honesty(drives: Sequence[LaserDrive]) -> list[Honesty]:
+def consistency(drives: Sequence[LaserDrive]) -> list[Consistency]:
     """Compares the errors of steps and loops with their covariances."""
     steps, loops = list[tuple[Array, Array]](), list[tuple[Array, Array]]()
     for drive in drives:

@@ -5,15 +5,15 @@ from collections.abc import Sequence
 
 from rich.table import Table
 
-from .honesty import Honesty
+from .consistency import Consistency
 from .laser import PARTS, ScanCost, SearchCost
-from .tables import HONESTY_COLUMNS, honesty_record, plain
+from .tables import CONSISTENCY_COLUMNS, consistency_record, plain
 
-LaserRow = ScanCost | SearchCost | Honesty
+LaserRow = ScanCost | SearchCost | Consistency
 
 LASER_COLUMNS = (
     *("log", "count", "median_ms", "mean_ms", "p99_ms", "match_ms", "insert_ms", "search_ms", "optimise_ms"),
-    *("reference_ms", "ratio", "same", *HONESTY_COLUMNS),
+    *("reference_ms", "ratio", "same", *CONSISTENCY_COLUMNS),
 )
 
 REFERENCE = (
@@ -64,4 +64,4 @@ def laser_record(row: LaserRow) -> dict[str, str | int | float]:
     if isinstance(row, SearchCost):
         figures = {"median_ms": row.median, "p99_ms": row.p99, "reference_ms": row.exhaustive, "ratio": row.ratio}
         return {"study": "laser search", "count": row.searches, **figures, "same": row.same}
-    return honesty_record("laser", row)
+    return consistency_record("laser", row)

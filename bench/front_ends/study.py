@@ -17,7 +17,7 @@ from .corner_tables import CORNER_COLUMNS, Row, accuracy_table, camera_table, co
 from .corners import FULL, MOVING, QUICK, STILL, STREAK, Accuracy, CornerExtent, Study, steps
 from .depth_tables import DEPTH_COLUMNS, depth_record, frame_table, loop_table, pair_table
 from .laser_tables import LASER_COLUMNS, LaserRow, laser_record, scan_table, search_table
-from .tables import honesty_table
+from .tables import consistency_table
 
 OPTIONS = ("placements", "clutter", "crowded", "only", "scans", "frames")  # the study's own options
 
@@ -155,8 +155,8 @@ def _measure_laser(study: laser.LaserStudy, console: Console) -> list[LaserRow]:
         bar.update(description="searches")
         search = study.searches(drives, advance)
         console.print(search_table(search))
-        errors = laser.honesty(drives)
-        console.print(honesty_table("Errors of the laser front end on made-up floors", errors))
+        errors = laser.consistency(drives)
+        console.print(consistency_table("Errors of the laser front end on made-up floors", errors))
     return [*costs, search, *errors]
 
 
@@ -173,10 +173,10 @@ def _measure_depth(study: depth.DepthStudy, console: Console) -> list[depth.Dept
     frames = [depth.frame_cost(log) for log in logs]
     pairs = [row for log in logs for row in depth.pair_costs(log)]
     loops = [depth.loop_cost(log) for log in logs]
-    errors = depth.honesty(drives)
+    errors = depth.consistency(drives)
     for table in (frame_table(frames), pair_table(pairs), loop_table(loops)):
         console.print(table)
-    console.print(honesty_table("Errors of registered frames in rendered rooms", errors))
+    console.print(consistency_table("Errors of registered frames in rendered rooms", errors))
     return [*frames, *pairs, *loops, *errors]
 
 

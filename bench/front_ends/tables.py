@@ -5,13 +5,13 @@ from collections.abc import Sequence
 from rich import box
 from rich.table import Table
 
-from .honesty import Honesty
+from .consistency import Consistency
 
 TRUTH = (
     "root mean square of the true errors | root of the mean stated variance; NEES over 3 degrees of freedom, 1 is exact"
 )
 
-HONESTY_COLUMNS = tuple(f"{which}_{axis}" for which in ("true", "stated") for axis in ("x_m", "y_m", "heading_rad"))
+CONSISTENCY_COLUMNS = tuple(f"{which}_{axis}" for which in ("true", "stated") for axis in ("x_m", "y_m", "heading_rad"))
 
 
 def plain(title: str, texts: Sequence[str], figures: Sequence[str], caption: str = "") -> Table:
@@ -26,7 +26,7 @@ def plain(title: str, texts: Sequence[str], figures: Sequence[str], caption: str
     return table
 
 
-def honesty_table(title: str, rows: Sequence[Honesty]) -> Table:
+def consistency_table(title: str, rows: Sequence[Consistency]) -> Table:
     """Makes the table of errors beside their covariances: true | stated."""
     table = plain(f"{title}, true | stated", ["factor"], ["count", "x, mm", "y, mm", "heading, mrad", "NEES"], TRUTH)
     for row in rows:
@@ -35,7 +35,7 @@ def honesty_table(title: str, rows: Sequence[Honesty]) -> Table:
     return table
 
 
-def honesty_record(front_end: str, row: Honesty) -> dict[str, str | int | float]:
+def consistency_record(front_end: str, row: Consistency) -> dict[str, str | int | float]:
     """The columns of a row."""
-    figures = dict(zip(HONESTY_COLUMNS, (*row.true, *row.stated), strict=True))
+    figures = dict(zip(CONSISTENCY_COLUMNS, (*row.true, *row.stated), strict=True))
     return {"study": f"{front_end} {row.kind}", "count": row.factors, "nees": row.nees, **figures}

@@ -43,7 +43,7 @@ def _locked(folder: Path) -> int:
         except OSError:
             os.close(lock)
             raise InputError(
-                f"--out {folder}: another run or study is writing to this folder; expected to be alone in it."
+                f"--out {folder}: another run or study writes to it; wait for its end, or choose another --out."
             ) from None
 
 

@@ -8,9 +8,11 @@ from ..verdict.ranking import judged_by
 from ..verdict.summary import Line, representative, typical
 from ..words.columns import about
 from ..words.numerals import number
+from ..words.styles import BASELINE
 from .standing import Standing
 
-UNCLEAR = "honesty not clear"
+NONE_APART = "None distinguishable: no backend is significantly closer to the truth than dead reckoning."
+UNCLEAR = "consistency not clear"
 
 
 class Best(NamedTuple):
@@ -21,7 +23,7 @@ class Best(NamedTuple):
     why: str  # a sentence
     error: str  # with its unit
     ends: str  # of its interval, or of its range
-    honesty: str  # consistent, overconfident, cautious, or UNCLEAR; "" without NEES
+    consistency: str  # consistent, overconfident, cautious, or UNCLEAR; "" without NEES
     cost: str
 
 
@@ -32,13 +34,15 @@ def bests(standing: Standing) -> list[Best]:
 
 def _best(standing: Standing, use: Use) -> Best:
     line = next((line for line in standing.lines if line.backend == use.backend), None)
+    if use.backend == BASELINE:
+        return Best(use.purpose, "", NONE_APART, "", "", "", "")
     if line is None:
         return Best(use.purpose, "", use.why, "", "", "", "")
     column = judged_by(representative(standing.lines)).get(use.purpose, "")
     error, ends = _error(line, column)
     nees = BELIEF.get(use.purpose, "")
-    honesty = (belief_word(line, nees) or UNCLEAR) if nees in line.values else ""
-    return Best(use.purpose, use.backend, use.why, error, ends, honesty, cost(line, use.purpose))
+    consistency = (belief_word(line, nees) or UNCLEAR) if nees in line.values else ""
+    return Best(use.purpose, use.backend, use.why, error, ends, consistency, cost(line, use.purpose))
 
 
 def _error(line: Line, column: str) -> tuple[str, str]:

@@ -29,7 +29,7 @@ PAIRS = (
     "effect",
 )  # fmt: skip
 
-OVERVIEW = ("suite", "dataset", "basis", "purpose", "backend", "error", "ends", "honesty", "cost", "why")
+OVERVIEW = ("suite", "dataset", "basis", "purpose", "backend", "error", "ends", "consistency", "cost", "why")
 
 HISTORY = (
     "suite", "version", "revision", "date", "machine", "processor", "run", "dataset", "backend", "done", "cells",
@@ -80,7 +80,7 @@ def overview_csv(found: Iterable[tuple[str, Standing]]) -> str:
     return _csv(
         OVERVIEW,
         (
-            [suite, one.dataset, one.verdict.basis, b.purpose, b.backend, b.error, b.ends, b.honesty, b.cost, b.why]
+            [suite, one.dataset, one.verdict.basis, b.purpose, b.backend, b.error, b.ends, b.consistency, b.cost, b.why]
             for suite, one in found
             for b in bests(one)
         ),

@@ -47,11 +47,11 @@ def advice(purpose: str, found: Ranking) -> Use:
     if of.n < FEWEST:
         return Use(purpose, "", _too_few(found))
     if len({of.unit(log) for log in found.errors[found.lines[0].backend]}) < FEWEST:
-        return Use(purpose, "", f"No ranked backend has enough of the {of}, {of.at_least(FEWEST)}.")
+        return Use(purpose, "", f"No backend ran on enough logs: a test needs {of.at_least(FEWEST)}.")
     tested = [c for c in found.baseline if standing(c) != "few"]
     ahead = {c.first for c in tested if standing(c) == "better"}
     if found.circular:
-        return Use(purpose, "", "Each that can be tested is significantly worse than another one.")
+        return Use(purpose, "", "None is best: each backend is significantly worse than another one.")
     hidden = [c for c in tested if standing(c) == "unproven" and c.low > 1]
     if hidden and not ahead:
         measured = f"{hidden[0].first} was measured {between(hidden[0])} than dead reckoning"
@@ -183,8 +183,8 @@ def _cost(column: str, chosen: Line, rival: Line | None, *, named: bool = False)
         ratio = compare_costs(chosen, rival, column)
         borne = compared(ratio, "" if named else rival.backend)
         n = rounds([chosen, rival])
-        often = "measured once" if n == 1 else f"in {n} rounds, too few to compare"
-        said += f", {borne}" if borne else f", {rival.backend} {_short(column, rival)}: {often}"
+        often = "each timed once" if n == 1 else f"{n} rounds are too few to compare"
+        said += f", {borne}" if borne else f" against {_short(column, rival)} of {rival.backend} ({often})"
         alone = alone and rival.alone
     return said + ", timed while others ran beside" * (not alone)
 

@@ -38,7 +38,7 @@ def basis(lines: Sequence[Line]) -> str:
         return ""
     n = rounds(timed)
     if n == 1:
-        return "Every time was measured once, so none is called cheaper; --repeats 5 measures intervals."
+        return "Each cell was timed once, so none is called cheaper; --repeats 5 measures intervals."
     if n < FEWEST_ROUNDS:
         return f"Every time was measured in {n} rounds, too few for intervals, {FEWEST_ROUNDS} at least (--repeats)."
     return (

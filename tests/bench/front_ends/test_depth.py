@@ -17,8 +17,8 @@ from slamduel.bench.front_ends.depth import (
     DepthDrive,
     DepthExtent,
     DepthStudy,
+    consistency,
     frame_cost,
-    honesty,
     loop_cost,
     pair_costs,
 )
@@ -58,7 +58,7 @@ def test_errors_and_nees_are_those_of_homogeneous_matrices(laps: float) -> None:
     (drive,) = drives(laps)
     assert drive.truth is not None
     true = {t: matrix(pose) for t, pose in zip(drive.truth.t.tolist(), drive.truth.poses, strict=True)}
-    rows = {row.kind: row for row in honesty([drive])}
+    rows = {row.kind: row for row in consistency([drive])}
     assert list(rows) == (["neighbours"] if laps == SHORT else ["neighbours", "loop"])
     for kind, row in rows.items():
         squares, off2 = [], []

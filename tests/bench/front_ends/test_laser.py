@@ -11,7 +11,7 @@ import pytest
 import carmen_files
 from slamduel.bench.cli import main
 from slamduel.bench.front_ends import laser
-from slamduel.bench.front_ends.laser import PARTS, LaserDrive, LaserExtent, LaserStudy, honesty, scan_cost
+from slamduel.bench.front_ends.laser import PARTS, LaserDrive, LaserExtent, LaserStudy, consistency, scan_cost
 from slamduel.bench.front_ends.laser_references import icp, tried
 from slamduel.datasets.worlds.laser_floor import Options, laser_floor
 from slamduel.frontend.laser._search import ANYWHERE, branch_and_bound
@@ -49,7 +49,7 @@ def test_errors_and_nees_are_those_of_the_log_that_a_run_gets(laps: float) -> No
         "step": [(k - 1, k, log.delta[k], log.delta_cov[k]) for k in range(1, len(log))],
         "loop": list(zip(log.loop_to, at, log.loop_delta, log.loop_cov, strict=True)),
     }
-    found = {row.kind: row for row in honesty(drives(laps))}
+    found = {row.kind: row for row in consistency(drives(laps))}
     factors = {kind: of_kind for kind, of_kind in factors.items() if len(of_kind)}
     assert list(found) == list(factors)
     assert laps == SHORT or "loop" in factors

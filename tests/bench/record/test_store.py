@@ -395,7 +395,7 @@ def test_a_store_that_lacks_a_column_is_read_and_completed(tmp_path: Path) -> No
 def test_a_second_runner_is_refused(tmp_path: Path) -> None:
     with (
         claimed(tmp_path),
-        pytest.raises(InputError, match="another run or study is writing to this folder"),
+        pytest.raises(InputError, match="another run or study writes to it"),
         claimed(tmp_path),
     ):
         pass

@@ -138,7 +138,7 @@ def test_whose_programs_the_costs_are_of_is_told_where_they_are_of_several() -> 
     assert all(len(line.rstrip()) <= 80 for line in printed(both, 80).splitlines())
     for one in (found, made_by(found, ekf="compiled here", fastslam="compiled here", isam2="compiled here")):
         assert "Costs compare" not in printed(one, 120, terminal=False)
-        assert "  costs        Every time was measured once" in printed(one, 120, terminal=False)
+        assert "  costs        Each cell was timed once" in printed(one, 120, terminal=False)
 
 
 def test_a_run_of_nothing_but_skipped_cells_says_so_and_is_no_success() -> None:

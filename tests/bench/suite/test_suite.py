@@ -153,12 +153,12 @@ def test_every_link_leads_to_a_file_of_the_site_and_nothing_is_fetched(made: Pat
     assert "<script" not in text
 
 
-def test_the_page_says_who_is_best_by_how_much_at_what_cost_and_how_honest(made: Path) -> None:
+def test_the_page_says_who_is_best_by_how_much_at_what_cost_and_how_consistent(made: Path) -> None:
     text = re.sub(r"\s+", " ", page(made / "index.html"))
     (best,) = [row for row in table(made / "data/overview.csv") if row["purpose"] == "final"]
     assert best["backend"] == "smoother"
     assert f"{best['error']} ({best['ends']})" in text
-    for said in (best["honesty"], best["cost"], best["why"]):
+    for said in (best["consistency"], best["cost"], best["why"]):
         assert said
         assert said in text
     assert "Does <b>it</b> stand?" in text

@@ -8,7 +8,7 @@ import numpy as np
 from ...core.se2 import Array, between, wrap
 
 
-class Honesty(NamedTuple):
+class Consistency(NamedTuple):
     """The errors of factors of one kind, and what was stated of them."""
 
     kind: str  # step | neighbours | loop
@@ -18,12 +18,12 @@ class Honesty(NamedTuple):
     nees: float  # mean over three degrees of freedom; 1 is exact
 
 
-def honest(kind: str, off: Array, cov: Array) -> Honesty:
+def compared(kind: str, off: Array, cov: Array) -> Consistency:
     """Compares the errors (n, 3) of factors with their covariances (n, 3, 3)."""
     true = np.sqrt((off**2).mean(axis=0)).tolist()
     stated = np.sqrt(np.diag(cov.mean(axis=0))).tolist()
     squares = np.einsum("ni,ni->n", off, np.linalg.solve(cov, off[:, :, None])[:, :, 0])
-    return Honesty(kind, len(off), tuple(true), tuple(stated), float(squares.mean() / 3))
+    return Consistency(kind, len(off), tuple(true), tuple(stated), float(squares.mean() / 3))
 
 
 def errors(delta: Array, first: Array, second: Array) -> Array:
@@ -33,7 +33,7 @@ def errors(delta: Array, first: Array, second: Array) -> Array:
     return off
 
 
-def gathered(kind: str, parts: Sequence[tuple[Array, Array]]) -> list[Honesty]:
+def gathered(kind: str, parts: Sequence[tuple[Array, Array]]) -> list[Consistency]:
     """The comparison of several drives' errors and covariances; none without factors."""
     kept = [part for part in parts if len(part[0])]
-    return [honest(kind, *(np.concatenate(column) for column in zip(*kept, strict=True)))] if kept else []
+    return [compared(kind, *(np.concatenate(column) for column in zip(*kept, strict=True)))] if kept else []
