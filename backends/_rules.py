@@ -166,7 +166,7 @@ def decide_frame(
 
 
 class Decision(Arrays):
-    """How to decide on the sightings of a step, and what has been decided on k of them."""
+    """The rule for the sightings of a step, and the decisions on k of them."""
 
     rule: Integers  # (2,) the rule, and the most nodes of a search
     gates: Numbers  # (n,) joint gates by the number of pairs; then `match` and `far`, which are last

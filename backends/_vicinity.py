@@ -38,7 +38,7 @@ Beyond these odometry was wrong, or a loop was closed, and what is remembered in
 
 
 class Places(Arrays):
-    """What is remembered of n landmarks."""
+    """The memory of n landmarks."""
 
     ids: Integers  # (n,)
     asked: Integers  # (n,) rows of those that may be in view come first: see `choose`

@@ -36,7 +36,7 @@ def roomier(found: Answer, landmarks: int) -> Answer:
 
 
 def as_expected(found: Answer) -> Expected:
-    """The same, as arrays of its own."""
+    """Copies the answer into arrays of its own."""
     n = int(found.count[0])
     return Expected(found.ids[:n].copy(), found.z[:n].copy(), found.cov[: 4 * n * n].reshape(2 * n, 2 * n).copy())
 

@@ -144,7 +144,7 @@ class Associates(Protocol):
 
 
 class TakenOut(NamedTuple):
-    """What has been taken out of a log on the way to a backend."""
+    """The measurements taken out of a log on the way to a backend."""
 
     moved: Ints  # (m,) ids of landmarks that have moved
     misread: int  # sightings of other landmarks that were not used: their ids are wrong
@@ -155,7 +155,7 @@ class TakesOut(Protocol):
     """A backend that takes out landmarks that move: see `association.standing`."""
 
     def taken_out(self) -> TakenOut | None:
-        """What it has taken out so far; None if these options take nothing out."""
+        """The measurements that it has taken out so far; None if these options take nothing out."""
         ...
 
 
@@ -176,34 +176,31 @@ class Builder:
     """Makes a backend, and declares its properties to the runner.
 
     `make(prior, options, rng)` returns a fresh backend; `options` is a frozen dataclass made with `option(...)` fields.
-    `random`: it draws from `rng`, so it runs once per seed even on a fixed log. `loops`: it uses RelativePoses factors,
-    and `prior.loops` says where there are some; otherwise logs that have some are skipped, or, by one that `forgets` or
-    uses no sightings, run without them.
-    `sightings`: it uses sightings. `associates`: it does data association
-    for sightings with id UNKNOWN, always or with some options; otherwise these are removed from the log, and counted.
-    A class with the method of `Expects` gets options of data association, and the layer that does it in front of it;
-    `expects`: so does what a function makes. `rules`: further values of its option `association`, each with what makes
-    the backend that carries it out by itself. `locates`: it finds an unknown start on a given map itself; otherwise it
-    is made where the robot is found. `forgets`: it drops landmarks long out of view, so that it
-    does not close loops. `linear`: it linearises the models at a heading that is not its estimate; where that heading
-    is off, `bench check` only bounds it by dead reckoning. `implementation`: the program that does the work, in two or
-    three words for tables, such as "compiled here" or "GTSAM's wheel", or a function of the options if they select it:
-    costs are those of an implementation as much as of an algorithm. If empty, the backend is listed under its
-    distribution.
+    A class with the method of `Expects` gets options of data association, and the layer that does it in front of it.
     """
 
     make: Callable[[Prior, Any, np.random.Generator], Backend]
     options: type = NoOptions
-    random: bool = False
+    random: bool = False  # draws from `rng`, so it runs once per seed even on a fixed log
     loops: bool = False
-    sightings: bool = True
+    """Uses RelativePoses factors, and `prior.loops` says where there are some. Otherwise logs that have some are
+    skipped, or, by one that `forgets` or uses no sightings, run without them."""
+    sightings: bool = True  # uses sightings
     associates: bool | Callable[[Any], bool] = False
-    locates: bool = False
-    forgets: bool = False
+    """Does data association for sightings with id UNKNOWN, always or with some options; otherwise these are removed
+    from the log, and counted."""
+    locates: bool = False  # finds an unknown start on a given map itself; otherwise it is made where the robot is found
+    forgets: bool = False  # drops landmarks long out of view, so that it does not close loops
     linear: bool = False
+    """Linearises the models at a heading that is not its estimate; where that heading is off, `bench check` only bounds
+    it by dead reckoning."""
     implementation: str | Callable[[Any], str] = ""
-    expects: bool = False
+    """The program that does the work, in two or three words for tables, such as "compiled here" or "GTSAM's wheel", or
+    a function of the options if they select it: costs are those of an implementation as much as of an algorithm. If
+    empty, the backend is listed under its distribution."""
+    expects: bool = False  # what the function `make` returns has the method of `Expects`
     rules: Mapping[str, Callable[[Prior, Any, np.random.Generator], Backend]] = field(default_factory=dict, hash=False)
+    """Further values of its option `association`, each with what makes the backend that carries it out by itself."""
 
     def implemented(self, options: Any) -> str:
         """The implementation with these options; "" if not declared."""

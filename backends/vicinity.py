@@ -34,7 +34,7 @@ class Marginals(Protocol):
 
 
 class Vicinity:
-    """Where landmarks are, about.
+    """The rough places of landmarks.
 
     With `follows`, `move` is told of every motion, and landmarks are also remembered as seen from the robot.
     """
@@ -86,7 +86,7 @@ class Vicinity:
         new: list[int],
         marginals: Marginals,
     ) -> Expected:
-        """What `Expects.expected` has to return, for a robot at `pose` with covariance `cov` before the odometry.
+        """The answer of `Expects.expected` for a robot at `pose` with covariance `cov` before the odometry.
 
         `new` are the landmarks that were added since this was last asked. With `follows`, `cov` is not needed.
         """
@@ -104,7 +104,7 @@ class Vicinity:
         return as_expected(self._answer)
 
     def place(self, xy: Array, sd: Array) -> None:
-        """Where the first landmarks are, (n, 2) m, with deviations of at most sd (n,) m in any direction."""
+        """Places the first landmarks, (n, 2) m, with deviations of at most sd (n,) m in any direction."""
         self._places.xy[: len(sd)], self._places.sd[: len(sd)] = xy, sd
 
     def asked(self, count: int) -> Ints:
@@ -146,7 +146,7 @@ def _places(landmarks: int) -> Places:
 
 
 def first_expected(prior: Prior, seen: RangeBearing, gate: float) -> Expected:
-    """What is expected at the first step: the landmarks of a given map with covariance, independent of the pose."""
+    """The expectation at the first step: the landmarks of a given map with covariance, independent of the pose."""
     known = prior.map
     if known is None or known.cov is None or not len(known.ids):
         return NOTHING

@@ -20,7 +20,7 @@ Form = tuple[tuple[int, ...], str]
 
 
 class Beams(NamedTuple):
-    """What a sensor saw from one pose, in the robot's frame there."""
+    """The points that a sensor saw from one pose, in the robot's frame there."""
 
     starts: Array  # (m, 2) m
     ends: Array  # (m, 2) m

@@ -254,7 +254,7 @@ class Log:
 
     @property
     def remarks(self) -> list[str]:
-        """What its reader found legal yet odd, one sentence each without its full stop."""
+        """Remarks of its reader on what is legal yet odd, one sentence each without its full stop."""
         found = self.notes.get(REMARKS, ())
         return [one for one in found if isinstance(one, str)] if isinstance(found, list) else []
 

@@ -122,7 +122,7 @@ class Associating:
         return self._translated(self._sure + [UNKNOWN] * (self._seen - len(self._sure)))
 
     def taken_out(self) -> TakenOut | None:
-        """What the backend has taken out, if it does, by these ids."""
+        """The measurements that the backend has taken out, if it does, by these ids."""
         found = self._inner.taken_out() if isinstance(self._inner, TakesOut) else None
         return None if found is None else found._replace(moved=self._translated(found.moved.tolist()))
 
@@ -271,7 +271,7 @@ class Associating:
         return expected.ids.tolist(), pair, nodes
 
     def _expected(self, odometry: Odometry | None, seen: RangeBearing, named: list[int]) -> Expected:
-        """What the backend expects, without landmarks that were taken out or that a sighting with an id is of."""
+        """The backend's expectation, without landmarks that were taken out or that a sighting with an id is of."""
         expected = self._inner.expected(odometry, seen, self._far)
         if not self._retired and named.count(UNKNOWN) == len(named):
             return expected

@@ -66,7 +66,7 @@ class Association:
 
 @dataclass(frozen=True)
 class Moved:
-    """What becomes of landmarks that move."""
+    """The treatment of landmarks that move."""
 
     moved: str = option(
         "kept",

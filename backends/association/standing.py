@@ -56,7 +56,7 @@ SLOTS = 64
 
 
 class Records:
-    """What is known of n landmarks, by slot; see `_standing.follow`."""
+    """The records of n landmarks, by slot; see `_standing.follow`."""
 
     def __init__(self) -> None:
         self.xy = np.zeros((SLOTS, 2))  # as estimated when last sighted
@@ -120,7 +120,7 @@ class Standing:
         return pose
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
-        """What the backend expects, without landmarks that have moved."""
+        """The backend's expectation, without landmarks that have moved."""
         found: Expected = self._inner.expected(odometry, seen, gate)
         keep = self._standing(found.ids)
         if len(keep) < len(found.ids):
@@ -217,7 +217,7 @@ class Standing:
     def _asked(
         self, step: Step, pose: Array, names: list[int], known: list[int], z: Array, cov: Array
     ) -> tuple[Expected, Ints]:
-        """What the backend expects of all landmarks sighted; the row there of each of the step's sightings, or -1.
+        """The backend's expectation of all landmarks sighted; the row there of each of the step's sightings, or -1.
 
         It offers what is near a sighting: asked for are the sightings, and those of the landmarks where they last were.
         """
@@ -262,6 +262,6 @@ class Standing:
 
 
 def _place(pose: Array, z: Array) -> Array:
-    """Where a landmark is, (2,), that is seen at z (2,) from the pose."""
+    """The place (2,) of a landmark that is seen at z (2,) from the pose."""
     way = pose[2] + z[1]
     return np.array((pose[0] + z[0] * math.cos(way), pose[1] + z[0] * math.sin(way)))

@@ -215,7 +215,7 @@ class Ekf:
         return self._map_of(self._settled())
 
     def finish(self) -> Solution | None:
-        """Where the poses of all steps are kept, they are the path given all measurements; else None."""
+        """The path given all measurements, where the poses of all steps are kept; else None."""
         if self._kept is None or not self._kept.complete or not self._kept.steps:
             return None
         whole = self._settled()

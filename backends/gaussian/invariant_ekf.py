@@ -143,7 +143,7 @@ class InvariantEkf:
         return Map(np.fromiter(self._slot, np.int64, len(self._slot)), xy, cov)
 
     def finish(self) -> Solution | None:
-        """Where the poses of all steps are kept, they are the path given all measurements; else None."""
+        """The path given all measurements, where the poses of all steps are kept; else None."""
         if self._kept is None or not self._kept.complete or not self._kept.steps:
             return None
         path, cov = np.empty((self._kept.steps, 3)), np.empty((self._kept.steps, 3, 3))

@@ -139,7 +139,7 @@ class Factors:
         return Map(np.array([*landmarks.ids, *more]), np.array([*landmarks.xy, *more.values()]), None)
 
     def with_held(self, found: Expected, odometry: Odometry | None, last: int) -> Expected:
-        """What is expected after step `last`, with landmarks that are held back."""
+        """The expectation after step `last`, with landmarks that are held back."""
         held = self._newcomers.alone() if self._robust and self._newcomers is not None else {}
         return with_held(found, held, self._newcomers, odometry, last) if held and self._newcomers else found
 

@@ -74,7 +74,7 @@ class Locating:
         return self._pose.copy() if self._online else None
 
     def belief(self) -> Belief | None:
-        """That of the backend; not located, and without covariance, before there is one."""
+        """The backend's belief; before there is a backend, not located and without covariance."""
         if self._inner is None:
             return Belief(self._pose.copy(), located=False)
         return self._inner.belief() or Belief(self._pose.copy())
@@ -91,7 +91,7 @@ class Locating:
         return np.concatenate((np.full(self._sighted - len(found), UNKNOWN), found))
 
     def taken_out(self) -> TakenOut | None:
-        """What the backend has taken out since its start, if it does."""
+        """The measurements that the backend has taken out since its start, if it does."""
         return self._inner.taken_out() if isinstance(self._inner, TakesOut) else None
 
     def finish(self) -> Solution | None:

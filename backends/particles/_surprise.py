@@ -1,4 +1,4 @@
-"""How badly sightings and landmarks of particles fit.
+"""The misfit of sightings and landmarks of particles.
 
 With n, U and W of `_particles.py` the surprise of a sighting, if it is of a landmark, is n' U^-1 n + log |U| / |W|: -2
 log-likelihood, up to what all landmarks have in common. `work` is that of `_proposal.py`, U that of its poses and

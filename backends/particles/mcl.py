@@ -136,7 +136,7 @@ class Mcl:
         self._poses[3, which], self._poses[4, which] = np.cos(heading), np.sin(heading)
 
     def _weigh(self, who: Ints, z: Array, cov: Array) -> None:
-        """Multiplies the weights by the likelihood of the sightings, and averages what it is for one of them."""
+        """Multiplies the weights by the likelihood of the sightings, and averages that of a single one."""
         if not self._spread:
             self._scatter(np.arange(len(self._weights)))
             self._spread = True

@@ -125,7 +125,7 @@ def bound(
 
 
 def uses_sightings(trial: Trial) -> bool:
-    """Returns True if sightings made a difference to a backend on the ordinary log."""
+    """True if sightings made a difference to a backend on the ordinary log."""
     plain, _ = dead_reckoned(_ORDINARY.log)
     return any(np.abs(path - plain).max() > ROUNDING for path in trial.paths.values())
 
@@ -141,7 +141,7 @@ def ordinary(candidate: Candidate) -> Trial:
 
 @cache
 def batch_answer(adversary: Adversary) -> BatchAnswer:
-    """Returns the answer that every backend is compared with; the optimum is kept in the user's cache."""
+    """The answer that every backend is compared with; the optimum is kept in the user's cache."""
     made = adversary.made
     found = reference(made.log)
     along, batch = made, False
@@ -151,7 +151,7 @@ def batch_answer(adversary: Adversary) -> BatchAnswer:
 
 
 def _fits(made: SmallLog, path: Array, landmarks: Map) -> bool:
-    """Returns True if J is no larger than that of the truth: else the optimum is elsewhere."""
+    """True if J is no larger than that of the truth: else the optimum is elsewhere."""
     here, there = misfit(made.log, path, landmarks), misfit(made.log, made.path, made.map)
     return here is not None and there is not None and here.total <= there.total + ROUNDING
 

@@ -56,7 +56,7 @@ def _still(steps: int) -> Any:
 
 
 def _only(steps: int, *when: int) -> Any:
-    """Returns a column (steps, 1) that is true at the steps `when`."""
+    """A column (steps, 1) that is true at the steps `when`."""
     return np.isin(np.arange(steps), when)[:, None]
 
 

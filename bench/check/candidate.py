@@ -40,7 +40,7 @@ class Trial(NamedTuple):
 
     @property
     def paths(self) -> dict[str, Array]:
-        """Returns the paths (n, 3) it gave: online, final or both."""
+        """The paths (n, 3) it gave: online, final or both."""
         paths: dict[str, Array] = {}
         online = [pose for pose in self.poses if pose is not None]
         if online:
@@ -61,7 +61,7 @@ class Trial(NamedTuple):
 
     @property
     def final_map(self) -> Map:
-        """Returns the last map: the solution's where there is one."""
+        """The last map: the solution's where there is one."""
         return self.map if self.solution is None else self.solution.map
 
 
@@ -127,12 +127,12 @@ def spread(cov: Array) -> tuple[Array, Array]:
 
 
 def first(wrong: NDArray[np.bool]) -> int:
-    """Returns the first step at which `wrong` (n,) is true."""
+    """The first step at which `wrong` (n,) is true."""
     return int(np.argmax(wrong))
 
 
 def stays_near(path: Array, expected: Array, allowed: tuple[Array, Array], what: str) -> float:
-    """Returns the largest distance (m) of `path` (n, 3) from `expected`; Failed beyond `allowed`, (n,) m and rad."""
+    """The largest distance (m) of `path` (n, 3) from `expected`; Failed beyond `allowed`, (n,) m and rad."""
     distance = np.linalg.norm((path - expected)[:, :2], axis=1)
     turn = np.abs(se2.wrap(path[:, 2] - expected[:, 2]))
     for error, bound, unit in ((distance, allowed[0], "m"), (turn, allowed[1], "rad")):

@@ -27,7 +27,7 @@ def it_starts_at_the_prior(candidate: Candidate) -> str:
 
 
 def without_sightings_it_is_dead_reckoning(candidate: Candidate) -> str:
-    """Where there is odometry alone, the path is the motions one after another."""
+    """With odometry alone, the path is the motions one after another."""
     log = drive(np.random.default_rng(12), around(120), scale=TINY, reach=0.0).log
     expected, _ = dead_reckoned(log)
     furthest = _stays_exact(candidate, log, expected)
@@ -35,7 +35,7 @@ def without_sightings_it_is_dead_reckoning(candidate: Candidate) -> str:
 
 
 def an_exact_log_is_followed(candidate: Candidate) -> str:
-    """Where odometry and sightings are exact, so is the path."""
+    """With exact odometry and sightings, the path is exact."""
     log, truth, _ = drive(np.random.default_rng(13), around(120), scale=TINY, errors=0.0)
     furthest = _stays_exact(candidate, log, truth)
     return f"at most {furthest:.2g} m from the truth in {len(log)} steps"
@@ -192,7 +192,7 @@ def _rmse(path: Array, truth: Array) -> float:
 
 
 def _map_errors(made: SmallLog, landmarks: Map) -> dict[int, float]:
-    """Returns each landmark's distance (m) from its true place, or from that on the given map."""
+    """Each landmark's distance (m) from its true place, or from that on the given map."""
     given = made.map if made.log.prior.map is None else made.log.prior.map
     place = dict(zip(landmarks.ids.tolist(), landmarks.xy, strict=True))
     missing = [landmark for landmark in given.ids.tolist() if landmark not in place]

@@ -83,7 +83,7 @@ def drive(
 
 
 def around(steps: int) -> Array:
-    """Returns the motions (steps - 1, 3) of `steps` steps along the circle."""
+    """The motions (steps - 1, 3) of `steps` steps along the circle."""
     return np.tile(CIRCLE, (steps - 1, 1))
 
 
@@ -139,7 +139,7 @@ def with_loops(drive: SmallLog, rng: np.random.Generator, errors: float = 1.0, s
 
 
 def dead_reckoned(log: Log) -> tuple[Array, Array]:
-    """Returns the path (n, 3) of prior and odometry alone, and its covariances (n, 3, 3), to first order."""
+    """The path (n, 3) of prior and odometry alone, and its covariances (n, 3, 3), to first order."""
     path, covs = [log.prior.pose], [log.prior.cov]
     for step in log:
         if step.odometry is not None:

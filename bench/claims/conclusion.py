@@ -55,7 +55,7 @@ def _some(found: Sequence[Answer], n: int, one: str, several: str) -> str:
 
 
 def document(conclusion: Conclusion) -> dict[str, Any]:
-    """Returns the conclusion as JSON takes it: infinity is the text Infinity or -Infinity, what is missing null."""
+    """The conclusion as JSON takes it: infinity is the text Infinity or -Infinity, what is missing null."""
     return {
         "reproduced": conclusion.reproduced,
         "sentence": conclusion.sentence,

@@ -64,7 +64,7 @@ def _said(x: Array, at: float, low: float, high: float, n: int, units: int) -> s
 
 
 def _remarks(d: Array) -> tuple[str, ...]:
-    """Remarks on how many logs (n, m) they cross more than once, or the other way round."""
+    """Remarks on the logs, rows of (n, m), in which they cross more than once or in the other direction."""
     n, changes = len(d), _changes(d)
     found = {"more than once": changes > 1, "the other way round": (changes == 1) & ~(d[:, -1] > 0)}
     return tuple(
@@ -77,7 +77,7 @@ def _changes(d: Array) -> Ints:
 
 
 def _first(x: Array, d: Array) -> Array:
-    """Returns the least place (n,) at which d (n, m) may become positive to stay so; 0 for one below x (m,)."""
+    """The least place (n,) at which d (n, m) may become positive to stay so; 0 for one below x (m,)."""
     above = d > 0
     above[(_changes(d) == 1) & ~above[:, -1]] = False  # it only ceases to be
     place = above.argmax(axis=1)
@@ -86,7 +86,7 @@ def _first(x: Array, d: Array) -> Array:
 
 
 def _last(x: Array, d: Array) -> Array:
-    """Returns the greatest place (n,) from which on d (n, m) may be positive; infinite for one beyond x (m,)."""
+    """The greatest place (n,) from which on d (n, m) may be positive; infinite for one beyond x (m,)."""
     m = len(x)
     place = m - 1 - (d <= 0)[:, ::-1].argmax(axis=1)
     found = _root(x, d, np.minimum(place, m - 2), early=False)

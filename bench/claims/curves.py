@@ -61,7 +61,7 @@ class Medians(NamedTuple):
         return _numbers(self.bys)
 
     def line(self, by: Any) -> list[Place]:
-        """Returns the places of one value of `by`, by x."""
+        """The places of one value of `by`, by x."""
         return [self.places[x, by] for x in self.xs if (x, by) in self.places]
 
 
@@ -92,7 +92,7 @@ def medians(figure: Figure, table: CellTable) -> Medians:
 
 
 def _units(table: CellTable, rows: Any) -> list[Hashable]:
-    """Returns the unit of each of the rows' cells: the cluster of its log, else the cell by itself."""
+    """The unit of each of the rows' cells: the cluster of its log, else the cell by itself."""
     clusters = table.columns.get("cluster")
     stated = [] if clusters is None else clusters[rows].tolist()
     found = units(dict(enumerate(stated)))
@@ -119,7 +119,7 @@ def _of_many(sorted_: Array) -> tuple[float, float, float]:
 
 
 def _coded(values: Any) -> tuple[list[Any], Any]:
-    """Returns each value once, and (n,) its index."""
+    """Each value once, and (n,) its index."""
     found = values.tolist()
     codes = {value: code for code, value in enumerate(dict.fromkeys(found))}
     return list(codes), np.fromiter(map(codes.__getitem__, found), np.intp, len(found))

@@ -34,7 +34,7 @@ def judged(low: float, high: float, least: float, most: float) -> Verdict:
 
 
 def margin(low: float, high: float, least: float, most: float) -> float:
-    """Returns the least distance of the interval's ends inwards from the bounds; -inf without an interval."""
+    """The least distance of the interval's ends inwards from the bounds; -inf without an interval."""
     if isnan(low):
         return -inf
     return min((end - bound for end, bound in ((low, least), (-high, -most)) if not isinf(bound)), default=inf)

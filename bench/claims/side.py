@@ -165,7 +165,7 @@ def units_of(table: CellTable, logs: Ints) -> Units:
 
 
 def _several(table: CellTable, rows: Rows, along: str) -> bool:
-    """Returns True if a side has several datasets; Untestable where it has several values of another parameter."""
+    """True if a side has several datasets; Untestable where it has several values of another parameter."""
     several = False
     for name in parameters(table):
         if name in ("seed", along):
@@ -223,7 +223,7 @@ def side(table: CellTable, measure: str, rows: Rows, logs: Ints, along: str, of:
 
 
 def _along(values: list[Any], name: str) -> tuple[list[Any], Rows]:
-    """Returns the values of a parameter, rising, and each row's index; [None] where no row has the parameter."""
+    """The values of a parameter, rising, and each row's index; [None] where no row has the parameter."""
     known = set(values)
     if known == {None}:
         return [None], np.zeros(len(values), int)

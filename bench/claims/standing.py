@@ -69,7 +69,7 @@ def standing(table: CellTable) -> Progress:
 
 
 def _where(table: CellTable, rows: Sequence[int]) -> list[tuple[str, str]]:
-    """Returns the parameters of which these cells have only some of the study's values."""
+    """The parameters of which these cells have only some of the study's values."""
     found: list[tuple[str, str]] = []
     for name in parameters(table):
         values = table.columns[name]

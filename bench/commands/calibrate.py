@@ -151,13 +151,13 @@ def _response(
 
 
 def _all(places: list[Path]) -> Source:
-    """Returns the images of all `places`, in their order."""
+    """The images of all `places`, in their order."""
     sources = [_source(place) for place in places]
     return Source(sum(source.length for source in sources), chain.from_iterable(one.images for one in sources))
 
 
 def _source(place: Path) -> Source:
-    """Returns the images at `place`; InputError where there are none."""
+    """The images at `place`; InputError where there are none."""
     if not place.exists():
         raise InputError(f"{place}: is not there, expected an image, a folder of images or a video")
     if place.is_dir():

@@ -75,7 +75,7 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 def as_json(label: str, seed: int, subject: Subject) -> dict[str, Any]:
-    """Returns the numbers as JSON takes them: m, rad and s, null for what the log has not."""
+    """The numbers as JSON takes them: m, rad and s, null for what the log has not."""
     about = {"log": label, "seed": seed, "path": subject.shown.words, "remarks": remarks(subject.dataset)}
     return about | _plain(subject.numbers)
 
@@ -101,6 +101,6 @@ def _print(console: Console, subject: Subject) -> None:
 
 
 def _file(variant: DatasetVariant, given: str) -> str:
-    """Returns the name of the file or folder that was given as the log, "" where a dataset was named."""
+    """The name of the file or folder that was given as the log, "" where a dataset was named."""
     named = given.strip().strip('"')
     return Path(named).resolve().stem if getattr(variant.options, "path", None) == named else ""

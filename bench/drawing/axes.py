@@ -36,12 +36,12 @@ def stretches(t: Array, values: Array, count: int) -> tuple[Array, Array]:
 
 
 def fits(value: float) -> bool:
-    """Returns True for a positive number that a logarithmic axis can have."""
+    """True for a positive number that a logarithmic axis can have."""
     return SIZES[0] <= value <= SIZES[1]
 
 
 def drawable(values: Array) -> Array:
-    """Returns the values with NaN for those that no axis can have: infinite, or beyond SIZES."""
+    """The values with NaN for those that no axis can have: infinite, or beyond SIZES."""
     sizes = np.abs(values)
     return np.where((sizes == 0) | ((sizes >= SIZES[0]) & (sizes <= SIZES[1])), values, np.nan)
 

@@ -16,7 +16,7 @@ MOST_POINTS = 200  # points of a curve in a page's plot data
 
 
 def of(look: Look) -> str:
-    """Returns the mark of a backend's elements in a figure, for `set_gid` and `gid`."""
+    """The mark of a backend's elements in a figure, for `set_gid` and `gid`."""
     return f"of-{look.place}"
 
 
@@ -41,7 +41,7 @@ def report_figure(
 def curve(
     label: str, x: Array, y: Array, *, t: Array | None = None, final: bool = False, most: int = MOST_POINTS
 ) -> Curve:
-    """Makes plot data of at most `most` points, of four digits each."""
+    """Thins data for a plot to `most` points, of four digits each."""
     at = np.unique(np.linspace(0, len(x) - 1, min(most, len(x))).round().astype(int)) if len(x) else np.zeros(0, int)
     return Curve(label, _rounded(x[at]), _rounded(y[at]), () if t is None else _rounded(t[at]), final)
 

@@ -90,7 +90,7 @@ def _offsets(wide: float, high: float) -> Iterator[tuple[float, float]]:
 
 
 def _bad(box: _BOX, taken: Sequence[_BOX], frame: _BOX) -> float:
-    """Returns the square points of a box that overlap something else or leave the frame."""
+    """The square points of a box that overlap something else or leave the frame."""
     inside = _shared(box, frame)
     return sum(_shared(box, other) for other in taken) + 4 * ((box[2] - box[0]) * (box[3] - box[1]) - inside)
 
@@ -104,7 +104,7 @@ def _nearer(box: _BOX, own: Array, rest: Array) -> float:
 
 
 def _gap(box: _BOX, points: Array) -> float:
-    """Returns the distance from a name to the nearest of some points (n, 2)."""
+    """The distance from a name to the nearest of some points (n, 2)."""
     return float(np.hypot(*np.maximum(0, np.maximum(box[:2] - points, points - box[2:])).T).min())
 
 

@@ -28,7 +28,7 @@ class Key(NamedTuple):
 
     @property
     def rows(self) -> int:
-        """Returns the legend's rows."""
+        """The legend's rows."""
         return -(-(len(self.loud) + (self.faint > 0)) // self.columns)
 
     @property
@@ -37,11 +37,11 @@ class Key(NamedTuple):
         return len(self.tags) - len(self.loud)
 
     def called(self, label: str) -> str | None:
-        """Returns the name in the legend, if any."""
+        """The name in the legend, if any."""
         return self.tags[label] if label in self.loud else None
 
     def alpha(self, label: str) -> float:
-        """Returns the opacity."""
+        """The opacity."""
         return 1.0 if label in self.loud else FAINT
 
     def others(self, axes: Axes) -> None:

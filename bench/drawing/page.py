@@ -57,7 +57,7 @@ def rendered(template: str, page: Mapping[str, Any]) -> str:
 
 
 def script(name: str) -> dict[str, str]:
-    """Returns the `text` of a script, and its `digest` for the page's content security policy."""
+    """The `text` of a script, and its `digest` for the page's content security policy."""
     text = f"\n{(TEMPLATES / name).read_text(encoding='utf-8')}"
     return {"text": text, "digest": f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"}
 

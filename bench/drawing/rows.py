@@ -39,7 +39,7 @@ def rows(figure: Figure, names: Sequence[tuple[str, Look]]) -> Axes:
 
 
 def height(names: Sequence[str]) -> float:
-    """Returns the height in points of a figure with these rows."""
+    """The height in points of a figure with these rows."""
     return MARGINS + (ROW if _beside(names) else TALL_ROW) * len(names)
 
 

@@ -103,7 +103,7 @@ def on_page(svg: str) -> str:
 
 
 def alone(svg: str) -> str:
-    """Makes a file of its own: dark on a white card."""
+    """Makes a standalone file, dark on a white card."""
     card = re.sub(r"(<svg[^>]*>)", rf'\1<rect width="100%" height="100%" fill="{PAPER}"/>', svg, count=1)
     return _coloured(card, _ALONE) + "\n"
 

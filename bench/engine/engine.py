@@ -172,7 +172,7 @@ class _Engine:
         return list(self.work.cells) if self.work.logs_first else [self.work.cells[place] for place in todo]
 
     def _status(self, place: int) -> str | None:
-        """Returns the cell's status, also where its log could not be made; None where it has not ended."""
+        """The cell's status, also where its log could not be made; None where it has not ended."""
         key = self.keys[place]
         if key is None:
             return self.logs.unmade.get(self.log_keys[place])
@@ -208,12 +208,12 @@ class _Engine:
         self.store.put_plan([_planned(cell, log, key) for cell, log, key in rows])
 
     def _key(self, place: int) -> str | None:
-        """Returns the key of the cell's result, where its log is known."""
+        """The key of the cell's result, where its log is known."""
         cell, log = self.work.cells[place], self.logs.known.get(self.log_keys[place])
         return None if log is None else result_key(cell.cell, log, timed=cell.timed, oracle=self.work.oracle)
 
     def _todo(self, request: RunRequest) -> list[int]:
-        """Returns the places of the cells to be run, in a fixed shuffled order; one of those with the same key."""
+        """The places of the cells to be run, in a fixed shuffled order; one of those with the same key."""
         places: dict[Any, int] = {}
         for place, (cell, key) in enumerate(zip(self.work.cells, self.keys, strict=True)):
             status = self._status(place)
@@ -273,14 +273,14 @@ class _Engine:
 
 
 def _round(finished: Finished) -> dict[str, Any]:
-    """Returns the columns of a round, but for its number."""
+    """The columns of a round, but for its number."""
     result = finished.result
     ended = {"status": result.status, "reason": result.reason, "timing_alone": int(finished.alone)}
     return result.row | ended | {"path": result.path or None, "host": finished.host, "recorded": time.time()}
 
 
 def _told(result: Result) -> Result:
-    """Returns the result with words that a record can take, whatever a backend has said."""
+    """The result with words that a record can take, whatever a backend has said."""
     return replace(result, reason=reason(result.reason), traceback=traceback(result.traceback))
 
 

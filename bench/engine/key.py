@@ -41,12 +41,12 @@ def made_once(log: OneLog) -> bool:
 
 
 def log_key(log: OneLog, given: str = "") -> str:
-    """Returns the key of a log; `given` is the digest of the map in its prior."""
+    """The key of a log; `given` is the digest of the map in its prior."""
     return _digest(f"log {source_key(log.dataset.name, log.dataset.options)} {log.seed} {given}")
 
 
 def result_key(cell: Cell, log: Known, *, timed: bool, oracle: bool) -> str:
-    """Returns the key of the cell's result on a known log."""
+    """The key of the cell's result on a known log."""
     backend = cell.backend
     drawn = cell.seed if backend.builder is not None and backend.builder.random else None
     return _digest(f"result {'/'.join(log)} {backend_key(backend.name, backend.options)} {drawn} {timed} {oracle}")
@@ -54,14 +54,14 @@ def result_key(cell: Cell, log: Known, *, timed: bool, oracle: bool) -> str:
 
 @functools.cache
 def source_key(name: str, options: Any) -> str:
-    """Returns the key of the dataset, with the code that makes it."""
+    """The key of the dataset, with the code that makes it."""
     code = [fingerprint(datasets.module(name), REGISTRIES), fingerprint(MAKER, REGISTRIES)]
     return hashed(name, vars(options), code)
 
 
 @functools.cache
 def backend_key(name: str, options: Any) -> str:
-    """Returns the key of the backend, with its code and that of its judge."""
+    """The key of the backend, with its code and that of its judge."""
     target = _target(name)
     code = [fingerprint(target.partition(":")[0], REGISTRIES), fingerprint(JUDGE, ELSEWHERE)]
     return hashed(name, target, vars(options), code)

@@ -31,7 +31,7 @@ class LogFiles:
         self.folder = folder / FOLDER
 
     def entry(self, dataset: str, known: Known) -> KeptLog:
-        """Returns the place of such a log, whether it exists or not."""
+        """The place of such a log, whether it exists or not."""
         digests = known.digest, known.truth_digest
         return KeptLog(self.folder / f"{dataset}-{hashed(*digests)}.npz", digests)
 
@@ -65,7 +65,7 @@ class LogFiles:
 
 
 def same(one: Dataset, other: Dataset) -> bool:
-    """Returns True if two versions of a log with its truth or reference differ by rounding alone."""
+    """True if two versions of a log with its truth or reference differ by rounding alone."""
     return _same_log(one.log, other.log) and _same_truth(one.truth, other.truth)
 
 

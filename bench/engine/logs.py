@@ -32,7 +32,7 @@ class KnownLogs:
         self._files.tidy()
 
     def key(self, cell: PlannedCell) -> str:
-        """Returns the key of the cell's log."""
+        """The key of the cell's log."""
         return log_key(cell.cell.log, self._map)
 
     def are_kept(self, cell: PlannedCell) -> bool:

@@ -93,7 +93,7 @@ class CameraStudy:
 
     @property
     def steps(self) -> int:
-        """How often a study of one placement per camera and distance reports progress."""
+        """The number of times that a study of one placement per camera and distance reports progress."""
         return len(DISTANCES) * len(self.effects)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What the depth front end's cost is compared with: OpenCV's programs for parts of the same work."""
+"""References for the depth front end's cost: OpenCV's programs for parts of the same work."""
 
 from collections.abc import Sequence
 

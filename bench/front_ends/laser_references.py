@@ -1,4 +1,4 @@
-"""What the laser front end's cost is compared with: plain programs for parts of the same work, in NumPy and SciPy."""
+"""References for the laser front end's cost: plain programs for parts of the same work, in NumPy and SciPy."""
 
 import numpy as np
 

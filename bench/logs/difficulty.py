@@ -25,7 +25,7 @@ LARGEST = 200_000
 
 
 class Difficulty(NamedTuple):
-    """How hard the data association of a log is."""
+    """The difficulty of a log's data association."""
 
     candidates: float  # landmarks within the gate of a sighting of a landmark that was sighted before, mean
     several: float  # share of these sightings that have more than one
@@ -110,7 +110,7 @@ def distances(seen: RangeBearing, expected: Expected) -> Array:
 
 
 def _told(dataset: Dataset) -> Log | None:
-    """Returns the log with the true id of every sighting, without those of unknown landmarks; None without any."""
+    """The log with the true id of every sighting, without those of unknown landmarks; None without any."""
     log, truth = dataset
     if log.prior.start != "known" or (log.prior.map is not None and log.prior.map.cov is None):
         return None

@@ -176,7 +176,7 @@ def numbers(dataset: Dataset, drawn: Shown, found: Returns) -> Numbers:
 
 
 def times(log: Log) -> Times | None:
-    """Returns the times; None for a log of one step, and for one that numbers its steps."""
+    """The times; None for a log of one step, and for one that numbers its steps."""
     if len(log) < 2 or numbered(log.t):
         return None
     apart = np.diff(log.t)

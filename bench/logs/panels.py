@@ -138,7 +138,7 @@ def noise(axes: Axes, log: Log, truth: Truth | None, *, medians: bool) -> None:
 
 
 def _errors(log: Log, truth: Truth | None) -> tuple[Ints, Array] | None:
-    """Returns the sightings with a known error, and these errors (m, 2) in m: in range, and across."""
+    """The sightings with a known error, and these errors (m, 2) in m: in range, and across."""
     if truth is None:
         return None
     found = sighting_errors(log, truth)

@@ -128,7 +128,7 @@ def _path(figure: SubFigure, axes: Axes, log: Log, shown: Shown) -> None:
 
 
 def _rays(log: Log, shown: Shown) -> Array:
-    """Returns a few sightings (m, 2, 2), each from the robot's place to the landmark's."""
+    """A few sightings (m, 2, 2), each from the robot's place to the landmark's."""
     pose = shown.pose_at(len(log))
     row = _some(len(log.ids), 4 * MOST_RAYS)
     step = log.sighting_step[row]

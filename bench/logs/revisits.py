@@ -24,7 +24,7 @@ class Returns(NamedTuple):
 
 
 def way(log: Log) -> Array:
-    """Returns the path length (n,) in m from the start to each step, by odometry."""
+    """The path length (n,) in m from the start to each step, by odometry."""
     return np.concatenate((np.zeros(1), np.cumsum(np.hypot(*log.delta[1:, :2].T))))
 
 

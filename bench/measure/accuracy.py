@@ -36,7 +36,7 @@ class Accuracy(NamedTuple):
 
 
 def stretches(truth: Truth, *, timed: bool) -> dict[str, Ints]:
-    """Returns the pairs of poses of each relative-error column; durations only where the log is timed."""
+    """The pairs of poses of each relative-error column; durations only where the log is timed."""
     pairs = {name: pairs_by_path(truth.poses, distance) for name, distance in DISTANCES.items()}
     if timed:
         pairs |= {name: pairs_by_time(truth.t, duration) for name, duration in DURATIONS.items()}
@@ -113,7 +113,7 @@ def _rounding(positions: Array) -> float:
 
 
 def aligned(alignment: Alignment, estimate: Array) -> Array:
-    """Returns the poses (m, 3) of `estimate` after the alignment."""
+    """The poses (m, 3) of `estimate` after the alignment."""
     return compose(np.broadcast_to(alignment.motion, estimate.shape), estimate)
 
 

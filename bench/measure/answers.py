@@ -51,7 +51,7 @@ def check_believed(poses: Array, steps: Sequence[int], online: Array | None) -> 
 
 
 def is_floats(values: Any, shape: tuple[int, ...]) -> TypeGuard[Array]:
-    """Returns True for an array of float64 of that shape."""
+    """True for an array of float64 of that shape."""
     return type(values) is np.ndarray and values.shape == shape and values.dtype is _FLOAT
 
 

@@ -37,7 +37,7 @@ def majority(assigned: Ints, true: Ints) -> Majority:
 
 
 def association_columns(assigned: Ints, true: Ints) -> dict[str, Any]:
-    """Returns the columns of an association (s,) with the true ids (s,), UNKNOWN being clutter or not known."""
+    """The columns of an association (s,) with the true ids (s,), UNKNOWN being clutter or not known."""
     if not len(true):
         return {}
     found, used = majority(assigned, true), assigned != UNKNOWN

@@ -26,7 +26,7 @@ class Clock:
         self._costs: list[int] = []
 
     def cost(self) -> int:
-        """Returns the ns that reading both clocks takes, as the median of the latest measurements."""
+        """The ns that reading both clocks takes, as the median of the latest measurements."""
         self._costs = [*self._costs, clock_cost(FEWER if self._costs else READINGS)][-LATEST:]
         return int(median(self._costs))
 
@@ -86,7 +86,7 @@ def _switches() -> int:
 
 
 def _ticks() -> tuple[int, int] | None:
-    """Returns the ticks that all cores were busy, and those stolen from them; None where the system does not say."""
+    """The ticks that all cores were busy, and those stolen from them; None where the system does not say."""
     with contextlib.suppress(OSError, ValueError, IndexError):
         fields = [int(text) for text in Path("/proc/stat").read_text().partition("\n")[0].split()[1:]]
         return sum(fields[k] for k in BUSY), fields[STOLEN]
@@ -94,7 +94,7 @@ def _ticks() -> tuple[int, int] | None:
 
 
 def _mhz() -> float | None:
-    """Returns the mean clock frequency of the cores as the system states it; None where it does not."""
+    """The mean clock frequency of the cores as the system states it; None where it does not."""
     with contextlib.suppress(OSError, ValueError):
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         stated = [float(line.partition(":")[2]) for line in lines if line.startswith("cpu MHz")]

@@ -93,7 +93,7 @@ class Timing(NamedTuple):
 
 
 def path_digest(timed: Timing | Outcome) -> str:
-    """Returns the sha256 of the online path, and of the final path and map: the same for the same bits."""
+    """The sha256 of the online path, and of the final path and map: the same for the same bits."""
     digest = hashlib.sha256()
     end = timed.solution
     for part in (timed.online, *(() if end is None else (end.path, end.map.ids, end.map.xy))):
@@ -204,7 +204,7 @@ def warm_up(
 
 
 def timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints, Ints]:
-    """Returns the online path (n, 3), and each step's CPU and wall time in ns."""
+    """The online path (n, 3), and each step's CPU and wall time in ns."""
     poses = bytearray()
     cpu, wall = [0] * len(steps), [0] * len(steps)
     cpu_clock, wall_clock = time.process_time_ns, time.perf_counter_ns
@@ -237,7 +237,7 @@ class _Beliefs(NamedTuple):
 
 
 def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _Beliefs:
-    """Returns the belief after every step; Broken where asking has changed the path."""
+    """The belief after every step; Broken where asking has changed the path."""
     n, clock, ns = len(steps), time.process_time_ns, [0] * len(steps)
     nis, n_eff, ancestors = (list[Any]([None]) * n for _ in range(3))
     nis_dof, refused, located, left_out = [0] * n, [0] * n, [True] * n, [0] * n

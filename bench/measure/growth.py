@@ -73,7 +73,7 @@ def growth(x: Ints, cost: Ints) -> Growth | None:
 
 
 def binned(x: Ints, cost: Array | Ints) -> tuple[Array, Array, Array]:
-    """Returns each bin's mean x, mean cost and relative variance of that mean cost, by x; x = 0 is left out.
+    """Each bin's mean x, mean cost and relative variance of that mean cost, by x; x = 0 is left out.
 
     A step's variance, relative to its bin's mean, is taken to be the same in all bins: a small bin does not know its
     own.

@@ -13,7 +13,7 @@ JOINT_MOST = 1_000  # landmarks up to which a map's joint covariance is kept: 16
 
 
 def kept(log: Log, outcome: Outcome) -> dict[str, Array | Ints]:
-    """Returns the arrays that a record keeps, by name.
+    """The arrays that a record keeps, by name.
 
     Of each map's covariance the diagonal blocks (n, 2, 2), and once, of the final map's if known, the whole upper
     triangle row by row: another run can start from it.

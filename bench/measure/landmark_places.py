@@ -48,7 +48,7 @@ def placed(log: Log, poses: Array, pose_at: Ints, *, known: bool) -> Places:
 
 
 def scattered_ids(places: Places | None) -> Scattered | None:
-    """Returns the ids that are not in one place; None without any."""
+    """The ids that are not in one place; None without any."""
     if places is None or not places.scattered.any():
         return None
     spread = places.spread[places.scattered]
@@ -72,7 +72,7 @@ def sighted(poses: Array, z: Array) -> Array:
 
 
 def _medians(landmark: Ints, count: Ints, values: Array) -> Array:
-    """Returns the median (l,) of each landmark's `values`; landmark k has `count[k]` of them, at least one."""
+    """The median (l,) of each landmark's `values`; landmark k has `count[k]` of them, at least one."""
     ordered = values[np.lexsort((values, landmark))]
     first = np.cumsum(count) - count
     return (ordered[first + (count - 1) // 2] + ordered[first + count // 2]) / 2

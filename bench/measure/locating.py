@@ -16,7 +16,7 @@ TURNED = np.pi / 6
 
 
 def from_the_fix_on(log: Log, outcome: Outcome, truth: Truth) -> Truth:
-    """Returns the truth of the steps at which the robot was located: all of them from a known start."""
+    """The truth of the steps at which the robot was located: all of them from a known start."""
     located = outcome.located[np.searchsorted(log.t, truth.t)]
     return truth._replace(t=truth.t[located], poses=truth.poses[located])
 
@@ -27,7 +27,7 @@ def poses_judged(known: Mapping[str, Any], arrays: Mapping[str, Any]) -> Array:
 
 
 def locating(log: Log, outcome: Outcome, truth: Truth | None) -> dict[str, Any]:
-    """Returns the columns by name; none where the start is known. `truth` has the steps from the fix on."""
+    """The columns by name; none where the start is known. `truth` has the steps from the fix on."""
     if log.prior.start == "known" or log.prior.map is None:
         return {}
     located = outcome.located
@@ -43,7 +43,7 @@ def locating(log: Log, outcome: Outcome, truth: Truth | None) -> dict[str, Any]:
 
 
 def elsewhere(path: Array, truth: Array, apart: float) -> NDArray[np.bool]:
-    """Returns True (m,) where a pose is farther than `apart` (m) from the true one, or turned from it."""
+    """True (m,) where a pose is farther than `apart` (m) from the true one, or turned from it."""
     off = np.abs(difference(path, truth))
     return (np.hypot(off[:, 0], off[:, 1]) > apart) | (off[:, 2] > TURNED)
 

@@ -43,7 +43,7 @@ class Peak:
         self._before = _peak_mb()
 
     def mb(self) -> float | None:
-        """Returns the peak in MB; None where it cannot be measured."""
+        """The peak in MB; None where it cannot be measured."""
         return max(_peak_mb() - self._before, 0.0) if self._known else None
 
 

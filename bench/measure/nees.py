@@ -67,7 +67,7 @@ def landmark_nees(estimate: Map, truth: Map, fixed: Ints) -> Array:
 
 
 def covariances(joint: Array) -> Array:
-    """Returns the diagonal blocks (n, 2, 2) of a map's joint covariance (2n, 2n)."""
+    """The diagonal blocks (n, 2, 2) of a map's joint covariance (2n, 2n)."""
     n = len(joint) // 2
     return joint.reshape(n, 2, n, 2)[np.arange(n), :, np.arange(n)]
 
@@ -83,7 +83,7 @@ def nees(estimate: Array, cov: Array, truth: Array) -> Array:
 
 
 def are_covariances(cov: Array, estimate: Array) -> NDArray[np.bool]:
-    """Returns True (m,) where C (m, k, k), finite, is a covariance of the estimate (m, k).
+    """True (m,) where C (m, k, k), finite, is a covariance of the estimate (m, k).
 
     It is symmetric, positive definite beyond rounding, and no standard deviation in any direction is below FINEST.
     """

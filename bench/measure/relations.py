@@ -32,7 +32,7 @@ def counted_relations(relations: Relations) -> dict[str, Any]:
 
 
 def standard_error(values: Array) -> float | None:
-    """Returns the standard error of the mean of (n,) values in the order of time; None for fewer than two a stretch.
+    """The standard error of the mean of (n,) values in the order of time; None for fewer than two a stretch.
 
     By batch means: neighbouring relations share scans and a part of the map, so that their errors are alike, and those
     of long stretches are nearly independent (G. S. Fishman, Management Science 24(5), 1978).

@@ -78,7 +78,7 @@ def _around(mean: float, square: float, dof: float, count: int) -> Mean:
 
 @lru_cache(maxsize=1024)
 def student(dof: float) -> float:
-    """Returns the 97.5 % point of Student's t."""
+    """The 97.5 % point of Student's t."""
     from scipy.special import stdtrit
 
     return float(stdtrit(dof, UPPER))

@@ -81,7 +81,7 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
 
 
 def _ends(outcome: Outcome, truth: Truth | None) -> dict[str, _End]:
-    """Returns the estimates by the prefix of their columns, maps by true ids where sightings were assigned."""
+    """The estimates by the prefix of their columns, maps by true ids where sightings were assigned."""
     solution = outcome.solution
     ends: dict[str, _End] = {}
     if solution is not None:
@@ -132,7 +132,7 @@ def _remarks(log: Log, outcome: Outcome, truth: Truth | None) -> list[str]:
 
 
 def _measured_from(truth: Truth | None) -> dict[str, Any]:
-    """Returns the columns surveyed and reference; the latter is absent where that is the plain batch optimum."""
+    """The columns surveyed and reference; the latter is absent where that is the plain batch optimum."""
     surveyed = truth is not None and truth.kind == "reference" and truth.map is not None and truth.places == "truth"
     return {"surveyed": int(surveyed)} | ({"reference": truth.words} if truth is not None and truth.words else {})
 

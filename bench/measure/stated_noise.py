@@ -40,7 +40,7 @@ def noise_check(errors: Errors, cov: Array) -> NoiseCheck | None:
 
 
 def normalised(errors: Errors, cov: Array) -> Array:
-    """Returns the squares (m,) e' C^-1 e of `errors` with covariances `cov` (m, k, k)."""
+    """The squares (m,) e' C^-1 e of `errors` with covariances `cov` (m, k, k)."""
     return np.einsum("mi,mi->m", errors.values, np.linalg.solve(cov, errors.values[..., None])[..., 0])
 
 
@@ -57,12 +57,12 @@ class Measured(NamedTuple):
 
 
 def measured(errors: Errors) -> Measured | None:
-    """Returns the standard deviations of the errors (m, 2) of sightings; None without any."""
+    """The standard deviations of the errors (m, 2) of sightings; None without any."""
     return Measured(*map(typical, errors.values.T)) if len(errors.row) else None
 
 
 def typical(errors: Array) -> float:
-    """Returns a robust standard deviation: 1.4826 times the median absolute error, not centred: a bias enlarges it."""
+    """A robust standard deviation: 1.4826 times the median absolute error, not centred: a bias enlarges it."""
     return float(ROBUST * np.median(np.abs(errors)))
 
 

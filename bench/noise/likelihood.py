@@ -68,7 +68,7 @@ def _climbed(f: Callable[[Array], float], start: Array, low: Array, high: Array)
 def _profile_end(
     f: Callable[[Array], float], at: Array, value: float, k: int, away: float, bounds: tuple[Array, Array]
 ) -> float:
-    """Where between `at[k]` and `away` the likelihood's maximum over all other parameters has fallen by DROP."""
+    """The value between `at[k]` and `away` where the maximum over all other parameters has fallen by DROP."""
     low, high = bounds
     near, far = float(at[k]), away
     for _ in range(_HALVINGS):

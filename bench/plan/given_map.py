@@ -60,12 +60,12 @@ class GivenMap:
         return found
 
     def of(self, dataset: DatasetVariant, seed: int) -> Map:
-        """Returns the map for a log."""
+        """The map for a log."""
         return self.maps[seed] if self._by_seed(dataset) else next(iter(self.maps.values()))
 
     @property
     def digest(self) -> str:
-        """Returns the sha256 of all its numbers, in hexadecimal."""
+        """The sha256 of all its numbers, in hexadecimal."""
         total = hashlib.sha256()
         for seed, known in sorted(self.maps.items()):
             total.update(f"{seed} {len(known.ids)} {known.cov is not None}\n".encode())
@@ -194,13 +194,13 @@ def _place(row: Row, slugs: Mapping[str, str]) -> Path:
 
 
 def _covers(path: Path, place: Path) -> bool:
-    """Returns True if `place` is `path` or in it; a part of `path` may be *, for any seed."""
+    """True if `place` is `path` or in it; a part of `path` may be *, for any seed."""
     parts, wanted = place.resolve().parts, path.resolve().parts
     return len(wanted) <= len(parts) and all(w in (part, "*") for w, part in zip(wanted, parts, strict=False))
 
 
 def _from_arrays(arrays: Mapping[str, Any]) -> _Known:
-    """Returns the map of a cell: the one with the most covariance, the final one of two alike."""
+    """The map of a cell: the one with the most covariance, the final one of two alike."""
     prefixes = [prefix for prefix in ("final_map", "map") if f"{prefix}_ids" in arrays]
     for kind, ending in ((JOINT, "joint"), (BLOCKS, "cov")):
         for prefix in prefixes:

@@ -66,7 +66,7 @@ def _cells(path: Path, number: int, line: str, header: tuple[str, ...]) -> list[
 
 
 def block_diagonal(blocks: Array) -> Array:
-    """Returns the (2n, 2n) matrix with the (n, 2, 2) `blocks` on its diagonal."""
+    """The (2n, 2n) matrix with the (n, 2, 2) `blocks` on its diagonal."""
     n = len(blocks)
     whole = np.zeros((n, 2, n, 2))
     whole[np.arange(n), :, np.arange(n)] = blocks

@@ -38,7 +38,7 @@ def members(name: str, options: Any, source: Source, find: Find) -> tuple[Member
 
 
 def is_pattern(path: str) -> bool:
-    """Returns True for a path with * or ?, unless something has that very name."""
+    """True for a path with * or ?, unless something has that very name."""
     return ("*" in path or "?" in path) and not os.path.lexists(path)
 
 

@@ -24,12 +24,12 @@ class Cell:
 
     @property
     def key(self) -> tuple[str, str, str, str, int]:
-        """Returns the cell's key in the record."""
+        """The cell's key in the record."""
         return self.dataset.name, self.dataset.given, self.backend.name, self.backend.given, self.seed
 
     @property
     def log(self) -> OneLog:
-        """Returns the log that it runs on."""
+        """The log that it runs on."""
         return self.dataset.log(self.seed)
 
     def __str__(self) -> str:

@@ -146,7 +146,7 @@ def _optimum(log: Log, loss: str = "none") -> Solution | None:
 
 
 def _key(log: Log) -> str:
-    """Returns the cache key: the factors, the code that finds the optimum and the library it uses."""
+    """The cache key: the factors, the code that finds the optimum and the library it uses."""
     total = hashlib.sha256(f"{log.digest} numba {metadata.version('numba')}\n".encode())
     for file in [Path(__file__), *sorted(Path(backends.__file__).parent.rglob("*.py"))]:
         total.update(file.read_bytes())

@@ -92,7 +92,7 @@ def dataset_at(path: Path, asker: str, kind: str | None = None) -> DatasetVarian
 
 
 def _kind(path: str) -> str:
-    """Returns the dataset that reads a path, or all that fit a pattern; InputError where these are of several kinds.
+    """The dataset that reads a path, or all that fit a pattern; InputError where these are of several kinds.
 
     A laser log with a robot.toml beside it is a recording.
     """

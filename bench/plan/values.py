@@ -15,7 +15,7 @@ MOST_CELLS = 1_000_000  # of a run or a study: more take gigabytes before the fi
 
 
 def too_many(cells: int) -> str:
-    """Returns the end of a sentence on so many cells; "" where they are no more than MOST_CELLS."""
+    """The end of a sentence on so many cells; "" where they are no more than MOST_CELLS."""
     if cells <= MOST_CELLS:
         return ""
     return f"with these there are {cells:,} cells, expected at most {MOST_CELLS:,}."

@@ -21,7 +21,7 @@ class Variant:
 
     @cached_property
     def given(self) -> str:
-        """Returns the options that differ from their defaults, as `name=value,...`."""
+        """The options that differ from their defaults, as `name=value,...`."""
         changed = [
             (field.name, value)
             for field in fields(self.options)
@@ -33,12 +33,12 @@ class Variant:
 
     @cached_property
     def label(self) -> str:
-        """Returns the name, and in brackets the options that differ from their defaults, as on the command line."""
+        """The name, and in brackets the options that differ from their defaults, as on the command line."""
         return f"{self.name}[{self.given}]" if self.given else self.name
 
     @property
     def slug(self) -> str:
-        """Returns the label as the name of a folder: with options, the name and a short hash."""
+        """The label as the name of a folder: with options, the name and a short hash."""
         plain = "".join(c if c.isalnum() or c in "-_." else "-" for c in self.name)
         if plain == self.name and not self.given:
             return plain
@@ -61,7 +61,7 @@ class DatasetVariant(Variant):
     members: tuple[Member, ...] = ()
 
     def log(self, seed: int) -> "OneLog":
-        """Returns the log of a seed; InputError beyond the logs of a dataset of many."""
+        """The log of a seed; InputError beyond the logs of a dataset of many."""
         if not self.members:
             return OneLog(self, seed if self.source.seeded else 0)
         if len(self.members) > 1 and seed >= len(self.members):
@@ -78,7 +78,7 @@ class DatasetVariant(Variant):
         return len(self.members) > 1 or (self.source.seeded and not self.members)
 
     def seeds(self, wanted: Sequence[int], *, random: bool) -> Sequence[int]:
-        """Returns the seeds that a backend runs with, `random` or not: of a dataset of many logs, all of them.
+        """The seeds that a backend runs with, `random` or not: of a dataset of many logs, all of them.
 
         Of any other dataset those `wanted`, the first one alone where neither log nor backend is random.
         """

@@ -8,14 +8,14 @@ from ...core.factors import Log
 
 
 def beside_arrays(log: Log) -> dict[str, Any]:
-    """Returns the arrays by name; none without scans or clouds."""
+    """The arrays by name; none without scans or clouds."""
     there = [kind for kind in KINDS if getattr(log, kind) is not None]
     taken = {kind: columns_of(kind, getattr(log, kind)) for kind in there}
     return {kept_name(kind, name): column for kind, columns in taken.items() for name, column in columns.items()}
 
 
 def kept_name(kind: str, name: str) -> str:
-    """Returns the name of an array of a kind in the record."""
+    """The name of an array of a kind in the record."""
     return f"{kind.removesuffix('s')}_{name}"
 
 

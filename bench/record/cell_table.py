@@ -21,14 +21,14 @@ class CellTable:
         return len(self.columns["status"])
 
     def rows(self, where: Mapping[str, Any]) -> NDArray[np.intp]:
-        """Returns the indices of the rows whose parameters have these values."""
+        """The indices of the rows whose parameters have these values."""
         chosen = np.ones(len(self), bool)
         for name, value in where.items():
             chosen &= self.columns[name] == value
         return np.flatnonzero(chosen)
 
     def values(self, name: str, rows: NDArray[np.intp]) -> list[Any]:
-        """Returns the distinct values of a parameter in these rows, in the order of the plan."""
+        """The distinct values of a parameter in these rows, in the order of the plan."""
         return list(dict.fromkeys(self.columns[name][rows].tolist()))
 
 

@@ -66,7 +66,7 @@ PACKAGE = __name__.partition(".")[0]
 
 @functools.cache
 def fingerprint(module: str, beyond: Collection[str] = frozenset()) -> str:
-    """Returns the sha256 of all code that the module runs, except modules `beyond`; also for a missing module."""
+    """The sha256 of all code that the module runs, except modules `beyond`; also for a missing module."""
     files, libraries = closure(module, beyond)
     total = hashlib.sha256(platform.python_version().encode())
     for name in sorted(files):

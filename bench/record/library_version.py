@@ -24,7 +24,7 @@ def located(name: str) -> ModuleSpec | None:
 
 @functools.cache
 def is_library(name: str) -> bool:
-    """Returns True for a top-level module that is installed and not worked on; False for Python's own."""
+    """True for a top-level module that is installed and not worked on; False for Python's own."""
     spec = located(name)
     if spec is None:
         return False

@@ -14,7 +14,7 @@ PACKAGES = ("slamduel", "numpy", "scipy", "gtsam", "opencv-contrib-python-headle
 
 
 def environment() -> dict[str, Any]:
-    """Returns the machine, its system, Python, and the versions of the packages that affect a result."""
+    """The machine, its system, Python, and the versions of the packages that affect a result."""
     return {
         "processor": _reported("model name") or platform.processor() or platform.machine(),
         "instructions": " ".join(name for name in INSTRUCTIONS if name in _reported("flags").split()),
@@ -44,7 +44,7 @@ def _version(name: str) -> str | None:
 
 
 def _revision() -> str | None:
-    """Returns the checkout's git revision, with + for uncommitted changes; None outside a checkout."""
+    """The checkout's git revision, with + for uncommitted changes; None outside a checkout."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None

@@ -54,5 +54,5 @@ def _wrong(row: Mapping[str, Any]) -> str:
 
 
 def as_table(rounds: Sequence[Mapping[str, Any]], key: Sequence[Any]) -> list[list[Any]]:
-    """Returns the rows of times.csv of a cell with that key."""
+    """The rows of times.csv of a cell with that key."""
     return [[*key, *(one[name] for name in ROUND)] for one in rounds]

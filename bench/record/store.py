@@ -276,7 +276,7 @@ class Store:
             raise damaged(self.folder / FILE, f"the arrays of {key} cannot be read") from error
 
     def seconds(self) -> dict[tuple[str, str, str, str], tuple[float, int]]:
-        """Returns the mean wall time in s and the number of results, by dataset and backend with their options."""
+        """The mean wall time in s and the number of results, by dataset and backend with their options."""
         names = "dataset, dataset_options, backend, options"
         query = f"SELECT {names}, avg(seconds), count(*) FROM results WHERE seconds IS NOT NULL GROUP BY {names}"
         return {tuple(of): (mean, count) for *of, mean, count in self._all(query)}  # pyright: ignore[reportReturnType]
@@ -388,7 +388,7 @@ class Store:
 
 
 def _status(trouble: str | None) -> str:
-    """Returns the status of a cell without a result."""
+    """The status of a cell without a result."""
     return "waiting" if trouble is None else "skipped" if trouble.startswith(SKIPPED) else "error"
 
 
@@ -426,7 +426,7 @@ def _encoded(parameters: Mapping[str, Any], known: dict[str, str]) -> str:
 
 
 def _parameters(texts: Sequence[str], seeds: Sequence[int]) -> dict[str, NDArray[Any]]:
-    """Returns the cells' parameters as columns, the seed third."""
+    """The cells' parameters as columns, the seed third."""
     known: dict[str, dict[str, Any]] = {text: json.loads(text) for text in dict.fromkeys(texts)}
     names = dict.fromkeys(["dataset", "backend", "seed", *(name for found in known.values() for name in found)])
     columns: dict[str, NDArray[Any]] = {}

@@ -30,7 +30,7 @@ class Cells(NamedTuple):
 
 
 def holds_cells(folder: Path) -> bool:
-    """Returns True for the folder of a study or of a run."""
+    """True for the folder of a study or of a run."""
     return (folder / FILE).is_file()
 
 

@@ -24,7 +24,7 @@ class TableFile(ABC):
 
     @classmethod
     def is_one(cls, path: Path) -> bool:
-        """Returns True for a file that an earlier export may have written, or that is empty."""
+        """True for a file that an earlier export may have written, or that is empty."""
         with path.open("rb") as file:
             found = file.read(len(cls.start))
         return found in (b"", cls.start)

@@ -138,17 +138,17 @@ class _Way:
         self._asked, self._spent = self._asked + 1, self._spent + seconds
 
     def course(self, ended: str) -> Course:
-        """Returns the course so far."""
+        """The course so far."""
         path = np.array(self.path).reshape(-1, 3)
         return Course(path, np.array(self._covs).reshape(-1, 3, 3), self._maps, self._asked, False, ended, [])
 
     def _due(self, frame: int) -> bool:
-        """Returns True for the first frame, the last, and as long as the time lasts, evenly spent."""
+        """True for the first frame, the last, and as long as the time lasts, evenly spent."""
         return not frame or frame == len(self.frames) - 1 or self._spent <= MAP_S * frame / len(self.frames)
 
 
 def _whole(backend: Backend, frames: Ints) -> Course:
-    """Returns the course of a backend with a final path only: the same map at every frame."""
+    """The course of a backend with a final path only: the same map at every frame."""
     solution = backend.finish()
     if solution is None:
         return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, True, "has no path, neither online nor final", [])
@@ -202,6 +202,6 @@ def _split(known: Map) -> Landmarks:
 
 
 def _said(error: Exception) -> str:
-    """Returns the exception's message, with its type where it is none of ours."""
+    """The exception's message, with its type where it is none of ours."""
     said = " ".join(str(error).split())
     return said if isinstance(error, SlamduelError) else f"{type(error).__name__}: {said}"

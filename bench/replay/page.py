@@ -86,7 +86,7 @@ def _panel(view: View, panel: Panel) -> dict[str, Any]:
 
 
 def _images(view: View, panel: Panel, last: int) -> list[dict[str, Any]]:
-    """Returns the grids as images in the panel's units, the one of the frame `last` shown."""
+    """The grids as images in the panel's units, the one of the frame `last` shown."""
     if view.cells is None:
         return []
     (n, m), (low, high) = view.cells.shape, (view.low[1], view.high[1])
@@ -148,14 +148,14 @@ def _changes(view: View, panel: Panel) -> Iterable[list[list[int]]]:
 
 
 def _differs(mark: list[int], before: list[int] | None) -> bool:
-    """Returns True if a change is visible: more than a unit, or 3 degrees."""
+    """True if a change is visible: more than a unit, or 3 degrees."""
     if before is None or any(abs(a - b) > 1 for a, b in zip(mark[:4], before[:4], strict=True)):
         return True
     return 3 < (mark[4] - before[4]) % 180 < 177
 
 
 def _still(panel: dict[str, Any], last: int) -> dict[str, str]:
-    """Returns the paths of a panel at the last frame, by name; all empty for a backend that has none."""
+    """The paths of a panel at the last frame, by name; all empty for a backend that has none."""
     names = ("trail", "marks", "dots", "rays", "belief", "robot")
     if not panel["pose"]:
         return dict.fromkeys((*names, "hits"), "") | {"said": panel["said"][-1]}
@@ -203,7 +203,7 @@ def _dots(pairs: Sequence[int | None]) -> str:
 
 
 def _robot(u: int, v: int, degree: int, *, stopped: bool) -> str:
-    """Returns an arrow; where it has stopped, a cross."""
+    """An arrow; where it has stopped, a cross."""
     if stopped:
         return f"M{u - 16} {v - 16}l32 32m-32 0l32 -32"
     turned = np.radians(degree) + np.array((0, 2.5, np.pi, -2.5))

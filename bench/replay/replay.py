@@ -59,7 +59,7 @@ class Replay(NamedTuple):
 
     @property
     def known(self) -> str:
-        """What errors are measured from: "truth" (ground truth), "reference" (batch optimum), "" for neither."""
+        """The path that errors are measured from: "truth", "reference" (batch optimum), or "" for neither."""
         truth = self.log.truth
         return truth.kind if truth is not None and len(truth.t) else ""
 

@@ -94,7 +94,7 @@ def _log(rr: Any, recording: Any, panel: Panel, name: str, frame: int, until: in
 
 
 def _ring(centre: Array, shape: Array) -> Array:
-    """Returns an ellipse as a line, (17, 2)."""
+    """An ellipse as a line, (17, 2)."""
     around = np.linspace(0, 2 * np.pi, 17)
     x, y = shape[0] * np.cos(around), shape[1] * np.sin(around)
     c, s = np.cos(shape[2]), np.sin(shape[2])
@@ -102,7 +102,7 @@ def _ring(centre: Array, shape: Array) -> Array:
 
 
 def _strips(xy: Array) -> list[Array]:
-    """Returns the stretches of a path that are known."""
+    """The stretches of a path that are known."""
     gaps = np.flatnonzero(~np.isfinite(xy).all(axis=1))
     pieces = [piece[np.isfinite(piece).all(axis=1)] for piece in np.split(xy, gaps)]
     return [_turned(piece) for piece in pieces if len(piece) > 1]

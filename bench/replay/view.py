@@ -96,7 +96,7 @@ def view(replay: Replay) -> View:
 
 
 def grid_at(panel: Panel, frame: int) -> Sketch | None:
-    """Returns the newest grid at a frame; None before the first one, and without any."""
+    """The newest grid at a frame; None before the first one, and without any."""
     return next((grid for grid in reversed(panel.grids) if grid.frame <= frame), None)
 
 

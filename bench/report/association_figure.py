@@ -105,7 +105,7 @@ def _assigned(trace: Trace) -> Ints | None:
 
 
 def _rows(true: Ints) -> Callable[[Ints], Ints]:
-    """Returns the function that numbers true ids in the order of their first sightings, from 1."""
+    """The function that numbers true ids in the order of their first sightings, from 1."""
     ids, first = np.unique(true[true != UNKNOWN], return_index=True)
     place = np.empty(len(ids), np.int64)
     place[np.argsort(first)] = np.arange(1, len(ids) + 1)
@@ -125,7 +125,7 @@ def _lines(true: Ints, rows: Callable[[Ints], Ints], when: Array, gap: float) ->
 
 
 def _apart(x: Array, y: Ints, other: Ints, length: float) -> tuple[Array, Ints, Ints]:
-    """Returns the marks to draw: of those on the same rows and at nearly the same time, the first."""
+    """The marks to draw: of those on the same rows and at nearly the same time, the first."""
     place = np.round(PLACES * x / length) if length else np.zeros(len(x))
     kept = np.unique(np.stack((place, y, other)), axis=1, return_index=True)[1]
     return x[kept], y[kept], other[kept]

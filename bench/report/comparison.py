@@ -101,7 +101,7 @@ def table(told: list[Change]) -> Table | None:
 
 
 def document(found: PairedRuns, told: list[Change], least: float | None) -> dict[str, Any]:
-    """Returns the comparison as JSON takes it."""
+    """The comparison as JSON takes it."""
     return {
         "status": int(judged.regressed(told)),
         "summary": summary(told),

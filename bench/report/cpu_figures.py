@@ -215,7 +215,7 @@ def _beside(log: DrawnLog) -> str:
 
 
 def _interval(log: DrawnLog, trace: Trace) -> float | None:
-    """Returns the median µs from step to step; None where the log has no real times."""
+    """The median µs from step to step; None where the log has no real times."""
     if log.lengths.get(log.seed) is None:
         return None
     return float(np.median(np.diff(trace.arrays["t"]))) * 1e6

@@ -51,7 +51,7 @@ class DrawnLog(NamedTuple):
 
     @property
     def clock(self) -> str:
-        """Returns the label of the time axis."""
+        """The label of the time axis."""
         return "step" if self.lengths.get(self.seed) is None else "time, s"
 
     @property
@@ -105,7 +105,7 @@ def drawn_log(
 
 
 def _drawn(done: Sequence[tuple[Line, Row]]) -> tuple[int, bool]:
-    """Returns the seed that is drawn, and True if errors chose it."""
+    """The seed that is drawn, and True if errors chose it."""
     by_seed: dict[int, list[tuple[Line, Row]]] = {}
     for line, row in done:
         by_seed.setdefault(row.columns["seed"], []).append((line, row))
@@ -116,7 +116,7 @@ def _drawn(done: Sequence[tuple[Line, Row]]) -> tuple[int, bool]:
 
 
 def _off(cells: Sequence[tuple[Line, Row]]) -> float:
-    """Returns the distance of the cells' errors from their medians: the sum of absolute log ratios."""
+    """The distance of the cells' errors from their medians: the sum of absolute log ratios."""
     total = 0.0
     for line, row in cells:
         online, final = path_errors(line.truth_kind).values()

@@ -44,7 +44,7 @@ class _Choice(NamedTuple):
 
 
 def pareto(name: str, log: DrawnLog) -> ReportFigure | None:
-    """None where there are no two to choose from."""
+    """Draws error over cost; None with fewer than two backends."""
     return trade_off(name, log.kind, log.lines, log.looks)
 
 
@@ -152,7 +152,7 @@ def _name(choice: _Choice, called: Mapping[str, str], online: Collection[str]) -
 
 
 def _fronts(choices: Sequence[_Choice]) -> dict[bool, list[_Choice]]:
-    """Returns the Pareto fronts of online and of final paths, the cheapest first; none with a single point."""
+    """The Pareto fronts of online and of final paths, the cheapest first; none with a single point."""
     fronts: dict[bool, list[_Choice]] = {}
     for final in (False, True):
         front = [choice for choice in choices if choice.final == final and not any(_before(c, choice) for c in choices)]
@@ -162,6 +162,6 @@ def _fronts(choices: Sequence[_Choice]) -> dict[bool, list[_Choice]]:
 
 
 def _before(one: _Choice, other: _Choice) -> bool:
-    """Returns True if `one` is cheaper and more accurate, for the same kind of path."""
+    """True if `one` is cheaper and more accurate, for the same kind of path."""
     a, b = (one.us, one.error.value), (other.us, other.error.value)
     return one.final == other.final and a != b and a[0] <= b[0] and a[1] <= b[1]

@@ -45,7 +45,7 @@ def trajectories(name: str, log: DrawnLog) -> Iterator[ReportFigure]:
 
 
 def tall(frame: Frame, width: float) -> float:
-    """Returns the points that a picture of the frame is high, without what is above it."""
+    """The points that a picture of the frame is high, without what is above it."""
     return 34 + (width - 36) * float(np.clip(frame.size[1] / frame.size[0], 0.35, 1.3))
 
 

@@ -69,7 +69,7 @@ class Section(NamedTuple):
 
     @property
     def high(self) -> float:
-        """Returns the height above the floor, m, up to which views from above show what was seen."""
+        """The height above the floor, m, up to which views from above show what was seen."""
         return HIGH
 
     @property

@@ -71,7 +71,7 @@ def benchmark(
 
 
 def planned(given: Mapping[str, Any], out: Path) -> Plan:
-    """Returns the plan of the run in `out`, else that of `given` and DEFAULTS; InputError as `benchmark`."""
+    """The plan of the run in `out`, else that of `given` and DEFAULTS; InputError as `benchmark`."""
     plan = recorded_plan(out)
     if plan is None:
         if not given:
@@ -112,14 +112,14 @@ def new_folder() -> Path:
 
 
 def begun(out: Path) -> bool:
-    """Returns True if `out` holds a run to continue."""
+    """True if `out` holds a run to continue."""
     with contextlib.suppress(InputError):
         return recorded_plan(out) is not None
     return False
 
 
 def _refuse_another(plan: Plan, given: Mapping[str, Any], out: Path) -> int:
-    """Returns the repeats to be there, more than before or as many; InputError where other settings differ."""
+    """The repeats to be there, more than before or as many; InputError where other settings differ."""
     recorded = plan.words()
     asked = Plan.from_words(recorded | {"map_digest": None} | dict(given)).words()
     if asked["repeats"] < plan.repeats:

@@ -36,7 +36,7 @@ class Held:
         self._list = ""  # the content of LISTED
 
     def word(self, dataset: Named) -> str:
-        """Returns the dataset's label. InputError where it cannot be used."""
+        """The dataset's label. InputError where it cannot be used."""
         if isinstance(dataset, str):
             dataset_variants(dataset, ASKER)
             return dataset
@@ -45,7 +45,7 @@ class Held:
         return dataset_at(self._place(dataset), ASKER, "log").label
 
     def together(self, logs: Any) -> str:
-        """Returns the label of one dataset of several logs, by cluster where they are in a mapping.
+        """The label of one dataset of several logs, by cluster where they are in a mapping.
 
         InputError where they cannot be used.
         """
@@ -68,11 +68,11 @@ class Held:
         return f'{LIST}[path="{place}"]' if set(",[]") & set(str(place)) else f"{LIST}[path={place}]"
 
     def _listed(self, one: Path | Log | Dataset) -> str:
-        """Returns the path of a log as LISTED has it: from its own folder."""
+        """The path of a log as LISTED has it: from its own folder."""
         return os.path.abspath(one) if isinstance(one, Path) else self._place(one).name
 
     def _place(self, dataset: Log | Dataset) -> Path:
-        """Returns the place of a log in memory. InputError where it cannot be used."""
+        """The place of a log in memory. InputError where it cannot be used."""
         log, truth = dataset if isinstance(dataset, Dataset) else (dataset, None)
         if not isinstance(log, Log):  # pyright: ignore[reportUnnecessaryIsInstance] - it comes from a user
             raise InputError(f"{ASKER}: the log of a dataset is {log!r}, expected a Log.")
@@ -140,7 +140,7 @@ def needless_truth() -> InputError:
 
 
 def _same(kept: Dataset, given: Dataset) -> bool:
-    """Returns True if `given` is the `kept` log: written and read, it has the same factors and the same truth."""
+    """True if `given` is the `kept` log: written and read, it has the same factors and the same truth."""
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
         log_folder.write(Path(scratch) / LOGS, *given)
         again = log_folder.read(Path(scratch) / LOGS)

@@ -42,7 +42,7 @@ class Pace:
         self._taken.setdefault(kind, []).append(seconds)
 
     def left(self) -> float | None:
-        """Returns the s from the latest to the last cell's end, at least those of the longest cell; None before any."""
+        """The s from the latest to the last cell's end, at least those of the longest cell; None before any."""
         if not self._taken:
             return None
         known = {kind: fmean(seconds) for kind, seconds in self._taken.items()}
@@ -203,7 +203,7 @@ class Screen:
             self._console.print(plain(f"{self._names[dataset]}: {NO_SIGHTING}"), highlight=False, soft_wrap=True)
 
     def _left(self) -> str | None:
-        """Returns the time left, in words; None before the first cell has ended, and at the end."""
+        """The time left, in words; None before the first cell has ended, and at the end."""
         left = self._pace.left()
         if left is None or self._done == self._total:
             return None

@@ -42,7 +42,7 @@ class Result:
 
     @property
     def table(self) -> Any:
-        """Returns the cells as a pandas frame, one row each; InputError where pandas is not installed."""
+        """The cells as a pandas frame, one row each; InputError where pandas is not installed."""
         try:
             import pandas
         except ImportError:
@@ -51,7 +51,7 @@ class Result:
 
     @property
     def verdict(self) -> dict[str, Verdict]:
-        """Returns the verdict on each dataset, by its label.
+        """The verdict on each dataset, by its label.
 
         `uses` says which backend to use for the path online, for the final one and for the map, and why; `sentences`
         lists further statements, the most important first; `comparisons` are, by column of cells.csv, the tests of
@@ -62,7 +62,7 @@ class Result:
 
     @property
     def report(self) -> Path:
-        """Returns the path of the report's page."""
+        """The path of the report's page."""
         return self.folder / "report.html"
 
     def path(

@@ -45,7 +45,7 @@ def by_dataset(lines: Sequence[Line]) -> dict[str, list[Line]]:
 
 
 def verdicts(lines: Sequence[Line]) -> dict[str, Verdict]:
-    """Returns the verdict on each dataset, by its label."""
+    """The verdict on each dataset, by its label."""
     return {dataset: verdict(mine) for dataset, mine in by_dataset(lines).items()}
 
 
@@ -115,7 +115,7 @@ def complain(lines: Sequence[Line]) -> None:
 
 
 def status(lines: Sequence[Line]) -> int:
-    """Returns a run's exit status: 0 where something was done and nothing failed; 1 also if all were skipped."""
+    """A run's exit status: 0 where something was done and nothing failed; 1 also if all were skipped."""
     ends = [row.columns["status"] for line in lines for row in line.rows]
     ends += [one["status"] for line in lines for row in line.rows for one in row.rounds]
     return 0 if "done" in ends and set(ends) <= {"done", "skipped"} else 1
@@ -164,7 +164,7 @@ class _Entry(NamedTuple):
 
 
 def _entries(line: Line, planned: Mapping[tuple[str, str], int] | None) -> dict[str, _Entry]:
-    """Returns a line's entries by heading; the map's where true places are known."""
+    """A line's entries by heading; the map's where true places are known."""
     v = line.values
     spreads = {
         "ATE, m": (path_errors(line.truth_kind)["online"],),
@@ -187,7 +187,7 @@ def _entries(line: Line, planned: Mapping[tuple[str, str], int] | None) -> dict[
 
 
 def _ends(line: Line, column: str, *, final: bool) -> tuple[float, float, float]:
-    """Returns the column's median and the ends of its interval, or range; NaN ends for a single value."""
+    """The column's median and the ends of its interval, or range; NaN ends for a single value."""
     value = line.values[column]
     median, low, high = typical(line, column)[:3] if final else (value.median, value.low, value.high)
     return (median, low, high) if low < high else (median, math.nan, math.nan)

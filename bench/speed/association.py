@@ -55,7 +55,7 @@ TENTHS = 10
 
 
 class Added(NamedTuple):
-    """What association adds to a median step, µs, with its interval."""
+    """The time that association adds to a median step, µs, with its interval."""
 
     us: float
     low: float
@@ -199,7 +199,7 @@ def _table(rows: Sequence[AssociationRow], extent: Stretch) -> Table:
 
 
 def of_one_form(options: Any, landmarks: int) -> Any:
-    """Returns the options with which a landmark that is mapped twice does not have the filter compressed.
+    """The options with which a landmark that is mapped twice does not have the filter compressed.
 
     Else a map at the threshold would compare two forms of the filter; with ids, the form is that of these options.
     """
@@ -209,7 +209,7 @@ def of_one_form(options: Any, landmarks: int) -> Any:
 
 
 def _subject(variant: BackendVariant) -> Subject:
-    """Returns the backend as it is with ids; InputError for one without data association."""
+    """The backend as it is with ids; InputError for one without data association."""
     if variant.builder is None or not variant.builder.can_associate:
         raise InputError(f"--backend {variant.label}: {variant.missing or 'has no data association'}; expected others")
     if registry.find(variant.name).associates is True or getattr(variant.options, "association", "none") != "none":

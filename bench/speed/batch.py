@@ -114,7 +114,7 @@ def started(log: Log, start: str) -> tuple[Array, Map]:
 
 
 def geometric_mean(rows: Sequence[SolverRow]) -> float:
-    """Returns the geometric mean of the known ratios."""
+    """The geometric mean of the known ratios."""
     return float(np.exp(np.mean([np.log(row.ratio) for row in rows if row.ratio])))
 
 

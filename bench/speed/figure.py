@@ -83,7 +83,7 @@ def write_figure(path: Path, rows: Sequence[TimingRow], what: str) -> bool:
 
 
 def _common(rows: Sequence[TimingRow]) -> int:
-    """Returns the number of landmarks of most rows, the largest of several: references are not timed everywhere."""
+    """The number of landmarks of most rows, the largest of several: references are not timed everywhere."""
     counts = {n: sum(row.landmarks == n for row in rows) for n in {row.landmarks for row in rows}}
     return max(counts, key=lambda n: (counts[n], n))
 

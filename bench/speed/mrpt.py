@@ -78,7 +78,7 @@ def _lines(here: World) -> Iterator[str]:
 
 
 def _motion(step: Step) -> list[float]:
-    """Returns the motion, and the upper triangle of its covariance."""
+    """The motion, and the upper triangle of its covariance."""
     if step.odometry is None:
         return [0.0] * 9
     return [*step.odometry.delta.tolist(), *step.odometry.cov[np.triu_indices(3)].tolist()]

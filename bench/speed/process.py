@@ -53,7 +53,7 @@ class Process:
 
     @property
     def name(self) -> str:
-        """Returns the backend's name."""
+        """The backend's name."""
         return self.subjects[0].name
 
     def __str__(self) -> str:
@@ -84,7 +84,7 @@ def measure(process: Process) -> list[TimingRow]:
 
 
 def lost(process: Process, reason: str, kind: str = "backend") -> list[TimingRow]:
-    """Returns the rows of a process that died."""
+    """The rows of a process that died."""
     return [
         TimingRow(kind, subject.label, landmarks, process.particles, reason=reason)
         for landmarks in process.sizes
@@ -160,7 +160,7 @@ class TooSlow(SlamduelError):
 
 
 def _resident() -> int:
-    """Returns the bytes of memory that the process has now; elsewhere than on Linux the most it had."""
+    """The bytes of memory that the process has now; elsewhere than on Linux the most it had."""
     if sys.platform == "linux":
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

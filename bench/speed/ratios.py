@@ -175,7 +175,7 @@ def _search(known: _Known) -> Iterator[Ratio]:
 
 
 def step_of_parts(rows: Sequence[TimingRow], beside: str, landmarks: int) -> float:
-    """Returns the mean step, in µs, of which the parts beside that backend are parts."""
+    """The mean step, in µs, of which the parts beside that backend are parts."""
     mine = [row for row in rows if row.kind == "part" and (row.beside, row.landmarks) == (beside, landmarks)]
     return sum(row.timing.mean for row in mine if row.name in PARTS and row.timing)
 

@@ -51,7 +51,7 @@ class Floors:
         self._copies.append(_called(lambda: np.copyto(target, source), seconds=0.2))
 
     def rows(self, beside: str) -> list[TimingRow]:
-        """Returns the measured rows."""
+        """The measured rows."""
         bytes_a_step = 2 * 8 * self._n * (self._n + 1) / 2
         streamed = (bytes_a_step / (2 * LARGE)) * np.concatenate(self._copies).astype(np.float64)
         return [

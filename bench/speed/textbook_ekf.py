@@ -196,14 +196,14 @@ class TextbookEkf:
         return self.truth.map.xy[self.truth.map.ids.tolist().index(landmark)] - self.there[:2]
 
     def pose_to_linearise_at(self, t: float) -> Array:
-        """Returns the mean's pose (3,), or the true one at time t (s)."""
+        """The mean's pose (3,), or the true one at time t (s)."""
         if self.truth is None:
             return self.mean[:3].copy()
         return self.truth.poses[int(np.argmin(np.abs(self.truth.t - t)))]
 
 
 def turn(theta: float) -> Array:
-    """Returns the (3, 3) that turns a body-frame motion by a heading (rad)."""
+    """The (3, 3) that turns a body-frame motion by a heading (rad)."""
     return np.array([[np.cos(theta), -np.sin(theta), 0], [np.sin(theta), np.cos(theta), 0], [0, 0, 1]])
 
 

@@ -81,23 +81,23 @@ class TextbookFastSlam:
         return self.mean_pose()
 
     def weights(self) -> Array:
-        """Returns the particles' normalised weights (M,)."""
+        """The particles' normalised weights (M,)."""
         logs = np.array([particle.log_weight for particle in self.particles])
         weights = np.exp(logs - logs.max())
         return weights / weights.sum()
 
     def mean_pose(self) -> Pose:
-        """Returns the weighted mean (3,); headings are averaged as directions."""
+        """The weighted mean (3,); headings are averaged as directions."""
         poses = np.array([particle.pose for particle in self.particles])
         x, y, c, s = self.weights() @ np.column_stack((poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2])))
         return np.array([x, y, np.arctan2(s, c)])
 
     def _motion_of(self, step: Step) -> Odometry | None:
-        """Returns the motion; at the first step the prior's covariance, about a pose at rest."""
+        """The motion; at the first step the prior's covariance, about a pose at rest."""
         return Odometry(np.zeros(3), self._prior.cov) if self._first else step.odometry
 
     def _in_world(self, particle: Particle, motion: Odometry) -> tuple[Array, Array]:
-        """Returns the pose after the motion, and the matrix that turns the motion's errors to the world's axes."""
+        """The pose after the motion, and the matrix that turns the motion's errors to the world's axes."""
         c, s = np.cos(particle.pose[2]), np.sin(particle.pose[2])
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         mean = particle.pose + turn @ motion.delta
@@ -148,7 +148,7 @@ class TextbookFastSlam:
 
 
 def _found(weights: Array, points: Array) -> list[int]:
-    """Returns the particle in whose share of the cumulative weight each point falls."""
+    """The particle in whose share of the cumulative weight each point falls."""
     upto = np.cumsum(weights) / np.sum(weights)
     return [int(np.searchsorted(upto, point, side="right")) for point in points]
 

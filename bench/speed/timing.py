@@ -86,7 +86,7 @@ def array_bytes(backend: object) -> int:
 
 
 def holds_foreign(backend: object) -> bool:
-    """Returns True if it holds objects of a package whose memory Python cannot see."""
+    """True if it holds objects of a package whose memory Python cannot see."""
     return any(type(thing).__module__.split(".")[0] in FOREIGN for thing in _reached(backend))
 
 

@@ -35,7 +35,7 @@ class World(NamedTuple):
     start: Array  # (3,) the true pose at the survey's last step
 
     def surveyed(self) -> Prior:
-        """Returns a prior for the drive with the whole map, for what does not make its own."""
+        """A prior for the drive with the whole map, for what does not make its own."""
         n = 2 * len(self.map.ids)
         return Prior(self.start, self.prior.cov, self.map._replace(cov=MAP_SD**2 * np.eye(n)))
 
@@ -67,7 +67,7 @@ def world(landmarks: int, steps: int, sightings: int, seed: int, *, scattered: b
 
 
 def without_ids(steps: Sequence[Step]) -> list[Step]:
-    """Returns the steps with sightings of unknown landmarks."""
+    """The steps with sightings of unknown landmarks."""
     found: list[Step] = []
     for step in steps:
         ids = np.full(len(step.sightings.ids), UNKNOWN)
@@ -77,7 +77,7 @@ def without_ids(steps: Sequence[Step]) -> list[Step]:
 
 
 def _rows(side: float) -> Array:
-    """Returns the survey's poses (n, 3): rows over the square, to and fro."""
+    """The survey's poses (n, 3): rows over the square, to and fro."""
     along = np.linspace(-side / 2, side / 2, int(np.ceil(side / PACE)) + 1)
     rows = [
         np.column_stack((along[::way], np.full(len(along), y), np.full(len(along), 0.0 if way > 0 else np.pi)))

@@ -51,11 +51,11 @@ class _Side:
         self.variants: dict[tuple[Any, ...], tuple[Variant, str]] = {}
 
     def has(self, option: str) -> bool:
-        """Returns True if it has that option; assumed of one that cannot be imported."""
+        """True if it has that option; assumed of one that cannot be imported."""
         return self.missing or hasattr(self.base.options, option)
 
     def set(self, option: str) -> bool:
-        """Returns True if its label gives the option a value."""
+        """True if its label gives the option a value."""
         inside = self.label.partition("[")[2].removesuffix("]")
         return any(pair.partition("=")[0].strip() == option for pair in inside.split(","))
 
@@ -70,7 +70,7 @@ class _Side:
             raise self.words.at(place, str(error)) from None
 
     def variant(self, swept: Mapping[str, Any]) -> tuple[Any, str]:
-        """Returns the variant with these values, already read, and its label; the same object for the same values.
+        """The variant with these values, already read, and its label; the same object for the same values.
 
         InputError where options refuse each other.
         """
@@ -97,7 +97,7 @@ class _Block:
 
     @property
     def swept(self) -> list[str]:
-        """Returns the full names of the swept options."""
+        """The full names of the swept options."""
         return list(dict.fromkeys(name for axis in self.axes for step in axis for name in step))
 
 

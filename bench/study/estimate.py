@@ -81,7 +81,7 @@ class StudyEstimate:
         return said + [again] * bool(unknown)
 
     def table(self) -> list[tuple[str, ...]]:
-        """Returns a head and one row per share: dataset, backend, cells, done, to do, and their time in sequence."""
+        """A head and one row per share: dataset, backend, cells, done, to do, and their time in sequence."""
         rows: list[tuple[str, ...]] = [("dataset", "backend", "cells", "done", "to do", "one after another")]
         for share in self.shares:
             took = "" if share.unknown == share.todo else lasting(share.seconds) + " and more" * (share.unknown > 0)
@@ -126,7 +126,7 @@ class _Averages:
         self._by_names = {names: s / n for names, (s, n) in total.items()}
 
     def of(self, pair: Pair) -> float | None:
-        """Returns the mean; None where nothing is known."""
+        """The mean; None where nothing is known."""
         return self._by_pair.get(pair, self._by_names.get(_names(pair)))
 
 
@@ -195,7 +195,7 @@ def _first_of_each(cells: Iterable[PlannedCell]) -> list[PlannedCell]:
 
 
 def _kept(store: Store, cell: PlannedCell) -> KeptLog | None:
-    """Returns the cell's log, where the study has a copy of it."""
+    """The cell's log, where the study has a copy of it."""
     of = cell.cell.log
     log = store.logs().get(log_key(of)) if made_once(of) else None
     entry = log and LogFiles(store.folder).entry(of.dataset.name, log)

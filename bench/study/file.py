@@ -255,11 +255,11 @@ Size = Literal["quick", "full"]
 
 
 def sized(file: TomlTable, size: Size) -> TomlTable:
-    """Returns the file in that size; InputError for other sizes, and a number beyond 64 bits."""
+    """The file in that size; InputError for other sizes, and a number beyond 64 bits."""
     lines, found = file.lines(), dict[Place, int]()
 
     def chosen(value: Any, stood: Place, place: Place) -> Any:
-        """Returns the value that `stood` in the file and has the `place` in what is left."""
+        """The value that `stood` in the file and has the `place` in what is left."""
         if stood in lines:
             found[place] = lines[stood]
         if isinstance(value, dict) and ("quick" in value or "full" in value):

@@ -15,7 +15,7 @@ _LIST = re.compile(f"{_VALUE.pattern}(?:,{_VALUE.pattern})*")
 
 
 def choice(study: Study, only: Sequence[str]) -> Callable[[PlannedCell], bool]:
-    """Returns a function that is True for cells selected by all of `only`, each the text after an --only.
+    """A function that is True for cells selected by all of `only`, each the text after an --only.
 
     Values of one parameter are alternatives, in one --only or in several; * stands for anything, ? for any letter.
     InputError for a parameter or a value that no cell has, and where nothing is left.
@@ -49,7 +49,7 @@ def choice(study: Study, only: Sequence[str]) -> Callable[[PlannedCell], bool]:
 
 
 def _is_meant(pattern: str, value: Any) -> bool:
-    """Returns True if the pattern matches the value: as a text, with its * and ?, or as a number."""
+    """True if the pattern matches the value: as a text, with its * and ?, or as a number."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         try:
             return float(pattern) == value

@@ -76,12 +76,12 @@ class Study(Work):
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Returns the names of the cells' parameters: dataset, backend, seed, then swept options."""
+        """The names of the cells' parameters: dataset, backend, seed, then swept options."""
         return tuple(self.cells[0].parameters) if self.cells else ()
 
 
 def about(study: Study, folder: Path, command: Sequence[str]) -> Callable[[Mapping[str, Any]], Mapping[str, Any]]:
-    """Returns the function that adds a study's facts to those of its record in `folder`, of the same study."""
+    """The function that adds a study's facts to those of its record in `folder`, of the same study."""
 
     def facts(known: Mapping[str, Any]) -> Mapping[str, Any]:
         refuse_another(study, folder, known)

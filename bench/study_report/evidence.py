@@ -56,12 +56,12 @@ class Evidence:
 
     @property
     def answers(self) -> Sequence[Answer]:
-        """Returns the answer to each claim."""
+        """The answer to each claim."""
         return self.conclusion.answers
 
     @property
     def answered(self) -> tuple[str, str]:
-        """Returns the conclusion, and its reason in few words."""
+        """The conclusion, and its reason in few words."""
         head, _, why = self.conclusion.sentence.partition(": ")
         if not self.answers or self.conclusion.reproduced == "yes":
             return head, why
@@ -92,12 +92,12 @@ class Evidence:
 
     @cached_property
     def standing(self) -> Progress:
-        """Returns the study's progress."""
+        """The study's progress."""
         return standing(self.table)
 
     @cached_property
     def medians(self) -> Sequence[Medians]:
-        """Returns the numbers of each figure."""
+        """The numbers of each figure."""
         return [medians(figure, self.table) for figure in self.study.figures]
 
     @cached_property
@@ -163,7 +163,7 @@ def option_words(parameter: str, table: CellTable) -> str:
 
 
 def _summary(registry: Any, who: str, name: str) -> str:
-    """Returns the first half of a built-in's option help; "" where there is none."""
+    """The first half of a built-in's option help; "" where there is none."""
     if who not in registry.BUILTIN:
         return ""
     options = {field.name: field for field in fields(registry.find(who).options)}

@@ -127,7 +127,7 @@ def _set_y(axes: Axes, found: Medians, drawn: Marks) -> None:
 
 
 def span(found: Medians, drawn: Marks) -> tuple[float, float, bool]:
-    """Returns the y axis's ends around all medians, and intervals as far as there is room; True if logarithmic."""
+    """The y axis's ends around all medians, and intervals as far as there is room; True if logarithmic."""
     values = [place.value for place in found.places.values()] + drawn.values
     values = [value for value in values if np.isfinite(value)] or [1.0]
     expected = about(found.figure.y).kind.expected

@@ -21,7 +21,7 @@ def line_looks(found: Medians, backends: Iterable[Any]) -> Mapping[Any, Look]:
 
 
 def _rising(k: int, n: int) -> Look:
-    """Returns the k-th look of n."""
+    """The k-th look of n."""
     place = k * (len(ORDERED) - 1) / max(n - 1, 1)
     low, share = int(place), place % 1
     ends = (ORDERED[low], ORDERED[min(low + 1, len(ORDERED) - 1)])

@@ -53,7 +53,7 @@ class Marks(NamedTuple):
 
     @property
     def values(self) -> list[float]:
-        """Returns the values of the measure that the axis has to include."""
+        """The values of the measure that the axis has to include."""
         return [bound.value for bound in self.bounds]
 
 
@@ -158,7 +158,7 @@ def draw_upright(axes: Axes, found: Medians, drawn: Marks, rows: Sequence[Place]
 
 
 def _place(axes: Axes, value: float, *, up: bool = False) -> float:
-    """Returns the position along the axis to the right, or the one `up`: 0 is its start, 1 its end."""
+    """The position along the axis to the right, or the one `up`: 0 is its start, 1 its end."""
     point = (axes.get_xlim()[1], value) if up else (value, axes.get_ylim()[1])
     return float((axes.transScale + axes.transLimits).transform(point)[int(up)])
 

@@ -53,7 +53,7 @@ SIZED = re.compile(r"\bfull\s*=")  # found in a study's file that has a larger f
 
 
 def again(found: Evidence) -> Mapping[str, str]:
-    """Returns the commands to run it again, by what they do."""
+    """The commands to run it again, by what they do."""
     command = _whole(found.words["command"])
     plain = [word for word in command if word != "--full"]
     commands = {"Go on, or run what has changed": shlex.join(command)}

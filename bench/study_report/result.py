@@ -25,12 +25,12 @@ class StudyResult(Result):
 
     @property
     def answers(self) -> Sequence[Answer]:
-        """Returns the verdict on each claim, "holds", "fails" or "open", with a sentence."""
+        """The verdict on each claim, "holds", "fails" or "open", with a sentence."""
         return evidence(self.folder).answers
 
     @property
     def conclusion(self) -> str:
-        """Returns the study's conclusion in a sentence."""
+        """The study's conclusion in a sentence."""
         return evidence(self.folder).conclusion.sentence
 
     def __repr__(self) -> str:

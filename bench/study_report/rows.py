@@ -22,7 +22,7 @@ MOST_DOTS = 60  # dots of a row; of more runs some, evenly along their order
 
 
 def rows_height(found: Medians) -> float:
-    """Returns the height in points."""
+    """The height in points."""
     lines = len(found.figure.printed)
     return height([name for name, _ in _rows(found)]) + LEGEND * (lines + (lines > 0))
 
@@ -84,7 +84,7 @@ def _rows(found: Medians) -> list[tuple[str, Place]]:
 
 
 def _whose(found: Medians, place: Place) -> Any:
-    """Returns the key of its look: a backend where there are any."""
+    """The key of its look: a backend where there are any."""
     return place.x if found.figure.x == "backend" else place.by
 
 

@@ -16,7 +16,7 @@ UNCLEAR = "consistency not clear"
 
 
 class Best(NamedTuple):
-    """What is recommended for a purpose, and its numbers."""
+    """The recommendation for a purpose, and its numbers."""
 
     purpose: str  # online, final or map
     backend: str  # label; "" where none can be recommended
@@ -28,7 +28,7 @@ class Best(NamedTuple):
 
 
 def bests(standing: Standing) -> list[Best]:
-    """Returns the recommendation for each purpose that the verdict has one for."""
+    """The recommendation for each purpose that the verdict has one for."""
     return [_best(standing, use) for use in standing.verdict.uses]
 
 

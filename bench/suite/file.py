@@ -44,20 +44,20 @@ class SuiteRun:
 
     @property
     def datasets(self) -> str:
-        """Returns the options that name its logs, as one types them."""
+        """The options that name its logs, as one types them."""
         given = [(name, self.given[name]) for name in ("dataset", "seeds") if name in self.given]
         return " ".join(f"--{name} {shlex.quote(str(value))}" for name, value in given)
 
     @property
     def words(self) -> list[str]:
-        """Returns the command that makes it, without --out."""
+        """The command that makes it, without --out."""
         flags = {"timeout_s": "timeout", "memory_mb": "memory"}
         options = ((f"--{flags.get(name, name)}", f"{value}") for name, value in self.given.items())
         return ["bench", "run", *(word for option in options for word in option)]
 
     @property
     def command(self) -> str:
-        """Returns the command as one types it."""
+        """The command as one types it."""
         return shlex.join(self.words)
 
 

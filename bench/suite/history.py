@@ -52,7 +52,7 @@ class Summary:
 
     @property
     def name(self) -> str:
-        """Returns the name of its file, without the ending."""
+        """The name of its file, without the ending."""
         return f"{self.version}_{self.date}_{self.machine}"
 
     @property
@@ -61,7 +61,7 @@ class Summary:
         return self.version + f" ({self.revision[:7]}{'+' * self.revision.endswith('+')})" * bool(self.revision)
 
     def lines(self, run: str) -> dict[tuple[str, str], Line]:
-        """Returns the lines of a run, by dataset and backend."""
+        """The lines of a run, by dataset and backend."""
         return {(line.dataset, line.backend): line for line in lines(self.runs[run][1])}
 
 

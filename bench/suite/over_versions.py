@@ -87,7 +87,7 @@ def _mark(verdict: str) -> str:
 
 
 def points(values: Sequence[float]) -> str:
-    """Returns the points of a sparkline on a logarithmic scale of at least a factor of 1.2; "" for fewer than two."""
+    """The points of a sparkline on a logarithmic scale of at least a factor of 1.2; "" for fewer than two."""
     known = [(k, log(value)) for k, value in enumerate(values) if not isnan(value) and isfinite(value) and value > 0]
     if len(known) < 2:
         return ""

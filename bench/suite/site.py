@@ -54,7 +54,7 @@ def write_site(site: Path, forms: Sequence[str] = ()) -> Path:
 
 
 def _where(site: Path) -> str:
-    """Returns the option that names the site; "" for the usual place."""
+    """The option that names the site; "" for the usual place."""
     return "" if site == DEFAULT else f" --out {shlex.quote(str(site))}"
 
 

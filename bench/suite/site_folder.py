@@ -34,13 +34,13 @@ class SuiteFolder:
 
     @property
     def runs(self) -> dict[str, Path]:
-        """Returns the folders of the runs that were begun, by their names."""
+        """The folders of the runs that were begun, by their names."""
         places = {run.name: self.folder / run.name for run in self.suite.runs}
         return {name: place for name, place in places.items() if (place / FILE).is_file()}
 
 
 def version() -> str:
-    """Returns the version of slamduel that runs."""
+    """The version of slamduel that runs."""
     return str(environment()["packages"].get("slamduel") or "unknown")
 
 

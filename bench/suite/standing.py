@@ -35,7 +35,7 @@ class Standing:
 
     @property
     def name(self) -> str:
-        """Returns the dataset's display name."""
+        """The dataset's display name."""
         return self.lines[0].name
 
 
@@ -67,7 +67,7 @@ def standings(run: str, folder: Path, entered: Sequence[Submission]) -> list[Sta
 def _entered(
     dataset: str, mine: Sequence[Row], facts: Mapping[str, Any], entered: Iterable[Submission]
 ) -> tuple[list[Row], dict[str, Submission], set[str], list[str]]:
-    """Returns the submitted rows on these logs, whose they are, which were timed elsewhere, and what is left out."""
+    """The submitted rows on these logs, whose they are, which were timed elsewhere, and what is left out."""
     own = {row.columns["seed"]: row.columns for row in mine}
     taken = {_backend(row) for row in mine}
     rows, notes, whose, elsewhere = list[Row](), list[str](), dict[str, Submission](), set[str]()
@@ -109,7 +109,7 @@ def _backend(row: Row) -> str:
 
 
 def _same_log(name: str, row: Row, own: Mapping[str, Any], facts: Mapping[str, Any], theirs: Mapping[str, Any]) -> bool:
-    """Returns True if both ran on one log, to the last bit or but for rounding, and are judged by one truth."""
+    """True if both ran on one log, to the last bit or but for rounding, and are judged by one truth."""
     if row.columns["truth_kind"] != own["truth_kind"]:
         return False
     truths = [run.get("truths", {}).get(name) for run in (facts, theirs)]

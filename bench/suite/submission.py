@@ -41,7 +41,7 @@ class Submission:
         return f"module {name.partition(':')[0]}" if ":" in name else "slamduel's own, with these options"
 
     def mark(self, backend: str) -> str:
-        """Returns the backend's mark in tables."""
+        """The backend's mark in tables."""
         return "verified" if backend in self.again else "not verified"
 
 
@@ -98,5 +98,5 @@ def _read(path: Path) -> Submission:
 
 
 def digest(place: Path) -> str:
-    """Returns the sha256 of a folder's record, from which everything in the site is computed."""
+    """The sha256 of a folder's record, from which everything in the site is computed."""
     return hashlib.sha256((place / FILE).read_bytes()).hexdigest()

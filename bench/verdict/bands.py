@@ -68,7 +68,7 @@ def _by_unit(nees: Array, units: Sequence[Hashable]) -> Array:
 
 
 def band(n: Array) -> tuple[Array, Array]:
-    """Returns the ends of the 95 % band of the mean NEES/3 of n logs; n is of any shape."""
+    """The ends of the 95 % band of the mean NEES/3 of n logs; n is of any shape."""
     from scipy.special import chdtri
 
     dof = DOF * np.asarray(n, float)

@@ -60,7 +60,7 @@ def _groups(d: Array, clusters: Sequence[Hashable]) -> list[Array]:
 
 
 def _resampled(groups: Sequence[Array]) -> Array:
-    """Returns the means (RESAMPLES,) of clusters drawn with replacement: the same draws each time."""
+    """The means (RESAMPLES,) of clusters drawn with replacement: the same draws each time."""
     drawn = np.random.default_rng(0).integers(0, len(groups), (RESAMPLES, len(groups)))
     sums, sizes = np.array([g.sum() for g in groups]), np.array([len(g) for g in groups])
     return sums[drawn].sum(1) / sizes[drawn].sum(1)

@@ -153,7 +153,7 @@ def _value(row: Row, column: str) -> float | None:
 
 
 def _off(nees: float) -> float:
-    """Returns the factor by which it is off 1."""
+    """The factor by which it is off 1."""
     return max(nees, 1 / nees) if nees else math.inf
 
 
@@ -194,7 +194,7 @@ def _judged(one: _Found, tested: int) -> tuple[str, str]:
 
 
 def _least_p(n: int, tested: int) -> float:
-    """Returns the least p of a signed-rank test on n units, corrected for so many tests."""
+    """The least p of a signed-rank test on n units, corrected for so many tests."""
     return 2.0 ** (1 - n) * tested
 
 
@@ -284,12 +284,12 @@ def _percent(ratio: float) -> str:
 
 
 def regressed(told: Sequence[Change]) -> bool:
-    """Returns True if anything has become worse."""
+    """True if anything has become worse."""
     return any(change.verdict == REGRESSION for change in told)
 
 
 def as_json(change: Change) -> dict[str, Any]:
-    """Returns the change by name, for JSON: NaN is None, infinity a text."""
+    """The change by name, for JSON: NaN is None, infinity a text."""
     return {
         name: value
         if not isinstance(value, float) or math.isfinite(value)

@@ -45,7 +45,7 @@ def belief(line: Line, column: str = "nees") -> Belief | None:
 
 
 def void(line: Line, column: str = "nees") -> bool:
-    """Returns True if a covariance is none at any step of any of the line's cells."""
+    """True if a covariance is none at any step of any of the line's cells."""
     return any(row.columns.get(f"{column}_void") for row in line.rows)
 
 
@@ -112,7 +112,7 @@ def belief_sentences(lines: Sequence[Line]) -> list[str]:
 
 
 def _between(nees: Estimate) -> str:
-    """Returns the two words between which an unclear NEES lies."""
+    """The two words between which an unclear NEES lies."""
     if nees.units >= FEWEST and nees.high < 1:
         return TOWARDS_CAUTIOUS
     return TOWARDS_OVERCONFIDENT if nees.units >= FEWEST and nees.low > 1 else UNCLEAR

@@ -52,21 +52,21 @@ class Machine:
 
 
 def covers_ratio(machine: Machine, times: Array, state: Array) -> bool:
-    """Returns True if the interval of the first two backends' ratio holds the true one."""
+    """True if the interval of the first two backends' ratio holds the true one."""
     del state
     found = two_way(times[1] - times[0])
     return found.low <= np.log(machine.ratio) <= found.high
 
 
 def covers_cost(machine: Machine, times: Array, state: Array) -> bool:
-    """Returns True if the interval of the first one's cost holds its cost in the machine's mean state of the run."""
+    """True if the interval of the first one's cost holds its cost in the machine's mean state of the run."""
     del machine
     found = two_way(times[0])
     return found.low <= state.mean() <= found.high
 
 
 def claims(machine: Machine, times: Array, state: Array) -> bool:
-    """Returns True if one of the first two is said to be cheaper."""
+    """True if one of the first two is said to be cheaper."""
     del machine, state
     found = two_way(times[1] - times[0])
     return max(found.low, -found.high) > np.log(MARGIN)
@@ -89,7 +89,7 @@ class Case(NamedTuple):
         return f"{self.rounds} rounds, {self.said}"
 
     def share(self, asked: Asked, comparisons: int) -> float:
-        """Returns the share of so many comparisons for which it is true: the same each time."""
+        """The share of so many comparisons for which it is true: the same each time."""
         rng = np.random.default_rng(0)
         drawn = (self.machine.times(self.logs, self.rounds, rng) for _ in range(comparisons))
         return sum(asked(self.machine, *one) for one in drawn) / comparisons

@@ -61,14 +61,14 @@ class CostRatio(NamedTuple):
         return "alike" if self.low >= 1 / MARGIN and self.high <= MARGIN else "open"
 
     def reverse(self) -> "CostRatio":
-        """Returns the comparison of the second with the first."""
+        """The comparison of the second with the first."""
         return self._replace(
             first=self.second, second=self.first, ratio=1 / self.ratio, low=1 / self.high, high=1 / self.low
         )
 
 
 def rounds(lines: Iterable[Line]) -> int:
-    """Returns the number of rounds that any cell was timed in."""
+    """The number of rounds that any cell was timed in."""
     return max((1, *(len(row.rounds) for line in lines for row in line.rows)))
 
 
@@ -85,7 +85,7 @@ def cost(line: Line, column: str) -> Cost | None:
 
 
 def costs_by_round(line: Line, column: str) -> Array:
-    """Returns a backend's cost in every round (rounds,): geometric mean over the logs; none where there is none."""
+    """A backend's cost in every round (rounds,): geometric mean over the logs; none where there is none."""
     found = _grids([line], column)
     return np.zeros(0) if found is None else np.exp(found[0].mean(axis=0))
 
@@ -109,7 +109,7 @@ def all_pairs(lines: Sequence[Line], column: str) -> list[CostRatio]:
 
 
 def is_dearer(line: Line, other: Line, column: str) -> bool:
-    """Returns True if the first costs more: beyond MARGIN by the rounds, or measured once by a factor of ONCE."""
+    """True if the first costs more: beyond MARGIN by the rounds, or measured once by a factor of ONCE."""
     found = compare_costs(other, line, column)
     if found is not None and found.standing != "few":
         return found.standing == "cheaper"
@@ -146,7 +146,7 @@ def _grids(lines: Sequence[Line], column: str) -> list[Array] | None:
 
 
 def _times(found: Sequence[Mapping[str, Any]], columns: Mapping[str, Any], column: str) -> list[float | None]:
-    """Returns a cell's cost in every round; of a record without rounds, the one it has."""
+    """A cell's cost in every round; of a record without rounds, the one it has."""
     if not found:
         return [columns[column]]
     return [one[column] if one["status"] == "done" and one["timing_alone"] else None for one in found]

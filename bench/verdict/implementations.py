@@ -28,7 +28,7 @@ def sentence(lines: Sequence[Line]) -> str:
 
 
 def foreign(lines: Sequence[Line]) -> set[str]:
-    """Returns the labels of backends not compiled here, where others are; none where all are of one kind."""
+    """The labels of backends not compiled here, where others are; none where all are of one kind."""
     said = {line.backend: line.implementation for line in lines if line.implementation}
     if COMPILED_HERE not in said.values():
         return set()

@@ -109,7 +109,7 @@ def paired_runs(old: Side, new: Side, *, any_machine: bool = False, any_log: boo
 
 
 def _timed(old: Side, new: Side, notes: list[str]) -> bool:
-    """Returns True if both ran on the same machine; a note says if not."""
+    """True if both ran on the same machine; a note says if not."""
     machines = [{name: one.run["environment"].get(name) for name in MACHINE} for one in (old, new)]
     if one_machine(old.run, new.run):
         return True
@@ -125,7 +125,7 @@ def _timed(old: Side, new: Side, notes: list[str]) -> bool:
 
 
 def one_machine(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
-    """Returns True if both runs were made on machines whose times can be compared."""
+    """True if both runs were made on machines whose times can be compared."""
     machines = [{name: run["environment"].get(name) for name in MACHINE} for run in (old, new)]
     return _same_machine(*machines) and one_processor(old, new)
 
@@ -146,14 +146,14 @@ def _same_machine(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
 
 
 def one_processor(old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
-    """Returns True if both ran on processors of one name and, where both runs record them, the same instructions."""
+    """True if both ran on processors of one name and, where both runs record them, the same instructions."""
     here, there = old["environment"], new["environment"]
     known = [name for name in ("processor", "instructions") if name in here and name in there]
     return all(here[name] == there[name] for name in known)
 
 
 def _apart(old: Side, new: Side, log: str) -> float:
-    """Returns the distance of a log between the two runs, in standard deviations; infinite where unknown."""
+    """The distance of a log between the two runs, in standard deviations; infinite where unknown."""
     sketches = [from_words(one.run.get("sketches", {}).get(log)) for one in (old, new)]
     here, there = sketches
     return inf if here is None or there is None else distance(here, there)

@@ -26,12 +26,12 @@ ERRORS = {"truth": "ATE", "reference": "distance from reference", "relations": "
 
 
 def path_errors(truth_kind: str) -> Mapping[str, str]:
-    """Returns the columns of a path's error by purpose; distances from a reference are among them."""
+    """The columns of a path's error by purpose; distances from a reference are among them."""
     return RELATIONS if truth_kind == "relations" else PATHS
 
 
 def judged_by(known: Line) -> Mapping[str, str]:
-    """Returns the columns that a dataset's backends are ranked by, by purpose; none where nothing true is known."""
+    """The columns that a dataset's backends are ranked by, by purpose; none where nothing true is known."""
     if known.truth_kind in ("truth", "relations"):
         return path_errors(known.truth_kind)
     return MAPS if known.surveyed else {}
@@ -57,7 +57,7 @@ class Ranking(NamedTuple):
         return self.units.logs >= FEWEST and self.units.n > 1
 
     def between(self, first: Line, second: Line) -> Comparison:
-        """Returns the comparison of two of `lines`, the first one before the second."""
+        """The comparison of two of `lines`, the first one before the second."""
         return next(c for c in self.comparisons if (c.first, c.second) == (first.backend, second.backend))
 
     @property
@@ -67,7 +67,7 @@ class Ranking(NamedTuple):
 
     @property
     def level(self) -> list[Line]:
-        """Returns the best and those neither beaten nor set apart from it by the interval, tested or not."""
+        """The best and those neither beaten nor set apart from it by the interval, tested or not."""
         best, beaten = self.lines[0], _beaten(self.comparisons)
         near = [line for line in self.lines[1:] if standing(self.between(best, line)) in ("alike", "open")]
         return [best, *(line for line in near if line.backend not in beaten)]
@@ -125,7 +125,7 @@ def standing(c: Comparison) -> str:
 
 
 def needed(pairs: int) -> int:
-    """Returns the units that a test of so many pairs needs: with fewer, Holm's correction leaves no p below 5 %."""
+    """The units that a test of so many pairs needs: with fewer, Holm's correction leaves no p below 5 %."""
     n = 1
     while 2.0 ** (1 - n) * pairs >= LEVEL:
         n += 1

@@ -68,7 +68,7 @@ class World:
 
     @property
     def median(self) -> float:
-        """Returns the median of the first backend's errors, failures counted as infinite."""
+        """The median of the first backend's errors, failures counted as infinite."""
         sd = (HARDNESS**2 + SD**2 / 2) ** 0.5
         return float(np.exp(NormalDist(sigma=sd).inv_cdf(0.5 / (1 - self.failing))))
 
@@ -78,20 +78,20 @@ Method = Callable[[Array, Sequence[Hashable]], tuple[float, float]]
 
 
 def covers_ratio(world: World, errors: Errors, of: Units) -> bool:
-    """Returns True if the interval of the first two backends' ratio holds the true one."""
+    """True if the interval of the first two backends' ratio holds the true one."""
     found = compare(errors, of)[0]
     return found.low <= world.ratios[1] / world.ratios[0] <= found.high
 
 
 def covers_median(world: World, errors: Errors, of: Units) -> bool:
-    """Returns True if the interval of the first backend's median holds the true one."""
+    """True if the interval of the first backend's median holds the true one."""
     mine = errors["backend 0"]
     found = estimate(list(mine.values()), [of.unit(log) for log in mine])
     return found.low <= world.median <= found.high
 
 
 def covers_by(method: Method) -> Asked:
-    """Returns the question if another method's interval of the first two backends' ratio holds the true one."""
+    """The question if another method's interval of the first two backends' ratio holds the true one."""
 
     def covers(world: World, errors: Errors, of: Units) -> bool:
         one, other = (np.array(list(errors[f"backend {k}"].values())) for k in (0, 1))
@@ -102,17 +102,17 @@ def covers_by(method: Method) -> Asked:
 
 
 def claims(_: World, errors: Errors, of: Units) -> bool:
-    """Returns True if any difference is claimed."""
+    """True if any difference is claimed."""
     return any(pair.holds for pair in compare(errors, of))
 
 
 def claims_by_logs(world: World, errors: Errors, _: Units) -> bool:
-    """Returns True if any difference is claimed where logs of a cluster are taken as independent."""
+    """True if any difference is claimed where logs of a cluster are taken as independent."""
     return claims(world, errors, INDEPENDENT)
 
 
 def finds(_: World, errors: Errors, of: Units) -> bool:
-    """Returns True if the first backend is claimed to be closer than the second, which it is."""
+    """True if the first backend is claimed to be closer than the second, which it is."""
     found = compare(errors, of)[0]
     return found.holds and found.ratio > 1
 
@@ -126,7 +126,7 @@ class Case(NamedTuple):
     clusters: Sequence[int] = ()  # the sizes of the logs' clusters, where they are in such
 
     def share(self, asked: Asked, comparisons: int) -> float:
-        """Returns the share of so many comparisons for which it is true: the same each time."""
+        """The share of so many comparisons for which it is true: the same each time."""
         rng = np.random.default_rng(0)
         of = units({str(log): str(k) for log, k in enumerate(np.repeat(range(len(self.clusters)), self.clusters))})
         found = (self.world.errors(self.logs, rng, self.clusters) for _ in range(comparisons))
@@ -138,7 +138,7 @@ class Simulated(Protocol):
 
     @property
     def logs(self) -> int:
-        """Returns the number of logs."""
+        """The number of logs."""
         ...
 
     @property
@@ -147,7 +147,7 @@ class Simulated(Protocol):
         ...
 
     def share(self, asked: Any, comparisons: int) -> float:
-        """Returns the share of so many comparisons for which it is true."""
+        """The share of so many comparisons for which it is true."""
         ...
 
 

@@ -102,14 +102,14 @@ def estimate(values: Sequence[float], units: OfLogs = None) -> Estimate:
 
 
 def median(values: Iterable[float]) -> float:
-    """Returns the median of values of any size, one at least, none NaN; infinite ones are as `estimate` takes them."""
+    """The median of values of any size, one at least, none NaN; infinite ones are as `estimate` takes them."""
     ranked = sorted(values)
     low, high = ranked[(len(ranked) - 1) // 2], ranked[len(ranked) // 2]
     return (low + high) / 2 if isfinite(low + high) else _middle(np.array((low, high)))
 
 
 def median_over(values: Mapping[str, float], units: Units) -> float:
-    """Returns the median of values by log, one at least: of logs in clusters, that of the units' medians."""
+    """The median of values by log, one at least: of logs in clusters, that of the units' medians."""
     by_unit: dict[Hashable, list[float]] = {}
     for name, value in values.items():
         by_unit.setdefault(units.unit(name), []).append(value)
@@ -183,7 +183,7 @@ def _groups(values: Array, units: OfLogs) -> list[Array] | None:
 
 
 def _typical(d: Array) -> float:
-    """Returns the median of the Walsh averages of d (n,)."""
+    """The median of the Walsh averages of d (n,)."""
     return _middle(np.array(ranked(d, _central(len(d) * (len(d) + 1) // 2))))
 
 
@@ -197,7 +197,7 @@ def _student(d: Array) -> tuple[float, float]:
 
 
 def _central(count: int) -> tuple[int, int]:
-    """Returns the ranks, from 0 on, of the one or two in the middle."""
+    """The ranks, from 0 on, of the one or two in the middle."""
     return (count - 1) // 2, count // 2
 
 
@@ -240,7 +240,7 @@ def signed_rank(differences: Array) -> tuple[float, float]:
 
 
 def _below(ranks: tuple[int, ...], total: int) -> float:
-    """Returns the probability that randomly signed ranks have positive ones that add up to `total` or less."""
+    """The probability that randomly signed ranks have positive ones that add up to `total` or less."""
     if len(ranks) > EXACT:
         sd = sqrt(sum(r * r for r in ranks)) / 2
         return erfc((sum(ranks) / 2 - total) / (sd * sqrt(2))) / 2
@@ -249,7 +249,7 @@ def _below(ranks: tuple[int, ...], total: int) -> float:
 
 @lru_cache(maxsize=64)
 def _sums(ranks: tuple[int, ...]) -> Array:
-    """Returns the cumulative distribution of the sum of the positive ones, (sum + 1,)."""
+    """The cumulative distribution of the sum of the positive ones, (sum + 1,)."""
     share = np.zeros(sum(ranks) + 1)
     share[0] = 1
     for r in ranks:
@@ -266,14 +266,14 @@ def _rejected(n: int) -> int:
 
 
 def _middle(values: Array) -> float:
-    """Returns the median of sorted values; 0 for two middle ones that are infinite with opposite signs."""
+    """The median of sorted values; 0 for two middle ones that are infinite with opposite signs."""
     low, high = float(values[(len(values) - 1) // 2]), float(values[len(values) // 2])
     return 0.0 if low == -high else low + (high - low) / 2 if np.isfinite(low) else low
 
 
 @lru_cache(maxsize=64)
 def _depth(n: int) -> tuple[int, float]:
-    """Returns the order statistic from which a median's interval is interpolated, and the share towards the next."""
+    """The order statistic from which a median's interval is interpolated, and the share towards the next."""
     outside, depth = 2 * _heads(n, 0), 1  # the probability outside the order statistics at this depth
     while (further := outside + 2 * _heads(n, depth)) <= LEVEL:
         outside, depth = further, depth + 1
@@ -282,7 +282,7 @@ def _depth(n: int) -> tuple[int, float]:
 
 
 def _heads(n: int, k: int) -> float:
-    """Returns the probability of k heads of n fair coins."""
+    """The probability of k heads of n fair coins."""
     if n <= EXACT:
         return comb(n, k) / 2**n
     return exp(lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1) - n * log(2))
@@ -297,7 +297,7 @@ MOST = 2_000  # numbers of which all averages are computed: two million of these
 
 
 def ranked(d: Array, ranks: Sequence[int]) -> list[float]:
-    """Returns the Walsh averages of d (n,) of these ranks from 0 on, of n (n + 1) / 2; InputError beyond MOST.
+    """The Walsh averages of d (n,) of these ranks from 0 on, of n (n + 1) / 2; InputError beyond MOST.
 
     Of averages of infinity and minus infinity, half count as either: on no ratio do their ranks differ.
     """

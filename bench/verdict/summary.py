@@ -37,7 +37,7 @@ class Line(NamedTuple):
         return sum(row.columns["status"] == "done" for row in self.rows)
 
     def by_log(self, column: str) -> dict[str, float]:
-        """Returns the mean value by log digest; infinite for an error of a failed cell, absent without a value."""
+        """The mean value by log digest; infinite for an error of a failed cell, absent without a value."""
         found: dict[str, list[float]] = {}
         for log, value in self.runs(column):
             found.setdefault(log, []).append(value)
@@ -85,7 +85,7 @@ class Line(NamedTuple):
 
 
 def representative(lines: Sequence[Line]) -> Line:
-    """Returns a line that shows what is known of its dataset: the first that is done, if any is."""
+    """A line that shows what is known of its dataset: the first that is done, if any is."""
     return next((line for line in lines if line.done), lines[0])
 
 
@@ -95,7 +95,7 @@ def logs(lines: Sequence[Line]) -> int:
 
 
 def units_of(lines: Sequence[Line]) -> Units:
-    """Returns the units of one dataset's logs; during a run some lines have none yet."""
+    """The units of one dataset's logs; during a run some lines have none yet."""
     return max((line.units for line in lines), key=lambda found: found.logs)
 
 

@@ -18,7 +18,7 @@ class Units(NamedTuple):
     within: str = ""  # the one cluster that all logs are of; "" where there are several, or none is stated
 
     def unit(self, log: Hashable) -> Hashable:
-        """Returns the unit of a log."""
+        """The unit of a log."""
         return self.of.get(log, log)
 
     @property

@@ -134,7 +134,7 @@ def _batch(found: ResultsFolder, cell: CheckedCell, log: TrustedLog, place: int)
 
 
 def _same_code(found: ResultsFolder) -> bool:
-    """Returns True where processor, packages and revision are those of the run: then every bit is the same."""
+    """True where processor, packages and revision are those of the run: then every bit is the same."""
     here = environment()
     same = all(found.run["environment"].get(name) == here[name] for name in ("packages", "python", "revision"))
     return same and one_processor(found.run, {"environment": here})

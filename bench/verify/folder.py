@@ -55,7 +55,7 @@ class ResultsFolder(NamedTuple):
 
 
 def looks_like_one(folder: Path) -> bool:
-    """Returns True where the folder has at least one of the files by which a run is known."""
+    """True where the folder has at least one of the files by which a run is known."""
     return any((folder / name).is_file() for name in (FILE, "run.json", "cells.csv"))
 
 

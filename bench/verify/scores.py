@@ -102,7 +102,7 @@ def _errors(log: TrustedLog, truth: Truth, path: Array, arrays: Mapping[str, Any
 
 
 def _judged(log: TrustedLog, truth: Truth, arrays: Mapping[str, Any]) -> Truth:
-    """Returns the truth of the steps that count: all of them, but from the fix on where the start is unknown."""
+    """The truth of the steps that count: all of them, but from the fix on where the start is unknown."""
     if log.dataset.log.prior.start == "known" or "at" not in arrays:
         return truth
     counted_steps = np.isin(truth.t, log.dataset.log.t[arrays["at"]])

@@ -353,5 +353,5 @@ COLUMNS = {column.name: column for column in (*CELLS, *METRICS, *REPORT)}
 
 
 def about(name: str) -> Column:
-    """Returns the column of that name; a plain number where only another version of slamduel knows it."""
+    """The column of that name; a plain number where only another version of slamduel knows it."""
     return COLUMNS.get(name) or Column(name, name.replace("_", " "), kind.NUMBER, "")

@@ -14,7 +14,7 @@ WIDE = 160  # columns of a file or pipe: enough for every table
 
 
 def screen_console(*, quiet: bool, aside: bool = False) -> Console:
-    """Returns the console to print on, WIDE where it is no terminal; standard error if `aside`."""
+    """The console to print on, WIDE where it is no terminal; standard error if `aside`."""
     console = Console(quiet=quiet, stderr=aside, emoji=False)
     if watched(console):
         return console
@@ -22,7 +22,7 @@ def screen_console(*, quiet: bool, aside: bool = False) -> Console:
 
 
 def watched(console: Console) -> bool:
-    """Returns True for a terminal that can be overwritten: no pipe with forced colours, and no dumb terminal."""
+    """True for a terminal that can be overwritten: no pipe with forced colours, and no dumb terminal."""
     return console.is_terminal and console.file.isatty() and not console.is_dumb_terminal
 
 

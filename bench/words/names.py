@@ -7,7 +7,7 @@ _PATH = re.compile(r'^\w+\[path=(?:"([^"]*)"|([^",\]]*))(?:,(.*))?\]$', re.DOTAL
 
 
 def called(labels: Sequence[str]) -> dict[str, str]:
-    """Returns a distinct name for each dataset label: log[path=runs/kitchen] is kitchen if no other is."""
+    """A distinct name for each dataset label: log[path=runs/kitchen] is kitchen if no other is."""
     depth, names = 1, [_called(label, 1) for label in labels]
     while len(set(names)) < len(set(labels)):
         depth += 1
@@ -29,7 +29,7 @@ def _called(label: str, depth: int) -> str:
 
 
 def tags(labels: Iterable[str]) -> dict[str, str]:
-    """Returns a distinct name for each backend label: without options, or with those that differ."""
+    """A distinct name for each backend label: without options, or with those that differ."""
     known = list(dict.fromkeys(labels))
     named: dict[str, list[str]] = {}
     for label in known:

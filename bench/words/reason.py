@@ -7,13 +7,13 @@ END = 100  # characters kept of the end of what is cut, where the line of code s
 
 
 def reason(text: str) -> str:
-    """Returns the text on one line, its invisible characters escaped, cut in the middle to LONGEST characters."""
+    """The text on one line, its invisible characters escaped, cut in the middle to LONGEST characters."""
     line = " ".join(_cut(text, 20 * LONGEST).split())  # cut first: it may have megabytes
     return _cut(_visible(line), LONGEST)
 
 
 def traceback(text: str) -> str:
-    """Returns the lines of a traceback likewise, of up to LONGEST_TRACEBACK characters in all."""
+    """The lines of a traceback likewise, of up to LONGEST_TRACEBACK characters in all."""
     return _cut("\n".join(_visible(line) for line in _cut(text, LONGEST_TRACEBACK).split("\n")), LONGEST_TRACEBACK)
 
 

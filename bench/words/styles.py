@@ -38,7 +38,7 @@ def looks(backends: Iterable[str]) -> dict[str, Look]:
 
 
 def _look(k: int, place: int) -> Look:
-    """Returns the k-th look; colours, dashes and markers cycle with different periods."""
+    """The k-th look; colours, dashes and markers cycle with different periods."""
     return Look(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], MARKERS[k % len(MARKERS)], place)
 
 

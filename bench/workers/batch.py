@@ -70,7 +70,7 @@ class LogFacts(NamedTuple):
 
     @property
     def digests(self) -> tuple[str, str]:
-        """Returns the digests of the log and of its truth."""
+        """The digests of the log and of its truth."""
         return self.digest, self.truth_digest
 
 
@@ -98,7 +98,7 @@ class Logs:
             del self._kept[name]
 
     def get(self, batch: Batch) -> tuple[Dataset, LogFacts]:
-        """Returns the batch's log and its facts; SlamduelError where it cannot be made or loaded."""
+        """The batch's log and its facts; SlamduelError where it cannot be made or loaded."""
         found = self._kept.pop(batch.log, None)
         if found is None:
             options = batch.dataset, batch.options, batch.seed, batch.map, batch.start
@@ -156,7 +156,7 @@ def _loaded(kept: KeptLog) -> Dataset:
 
 
 def facts_of(dataset: Dataset) -> LogFacts:
-    """Returns the facts of a log with its truth or reference."""
+    """The facts of a log with its truth or reference."""
     log, truth = dataset
     odd = tuple(remarks(dataset))
     arrays = beside_arrays(log)

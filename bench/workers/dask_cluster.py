@@ -38,7 +38,7 @@ class Cluster:
             ) from None
 
     def workers(self) -> dict[str, Any]:
-        """Returns the scheduler's facts about each worker, by address; InputError if the scheduler is gone."""
+        """The scheduler's facts about each worker, by address; InputError if the scheduler is gone."""
         try:
             identity: Any = self.client.scheduler.identity
             return self.client.sync(identity, n_workers=-1, callback_timeout=2 * CONNECT_S)["workers"]
@@ -81,7 +81,7 @@ async def _identify(address: str) -> None:
 
 
 def _address(given: str) -> str:
-    """Returns the address given, or the one in the scheduler file of that name."""
+    """The address given, or the one in the scheduler file of that name."""
     if not given.endswith(".json") and not Path(given).is_file():
         return given
     try:

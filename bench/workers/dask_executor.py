@@ -133,7 +133,7 @@ class _Run:
         self._check_usable()
 
     def _usable(self) -> dict[str, int]:
-        """Returns the number of batches at once of each worker that passed its check."""
+        """The number of batches at once of each worker that passed its check."""
         fit = {address: self.workers[address] for address in self.fit}
         if self.alone:
             return {address: 1 for address, worker in fit.items() if _is_timed(worker)}

@@ -63,7 +63,7 @@ def _value(kind: str, name: str) -> str:
 
 
 def _module(name: str) -> str:
-    """Returns the digest of a module's file, or of one beside it (`module file`); "" without one."""
+    """The digest of a module's file, or of one beside it (`module file`); "" without one."""
     module, _, beside = name.partition(" ")
     path = source(module)
     if path is None:
@@ -73,7 +73,7 @@ def _module(name: str) -> str:
 
 @functools.cache
 def _digest(path: Path) -> str:
-    """Returns the sha256 of a file, or of a folder's content; "" if it does not exist."""
+    """The sha256 of a file, or of a folder's content; "" if it does not exist."""
     total = hashlib.sha256()
     try:
         for file in _files(path):

@@ -114,7 +114,7 @@ class PoolWorker:
             yield Finished(at, at.jobs[0][0] if at.jobs else None, facts, result, seconds, False, HOST)
 
     def rest(self) -> list[Batch]:
-        """Returns the batches after that."""
+        """The batches after that."""
         if not self._in_hand:
             return []
         now, *later = self._in_hand
@@ -122,7 +122,7 @@ class PoolWorker:
         return [replace(now.batch, jobs=jobs)] * bool(jobs) + [one.batch for one in later]
 
     def left(self) -> list[Batch]:
-        """Returns all batches it was given."""
+        """All batches it was given."""
         return [one.batch for one in self._in_hand]
 
     def _restart_clock(self) -> None:

@@ -46,7 +46,7 @@ class Worker:
 
     @property
     def channels(self) -> tuple[Any, Any]:
-        """Returns the handles to wait for: its messages, and its end."""
+        """The handles to wait for: its messages, and its end."""
         return self.pipe, self.sentinel
 
     def death(self) -> str:

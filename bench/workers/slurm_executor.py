@@ -40,7 +40,7 @@ class Slurm(Dask):
             del self._jobs
 
     def job_script(self) -> str:
-        """Returns the script that sbatch is given for each worker."""
+        """The script that sbatch is given for each worker."""
         return self._jobs.job_script()
 
     @cached_property

@@ -116,7 +116,7 @@ def stamp(file: Path) -> str:
 
 
 def closure(file: Path) -> set[Path]:
-    """These files."""
+    """The source of a kernel and all sources of ours that it imports, however indirectly."""
     found, waiting = set[Path](), [file]
     while waiting:
         one = waiting.pop()

@@ -1,4 +1,4 @@
-"""What a depth camera's recording has, whatever its kind: images, cameras and odometry."""
+"""The parts that a depth camera's recording of any kind has: images, cameras and odometry."""
 
 from collections.abc import Callable, Iterable
 from typing import NamedTuple

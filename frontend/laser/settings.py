@@ -51,7 +51,7 @@ class Settings:
     window, window_start, window_by_path = 7.0, 0.5, 0.05  # search window: at most, at first, and for a metre of path
     turn_window, turn_start, turn_by_path = 0.5, 0.15, 0.01
     field_sd = 0.1  # of the field that is searched on
-    score, inside, through, free = 0.55, 0.7, 0.10, 0.15  # see `verify`
+    score, inside, through, free = 0.55, 0.7, 0.10, 0.15  # see `loops.searched`
     cloud, cloud_cell, searched = 14, 0.1, 160  # insertions that are searched with together; thinned; points searched
     alone, alone_turn = 0.15, 0.03  # how far the scan alone may disagree
     loop_floor, loop_turn_floor = 0.004, 0.001

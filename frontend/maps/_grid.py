@@ -150,7 +150,7 @@ def one_a_cell(points: Array, size: float) -> Array:
 def seen_through(
     cells: Cells, origin: Array, size: float, pose: Array, scanner: Array, points: Array, slack: float
 ) -> tuple[float, float]:
-    """Where a scan at `pose` contradicts a submap, as two shares of its beams.
+    """The contradictions of a scan at `pose` and a submap, as two shares of its beams.
 
     Of the beams over ground that the submap has seen: those that pass through a wall more than `slack` (m) before they
     end. Of the beams that end in ground it has seen: those that end where it has seen nothing but free space.

@@ -34,7 +34,7 @@ class Obstacles(NamedTuple):
 
     @property
     def at(self) -> Anchors:
-        """Where the clouds were taken."""
+        """The poses that the clouds were taken from."""
         return self.clouds.at
 
     def beams(self, k: int) -> Beams:

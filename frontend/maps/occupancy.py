@@ -35,7 +35,7 @@ class SeenBeams(Protocol):
 
     @property
     def at(self) -> Anchors:
-        """Where they were seen from, (k,)."""
+        """The poses that they were seen from, (k,)."""
         ...
 
     def beams(self, k: int) -> Beams:

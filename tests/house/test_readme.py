@@ -59,8 +59,8 @@ def test_every_command_is_taken_and_names_what_exists(page: str, words: list[str
         assert "/" in name or name.endswith(".toml") or name in written() or dataset_variants(name)
 
 
-def test_the_readme_shows_every_command() -> None:
-    assert {words[1] for words in commands("README.md")} == set(COMMANDS) | {"run"}
+def test_the_page_of_commands_shows_every_one() -> None:
+    assert {words[1] for words in commands("docs/commands.md")} == set(COMMANDS) | {"run"}
 
 
 @pytest.mark.parametrize("page", [*PAGES, *BESIDE])
@@ -80,8 +80,11 @@ def test_every_file_that_is_named_exists(page: str) -> None:
     assert [name for name in named if name not in added and not (ROOT / name).exists()] == []
 
 
-def test_every_page_is_linked_from_the_readme() -> None:
-    assert [page for page in PAGES if page != "README.md" and f"({page})" not in README] == []
+def test_every_page_is_linked_from_the_first() -> None:
+    first = PAGES["docs/index.md"]
+    pages = [page.removeprefix("docs/") for page in PAGES if page not in {"README.md", "docs/index.md"}]
+    assert [page for page in pages if f"({page})" not in first] == []
+    assert "(docs/index.md)" in README
 
 
 def test_the_generated_parts_are_as_make_docs_tables_writes_them() -> None:
