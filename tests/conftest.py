@@ -57,6 +57,7 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
 @pytest.fixture
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """`bench run` without its pages, whose pictures are nearly all that a small run costs."""
+    from slamduel.bench.report.section import recorded
     from slamduel.bench.run import benchmark
 
-    monkeypatch.setattr(benchmark, "write_report", lambda store: None)
+    monkeypatch.setattr(benchmark, "write_report", recorded)

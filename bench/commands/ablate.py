@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import os
-import shlex
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -13,7 +12,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from ...core.errors import InputError, Interrupted
+from ...core.errors import InputError
 from ..engine.engine import RunRequest, Tally, run
 from ..plan.values import count
 from ..record.schema import FILE
@@ -22,7 +21,7 @@ from ..study import file as study_file
 from ..study.only import choice
 from ..study.progress import StudyScreen
 from ..study.study import Study, about, refuse_another
-from ..words.console import plain, screen_console
+from ..words.console import plain, screen_console, tell
 from ..words.numerals import counted
 from ..workers.executor import Executor
 from . import executors
@@ -62,11 +61,12 @@ def main(namespace: argparse.Namespace) -> int:
         _estimate(console, study, out, request, namespace)
         return 0
     again = [Path(sys.argv[0]).name, *sys.argv[1:]]
-    try:
-        with StudyScreen(console) as screen, contextlib.closing(_executor(namespace, study, screen.say)) as executor:
-            tally = run(study, out, executor, request, about(study, out, again), screen)
-    except KeyboardInterrupt:
-        raise Interrupted(f"{shlex.join(again)} continues from here") from None
+    with (
+        executors.resumable(),
+        StudyScreen(console) as screen,
+        contextlib.closing(_executor(namespace, study, screen.say)) as executor,
+    ):
+        tally = run(study, out, executor, request, about(study, out, again), screen)
     return _conclude(console, study, out, tally, partly=bool(namespace.only or namespace.limit))
 
 
@@ -80,12 +80,12 @@ def _list(console: Console) -> None:
         study, full = (study_file.read(name, full=size) for size in (False, True))
         cells = f"{counted(len(study.cells), 'cell')}, {len(full.cells):,} with --full"
         console.print(f"[bold]{study.name}[/]: {study.question} ({cells})", highlight=False, soft_wrap=True)
-    for sentence in (
+    tell(
+        console,
         "",
         "bench ablate NAME runs one in its quick size, in one to three minutes on two cores; --dry-run estimates it.",
         f"Copy and change them: {study_file.PACKAGED}",
-    ):
-        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+    )
 
 
 def _estimate(console: Console, study: Study, out: Path, request: RunRequest, namespace: argparse.Namespace) -> None:
@@ -106,8 +106,7 @@ def _estimate(console: Console, study: Study, out: Path, request: RunRequest, na
         for row in rows:
             table.add_row(*map(plain, row))
         console.print(table)
-        for sentence in found.sentences():
-            console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+        tell(console, *found.sentences())
 
 
 def _conclude(console: Console, study: Study, out: Path, tally: Tally, *, partly: bool) -> int:
@@ -121,8 +120,7 @@ def _conclude(console: Console, study: Study, out: Path, tally: Tally, *, partly
     with Store(out) as store:
         said += [f"remark: {name}: {remark}." for name, odd in store.remarks().items() for remark in odd]
     report = write(out)
-    for sentence in [*said, f"report: {report}"]:
-        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+    tell(console, *said, f"report: {report}")
     return int(any(answer.verdict != "holds" for answer in found.answers) or tally.failed > 0)
 
 

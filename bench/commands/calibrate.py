@@ -24,7 +24,7 @@ from ..camera.calibration_picture import write_picture
 from ..camera.response_words import told
 from ..drawing.picture import KINDS
 from ..plan.values import check_file
-from ..words.console import ProgressBar, plain, screen_console
+from ..words.console import ProgressBar, plain, screen_console, tell
 from ..words.numerals import counted, listed
 
 CALIBRATIONS = (".yaml", ".yml", ".xml", ".json")  # endings of a calibration file's name
@@ -100,7 +100,7 @@ def main(namespace: argparse.Namespace) -> int:
     _report(console, found, [*told(seen), *reasons])
     for path in (namespace.out, namespace.camera_info, namespace.picture):
         if path is not None:
-            console.print(f"wrote: {path}", highlight=False, markup=False, soft_wrap=True)
+            tell(console, f"wrote: {path}")
     return 0
 
 
@@ -207,7 +207,6 @@ def _report(console: Console, found: Calibration, reasons: list[str]) -> None:
         f"corners explained to {found.rms:.2f} px RMS in {counted(len(found.fits), 'view')}",
         f"corners seen in {covered:.0f} % of the image, the board turned by up to {found.turn:.0f} degrees",
     )
-    for line in (*lines, *reasons):
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    tell(console, *lines, *reasons)
     for remark in found.remarks:
         console.print(f"[yellow]but[/] {plain(remark)}", highlight=False, soft_wrap=True)

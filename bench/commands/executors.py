@@ -1,15 +1,29 @@
-"""The options of the executor, shared by `bench run` and `bench ablate`."""
+"""The options of the executor, shared by `bench run`, `ablate` and `suite`, and how a stopped one goes on."""
 
 import argparse
-from collections.abc import Callable
+import contextlib
+import shlex
+import sys
+from collections.abc import Callable, Generator
+from pathlib import Path
 
-from ...core.errors import InputError
+from ...core.errors import InputError, Interrupted
 from ..plan.values import count
 from ..workers.executor import Executor
 
 EXECUTORS = ("local", "here", "dask", "slurm")
 
 SLURM_JOBS = 4
+
+
+@contextlib.contextmanager
+def resumable() -> Generator[None]:
+    """Raises Interrupted, with the command that goes on from there, where the user stops what it is around."""
+    try:
+        yield
+    except (KeyboardInterrupt, Interrupted):
+        again = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+        raise Interrupted(f"{again} continues from here") from None
 
 
 def arguments(parser: argparse.ArgumentParser, jobs: str) -> None:

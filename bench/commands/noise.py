@@ -18,7 +18,7 @@ from ..noise.words import rows, sentences
 from ..plan.load import made
 from ..plan.spec import dataset_variants
 from ..plan.values import check_file, seed
-from ..words.console import announced, plain, screen_console
+from ..words.console import announced, plain, screen_console, tell
 from ..words.names import called
 
 
@@ -71,9 +71,9 @@ def main(namespace: argparse.Namespace) -> int:
         dataset = _apply(datasets[0], model, namespace.apply, own=namespace.own)
         console.print(f"log: {namespace.apply}, {len(dataset.log):,} steps", highlight=False, markup=False)
         if said := "" if namespace.own else unstated(dataset.log, model):
-            console.print(f"remark: {said}.", highlight=False, markup=False, soft_wrap=True)
+            tell(console, f"remark: {said}.")
         for name in backends(model, own=namespace.own):
-            console.print(f"backend: {name}", highlight=False, markup=False, soft_wrap=True)
+            tell(console, f"backend: {name}")
     return 0
 
 
@@ -129,7 +129,7 @@ def _print(console: Console, noise: Noise, namespace: argparse.Namespace) -> Non
     console.print(table, highlight=False)
     for name, path in (("page", namespace.out), ("noise", namespace.save)):
         if path is not None:
-            console.print(f"{name}: {path}", highlight=False, markup=False, soft_wrap=True)
+            tell(console, f"{name}: {path}")
 
 
 def as_json(noise: Noise) -> dict[str, object]:

@@ -9,13 +9,11 @@ from pathlib import Path
 
 from ...core.factors import STARTS
 from ..plan.values import count, positive
-from ..record.store import Store
 from ..run.benchmark import DEFAULTS, benchmark, new_folder
 from ..run.document import SCHEMA, document
 from ..run.progress import Screen
 from ..run.terminal import complain, conclude, status, verdicts
-from ..verdict.summary import lines
-from ..words.console import screen_console
+from ..words.console import screen_console, tell
 from . import executors
 
 
@@ -104,9 +102,8 @@ def main(namespace: argparse.Namespace) -> int:
         chosen = executors.executor(namespace, namespace.jobs, 1, exclusive=namespace.jobs is None, say=screen.say)
         with contextlib.closing(chosen) as executor:
             how = {"retry": namespace.retry, "strict": namespace.strict}
-            plan = benchmark(given, out, executor, command, screen, **how)
-    with Store(out) as store:
-        found, remarks = lines(store.cells(), store.about()["implementations"]), store.remarks()
+            plan, record = benchmark(given, out, executor, command, screen, **how)
+    found, remarks = record.lines, record.remarks
     ended, report = status(found), out / "report.html"
     if namespace.json:
         words = document(str(out), str(report), ended, found, verdicts(found), plan.remarks(), remarks)
@@ -117,6 +114,6 @@ def main(namespace: argparse.Namespace) -> int:
     elif ended:
         complain(found)
     if plan.remarks():
-        console.print(plan.remarks(), highlight=False, markup=False, soft_wrap=True)
-    console.print(f"report: {report}", highlight=False, markup=False, soft_wrap=True)
+        tell(console, plan.remarks())
+    tell(console, f"report: {report}")
     return ended

@@ -15,7 +15,7 @@ from ..logs.shown_path import LARGEST
 from ..plan.load import made, one
 from ..plan.values import check_file, seed
 from ..plan.variant import DatasetVariant
-from ..words.console import plain, screen_console
+from ..words.console import plain, screen_console, tell
 from ..words.names import called
 
 KINDS = (".png", ".svg", ".pdf", ".html")
@@ -70,7 +70,7 @@ def main(namespace: argparse.Namespace) -> int:
 
     write = write_page if place.suffix.lower() == ".html" else write_picture
     write(place, subject)
-    console.print(f"picture: {out}", highlight=False, markup=False, soft_wrap=True)
+    tell(console, f"picture: {out}")
     return 0
 
 

@@ -13,7 +13,7 @@ from ...core.errors import InputError
 from ..front_ends import study as frontend
 from ..plan.values import check_file, seed
 from ..speed import association, backends, batch
-from ..words.console import screen_console
+from ..words.console import screen_console, tell
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,7 +48,7 @@ def main(namespace: argparse.Namespace) -> int:
     _check(namespace, name, sorted(others.difference(chosen.OPTIONS)))
     console = screen_console(quiet=namespace.quiet)
     for path in chosen.study(namespace, console):
-        console.print(f"wrote: {path}", highlight=False, markup=False, soft_wrap=True)
+        tell(console, f"wrote: {path}")
     return 0
 
 

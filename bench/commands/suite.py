@@ -2,15 +2,14 @@
 
 import argparse
 import contextlib
-import shlex
 import sys
 from pathlib import Path
 
 from rich.console import Console
 
-from ...core.errors import InputError, Interrupted
+from ...core.errors import InputError
 from ..plan.values import count, seed
-from ..record.store import Store
+from ..report.section import Recorded
 from ..run.progress import Screen
 from ..run.terminal import complain, conclude, status
 from ..suite import file as suite_file
@@ -20,11 +19,10 @@ from ..suite.runs import run_suite
 from ..suite.site import DEFAULT, write_site
 from ..suite.site_folder import suites
 from ..suite.submission import enter
-from ..verdict.summary import lines
 from ..verify.again import SAMPLE
-from ..verify.finding import FAILS, OPEN
+from ..verify.folder import FAILS, OPEN
 from ..verify.verification import Verification, verify
-from ..words.console import screen_console
+from ..words.console import screen_console, tell
 from ..words.numerals import counted
 from . import executors
 
@@ -98,13 +96,13 @@ def _list(console: Console) -> None:
         suite = suite_file.read(name)
         console.print(f"[bold]{name}[/]: {suite.question}", highlight=False, soft_wrap=True)
         for run in suite.runs:
-            console.print(f"    {run.name:20}{run.datasets}", highlight=False, markup=False, soft_wrap=True)
-    for sentence in (
+            tell(console, f"    {run.name:20}{run.datasets}")
+    tell(
+        console,
         "",
         f"bench suite NAME runs one into {DEFAULT}, whose index.html is the site.",
         f"Copy and change them: {suite_file.PACKAGED}",
-    ):
-        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+    )
 
 
 def _run(chosen: list[Suite], namespace: argparse.Namespace, console: Console) -> int:
@@ -119,29 +117,29 @@ def _run(chosen: list[Suite], namespace: argparse.Namespace, console: Console) -
             return Screen(console)
 
         def concluded(
-            run: SuiteRun, place: Path | None, why: str, statuses: list[int] = statuses, skipped: list[str] = skipped
+            run: SuiteRun,
+            record: Recorded | None,
+            why: str,
+            statuses: list[int] = statuses,
+            skipped: list[str] = skipped,
         ) -> None:
-            if place is None:
+            if record is None:
                 skipped.append(f"{run.name}: skipped. {why}")
-                console.print(skipped[-1], highlight=False, markup=False, soft_wrap=True)
+                tell(console, skipped[-1])
                 return
-            with Store(place) as store:
-                found, remarks = lines(store.cells(), store.about()["implementations"]), store.remarks()
-            statuses.append(status(found))
+            statuses.append(status(record.lines))
             if not console.quiet:
-                conclude(console, found, remarks)
-            elif status(found):
-                complain(found)
+                conclude(console, record.lines, record.remarks)
+            elif statuses[-1]:
+                complain(record.lines)
 
-        try:
-            with contextlib.closing(
+        with (
+            executors.resumable(),
+            contextlib.closing(
                 executors.executor(namespace, namespace.jobs, 1, exclusive=namespace.jobs is None, say=console.print)
-            ) as executor:
-                run_suite(suite, namespace.out, executor, screen, concluded, retry=namespace.retry)
-        except Interrupted as error:
-            del error
-            again = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
-            raise Interrupted(f"{again} continues from here") from None
+            ) as executor,
+        ):
+            run_suite(suite, namespace.out, executor, screen, concluded, retry=namespace.retry)
         summary = summarise(suites(namespace.out)[suite.name])
         if summary is not None:
             keep(namespace.out, summary)
@@ -155,7 +153,7 @@ def _run(chosen: list[Suite], namespace: argparse.Namespace, console: Console) -
 
 def _site(site: Path, console: Console) -> int:
     page = write_site(site)
-    console.print(f"site: {page}", highlight=False, markup=False, soft_wrap=True)
+    tell(console, f"site: {page}")
     return 0
 
 
@@ -176,7 +174,7 @@ def _verify(namespace: argparse.Namespace, console: Console) -> int:
     if namespace.add is not None:
         suites_there = suites(namespace.out)
         place = enter(namespace.out, found)
-        console.print(f"entered: {place}", highlight=False, markup=False, soft_wrap=True)
+        tell(console, f"entered: {place}")
         if suites_there:
             _site(namespace.out, console)
         else:
@@ -189,7 +187,7 @@ def _tell(found: Verification, console: Console) -> None:
     for finding in found.findings:
         style = styles.get(finding.verdict, "green")
         console.print(f"[{style}]{finding.verdict:<12}[/]", end="")
-        console.print(f"{finding.subject:<8}{finding.sentence}", highlight=False, markup=False, soft_wrap=True)
+        tell(console, f"{finding.subject:<8}{finding.sentence}")
     open_ones = sum(finding.verdict == OPEN for finding in found.findings)
     more = f" {counted(open_ones, 'thing')} could not be checked." if open_ones and not found.failed else ""
     console.print(f"{found.sentence}{more}", style="bold", highlight=False, markup=False, soft_wrap=True)

@@ -13,17 +13,21 @@ from ..drawing.page import PURPOSES, rendered, script
 from ..record.schema import Row, label
 from ..record.store import Store
 from ..words.columns import COLUMNS
-from .section import Section, sections
+from .section import Recorded, Section, recorded, sections
 from .tables import cells_table, paper_table
 
 FIGURES, TABLES = "figures", "tables"  # folders beside the page
 
 
 @np.errstate(all="ignore")  # a record's numbers may have any size
-def write_report(store: Store, figures: Sequence[str] = ()) -> None:
-    """Writes the report, each file whole, with every figure also in the formats `figures`: "pdf", "png" (300 dpi)."""
-    run, rows = store.run(), list(store.cells())
-    parts, look = sections(store)
+def write_report(store: Store, figures: Sequence[str] = ()) -> Recorded:
+    """Writes the report, each file whole, with every figure also in the formats `figures`: "pdf", "png" (300 dpi).
+
+    Returns the record that was read for it.
+    """
+    record = recorded(store)
+    run, rows = record.run, record.rows
+    parts, look = sections(store, record)
     page = {
         "run": run,
         "sections": parts,
@@ -46,6 +50,7 @@ def write_report(store: Store, figures: Sequence[str] = ()) -> None:
         _write_tables(store.folder / TABLES, section)
     for name in ("report.md", "report.html"):
         write_whole(store.folder / name, rendered(f"{name}.jinja", page))
+    return record
 
 
 def _write_tables(folder: Path, section: Section) -> None:

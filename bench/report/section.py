@@ -80,16 +80,29 @@ class Section(NamedTuple):
         return by_group | {"consistency": timed + by_group["consistency"]}
 
 
+class Recorded(NamedTuple):
+    """A run's record as its report and its verdict take it, read once for both."""
+
+    run: Mapping[str, Any]  # the content of run.json
+    rows: Sequence[Row]
+    lines: Sequence[Line]
+    remarks: Mapping[str, Sequence[str]]  # on the logs, by dataset
+
+
+def recorded(store: Store) -> Recorded:
+    """Reads the record."""
+    run, rows = store.run(), list(store.cells())
+    return Recorded(run, rows, lines(rows, run.get("implementations")), store.remarks())
+
+
 @np.errstate(all="ignore")  # a record's numbers may have any size
-def sections(store: Store) -> tuple[list[Section], Mapping[str, Look]]:
+def sections(store: Store, record: Recorded) -> tuple[list[Section], Mapping[str, Look]]:
     """Makes a section for each dataset, and the backends' looks in all of them."""
-    run = store.run()
-    found = lines(store.cells(), run.get("implementations"))
+    found = record.lines
     look = looks(line.backend for line in sorted(found, key=lambda line: line.done == 0))
     datasets = dict.fromkeys(line.dataset for line in found)
-    odd = store.remarks()
     of = {name: [line for line in found if line.dataset == name] for name in datasets}
-    return [_section(store, run, mine, look, odd.get(name, ())) for name, mine in of.items()], look
+    return [_section(store, record.run, mine, look, record.remarks.get(name, ())) for name, mine in of.items()], look
 
 
 def _section(

@@ -15,6 +15,7 @@ from ..plan.plan import Plan
 from ..record.schema import FILE
 from ..record.store import Store
 from ..report.report import write_report
+from ..report.section import Recorded
 from ..verdict.statistics import MOST
 from ..words.numerals import listed
 from ..workers.executor import Executor
@@ -45,8 +46,8 @@ def benchmark(
     *,
     retry: bool = False,
     strict: bool = False,
-) -> Plan:
-    """Runs `given` and DEFAULTS into `out`, or continues its run.
+) -> tuple[Plan, Recorded]:
+    """Runs `given` and DEFAULTS into `out`, or continues its run; returns its plan and its record.
 
     InputError where that has other settings, and with `strict` for a log with a remark.
     """
@@ -66,8 +67,7 @@ def benchmark(
         raise Interrupted(f"bench run --out {shlex.quote(str(out))} continues from here") from None
     watcher.reporting()
     with Store(out) as store:
-        write_report(store)
-    return plan
+        return plan, write_report(store)
 
 
 def planned(given: Mapping[str, Any], out: Path) -> Plan:

@@ -13,7 +13,7 @@ from ..drawing.page import rendered
 from ..plan.spec import backend_variants
 from ..plan.values import as_whole
 from ..record.store import Store
-from ..report.section import sections
+from ..report.section import recorded, sections
 from ..verdict.summary import lines
 from ..verdict.verdict import Verdict
 from ..words.console import screen_console
@@ -91,14 +91,16 @@ class Result:
 
     def __repr__(self) -> str:
         console = screen_console(quiet=False)
-        with console.capture() as captured, Store(self.folder) as store:
-            conclude(console, lines(store.cells(), store.run()["implementations"]), store.remarks())
+        with Store(self.folder) as store:
+            record = recorded(store)
+        with console.capture() as captured:
+            conclude(console, record.lines, record.remarks)
         return captured.get().rstrip("\n") + f"\nreport: {self.report}"
 
     def _repr_html_(self) -> str:
         """Returns verdicts, tables and paths as HTML, in the notebook's own style."""
         with Store(self.folder) as store:
-            found, look = sections(store)
+            found, look = sections(store, recorded(store))
         return rendered(
             "result.html.jinja",
             {

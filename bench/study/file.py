@@ -73,8 +73,8 @@ from math import inf
 from pathlib import Path
 from typing import Any, Literal
 
-from ...core.errors import InputError, nearest
 from ...core.toml.lines import Place
+from ...core.toml.packaged import read_named
 from ...core.toml.table import LARGEST, TomlTable, called, shown, too_deep
 from ..words.columns import about
 from .blocks import combinations
@@ -109,13 +109,7 @@ def packaged() -> list[str]:
 
 def read(which: str, *, full: bool) -> Study:
     """Reads the packaged study of that name, or the file at that path, in its quick or full size."""
-    path = PACKAGED / f"{which}.toml" if which in packaged() else Path(which)
-    try:
-        text = path.read_text(encoding="utf-8-sig")  # an editor may have put a mark before it
-    except (OSError, ValueError) as error:
-        said = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        hint = nearest(which.removesuffix(".toml"), packaged()).removeprefix("expected ")
-        raise InputError(f"{which}: {said}; expected a study file, or the name of a packaged one: {hint}") from None
+    path, text = read_named(which, PACKAGED, packaged(), "study")
     return made(str(path), text, full=full)
 
 

@@ -22,7 +22,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...core.errors import InputError, nearest
+from ...core.errors import InputError
+from ...core.toml.packaged import read_named
 from ...core.toml.table import TomlTable
 from ..plan.spec import backend_variants, dataset_variants
 
@@ -82,14 +83,7 @@ def packaged() -> list[str]:
 
 def read(which: str) -> Suite:
     """Reads the packaged suite of that name, or the file at that path."""
-    path = PACKAGED / f"{which}.toml" if which in packaged() else Path(which)
-    try:
-        text = path.read_text(encoding="utf-8-sig")  # an editor may have put a mark before it
-    except (OSError, ValueError) as error:
-        said = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        hint = nearest(which.removesuffix(".toml"), packaged()).removeprefix("expected ")
-        raise InputError(f"{which}: {said}; expected a suite file, or the name of a packaged one: {hint}") from None
-    return made(path, text)
+    return made(*read_named(which, PACKAGED, packaged(), "suite"))
 
 
 def made(path: Path, text: str, *, again: bool = False) -> Suite:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ...core.errors import Absent
+from ..report.section import Recorded
 from ..run.benchmark import benchmark
 from ..run.progress import Screen
 from ..workers.executor import Executor
@@ -16,13 +17,13 @@ def run_suite(
     site: Path,
     executor: Executor,
     screen: Callable[[SuiteRun], Screen],
-    ended: Callable[[SuiteRun, Path | None, str], None],
+    ended: Callable[[SuiteRun, Recorded | None, str], None],
     *,
     retry: bool = False,
 ) -> Path:
     """Runs what has no result yet; returns the folder of this version's runs.
 
-    `ended` is called after each run with its folder, or with None and why it was skipped: a published log that is not
+    `ended` is called after each run with its record, or with None and why it was skipped: a published log that is not
     on this machine.
     """
     folder, skipped = begin(site, suite), dict[str, str]()
@@ -30,12 +31,13 @@ def run_suite(
         place = folder / run.name
         try:
             with screen(run) as watcher:
-                benchmark(run.given, place, executor, [*run.words, "--out", str(place)], watcher, retry=retry)
+                command = [*run.words, "--out", str(place)]
+                _, record = benchmark(run.given, place, executor, command, watcher, retry=retry)
         except Absent as error:
             skipped[run.name] = str(error)
             end(folder, skipped)
             ended(run, None, str(error))
             continue
-        ended(run, place, "")
+        ended(run, record, "")
     end(folder, skipped)
     return folder

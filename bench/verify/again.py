@@ -3,6 +3,7 @@
 import contextlib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,7 @@ from ..words.columns import COLUMNS
 from ..words.numerals import counted, listed
 from ..workers.batch import Batch
 from ..workers.executor import Executor
-from .finding import FAILS, HOLDS, OPEN, Finding
-from .folder import CheckedCell, ResultsFolder
+from .folder import HOLDS, OPEN, CheckedCell, Finding, ResultsFolder, faults
 from .logs import TrustedLog
 
 SAMPLE = 5  # cells that are run again where no number is given, at least; one of each backend
@@ -30,7 +30,6 @@ RANDOM = 2.0
 differs, it takes other draws."""
 
 ROUNDED = 1e-6  # m, rad or of a share: what is smaller is rounding
-NAMED = 8
 
 COMPARED = tuple(
     name
@@ -52,13 +51,7 @@ def drawn(
     names = [list(able)[k] for k in rng.permutation(len(able))]
     names.sort(key=lambda name: name.partition("[")[0] in registry.BUILTIN)
     turns = {name: [able[name][k] for k in rng.permutation(len(able[name]))] for name in names}
-    in_turn = [
-        turns[name][k]
-        for k in range(max(map(len, turns.values()), default=0))
-        for name in names
-        if k < len(turns[name])
-    ]
-    return in_turn[:sample]
+    return [cell for row in zip_longest(*turns.values()) for cell in row if cell is not None][:sample]
 
 
 def check_cells(
@@ -80,7 +73,7 @@ def check_cells(
         return [*said, Finding("cells", OPEN, "No cell was run again.")], []
     batches = [_batch(found, cell, trusted[cell.log_label], place) for place, cell in enumerate(cells)]
     same_code = _same_code(found)
-    failed, largest, differing = list[str](), ("", 0.0), 0
+    failed, largest = list[str](), ("", 0.0)
     with contextlib.closing(executor.run(batches, alone=False)) as ended:
         for finished in ended:
             assert finished.index is not None
@@ -90,18 +83,14 @@ def check_cells(
             loose = random and not same_code
             wrong, apart = compared(cell.row.columns, finished.result, RANDOM - 1 if loose else TOLERANCE)
             failed += [f"{cell}: {one}" for one in wrong]
-            differing += bool(apart[1])
             largest = max(largest, (f"{apart[0]} of {cell}", apart[1]), key=lambda one: one[1])
-    said += [Finding("cells", FAILS, f"{one}.") for one in failed[:NAMED]]
-    if len(failed) > NAMED:
-        said.append(Finding("cells", FAILS, f"{len(failed) - NAMED} more values differ."))
+    said += faults("cells", [f"{one}." for one in failed])
     if not failed:
         names = listed(list(dict.fromkeys(cell.backend_label for cell in cells)), 6)
         how = f"{counted(len(cells), 'cell')} of {names} run again (drawn with --seed {seed})"
-        exact = "the same to the last digit" if not differing else (
-            f"equal within {100 * TOLERANCE:g} %; the largest difference is {100 * largest[1]:.2g} %, {largest[0]}"
-        )  # fmt: skip
-        said.append(Finding("cells", HOLDS, f"{how}: accuracy and consistency are {exact}."))
+        near = f"equal within {100 * TOLERANCE:g} %; the largest difference is {100 * largest[1]:.2g} %, {largest[0]}"
+        same = near if largest[1] else "identical"
+        said.append(Finding("cells", HOLDS, f"{how}: accuracy and consistency are {same}."))
     return said, [cell.backend_label for cell in cells]
 
 

@@ -1,15 +1,33 @@
 """The results folder that is checked: its record, and each of its cells as far as it can be made again here."""
 
-import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from ...core.errors import InputError
 from ..plan.spec import backend_variants, dataset_variants
 from ..plan.variant import BackendVariant, DatasetVariant, OneLog
 from ..record.schema import FILE, Row, label
 from ..record.store import Known, Store
+
+Subject = Literal["files", "logs", "scores", "cells"]
+HOLDS, FAILS, OPEN = "holds", "fails", "not checked"
+NAMED = 8  # faults of a subject that are named one by one
+
+
+class Finding(NamedTuple):
+    """One thing that was checked, or could not be."""
+
+    subject: Subject
+    verdict: Literal["holds", "fails", "not checked"]
+    sentence: str
+
+
+def faults(subject: Subject, sentences: Sequence[str]) -> list[Finding]:
+    """The findings of faults; of more than NAMED, their number."""
+    said = [*sentences[:NAMED], *[f"{len(sentences) - NAMED} more like these."] * (len(sentences) > NAMED)]
+    return [Finding(subject, FAILS, one) for one in said]
 
 
 class CheckedCell(NamedTuple):
@@ -65,24 +83,29 @@ def read(folder: Path) -> ResultsFolder:
         run = store.run()
         if run.get("kind", "run") != "run":
             raise InputError(f"{folder}: holds a study, expected the folder of a run.")
-        logs = store.logs()
-        return ResultsFolder(folder, run, tuple(_cell(row, logs.get(row.log)) for row in store.cells()))
+        logs, dataset, backend = store.logs(), cache(_dataset), cache(_backend)
+        return ResultsFolder(
+            folder, run, tuple(_cell(row, logs.get(row.log), dataset, backend) for row in store.cells())
+        )
 
 
-def _cell(row: Row, known: Known | None) -> CheckedCell:
-    dataset, dataset_options, backend, options, seed = row.key
-    found, unknown = _dataset(label(dataset, dataset_options))
+def _cell(
+    row: Row,
+    known: Known | None,
+    dataset: Callable[[str], tuple[DatasetVariant | None, str]],
+    backend: Callable[[str], tuple[BackendVariant | None, str]],
+) -> CheckedCell:
+    found, unknown = dataset(label(*row.key[:2]))
     log = None
     if found is not None:
         try:
-            log = found.log(seed)
+            log = found.log(row.key[-1])
         except InputError as error:
             unknown = str(error)
-    made_by, lacks = _backend(label(backend, options))
+    made_by, lacks = backend(label(*row.key[2:4]))
     return CheckedCell(row, known, log, made_by, unknown or lacks)
 
 
-@functools.cache
 def _dataset(name: str) -> tuple[DatasetVariant | None, str]:
     try:
         return dataset_variants(name)[0], ""
@@ -90,16 +113,9 @@ def _dataset(name: str) -> tuple[DatasetVariant | None, str]:
         return None, str(error)
 
 
-@functools.cache
 def _backend(name: str) -> tuple[BackendVariant | None, str]:
     try:
         found = backend_variants(name)[0]
     except InputError as error:
         return None, str(error)
     return (found, "") if found.builder is not None else (None, found.missing)
-
-
-def forget() -> None:
-    """Looks up datasets and backends anew: files and plug-ins may have come since."""
-    _dataset.cache_clear()
-    _backend.cache_clear()

@@ -18,10 +18,7 @@ from ..record.store import Known
 from ..words.numerals import counted, listed
 from ..workers.batch import Batch, Finished, KeptLog, facts_of
 from ..workers.executor import Executor
-from .finding import FAILS, HOLDS, OPEN, Finding
-from .folder import ResultsFolder
-
-NAMED = 6  # logs that a sentence names
+from .folder import HOLDS, NAMED, OPEN, Finding, ResultsFolder, faults
 
 
 @dataclass(frozen=True)
@@ -68,7 +65,15 @@ def check_logs(
         elif name not in wrong:
             trusted[name] = one
             rounded += [name] * (verdict == "rounding")
-    return _findings(trusted, rounded, wrong, unmade), trusted
+    said = faults("logs", [f"{name}: {why}." for name, why in wrong.items()])
+    if exact := len(trusted) - len(rounded):
+        said.append(Finding("logs", HOLDS, f"{counted(exact, 'log')} made again here: the same digests."))
+    if rounded:
+        names = listed(rounded, NAMED)
+        said.append(Finding("logs", HOLDS, f"The same but for rounding, as on another processor: {names}."))
+    for why, names in unmade.items():
+        said.append(Finding("logs", OPEN, f"{listed(list(dict.fromkeys(names)), NAMED)}: not made again, {why}."))
+    return said, trusted
 
 
 def _made(
@@ -110,25 +115,3 @@ def _judged(found: ResultsFolder, log: OneLog, known: Known, made: Dataset) -> t
         return truth, None
     judged_by = kept.truth if facts.truth_kind == "reference" else made.truth
     return "rounding", TrustedLog(Dataset(kept.log, judged_by), entry)
-
-
-def _findings(
-    trusted: Mapping[str, TrustedLog],
-    rounded: list[str],
-    wrong: Mapping[str, str],
-    unmade: Mapping[str, list[str]],
-) -> list[Finding]:
-    said: list[Finding] = []
-    exact = len(trusted) - len(rounded)
-    if exact:
-        said.append(Finding("logs", HOLDS, f"{counted(exact, 'log')} made again here: the same digests."))
-    if rounded:
-        names = listed(rounded, NAMED)
-        said.append(Finding("logs", HOLDS, f"The same but for rounding, as on another processor: {names}."))
-    said += [Finding("logs", FAILS, f"{name}: {why}.") for name, why in list(wrong.items())[:NAMED]]
-    if len(wrong) > NAMED:
-        said.append(Finding("logs", FAILS, f"{counted(len(wrong) - NAMED, 'more log')} differ."))
-    for why, names in unmade.items():
-        distinct = list(dict.fromkeys(names))
-        said.append(Finding("logs", OPEN, f"{listed(distinct, NAMED)}: not made again, {why}."))
-    return said

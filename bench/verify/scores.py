@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.factors import Map, Truth
-from ...core.se2 import Array
+from ...core.se2 import Array, Ints
 from ...core.tum import read_tum
 from ..measure.accuracy import path_accuracy, stretches
 from ..measure.nees import nees, nees_columns
@@ -20,15 +20,13 @@ from ..measure.times import length
 from ..record.schema import label
 from ..record.store import Store
 from ..words.numerals import counted
-from .finding import FAILS, HOLDS, OPEN, Finding
-from .folder import ResultsFolder
+from .folder import HOLDS, OPEN, Finding, ResultsFolder, faults
 from .logs import TrustedLog
 
 TOLERANCE = 1e-6
 """Share by which a score may differ from the one computed again: the same path, on another processor."""
 
 ROUNDED = 1e-9  # m, rad or of a share: what is smaller is rounding
-NAMED = 8  # differences that are named
 
 NO_MAP = Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
 
@@ -59,9 +57,7 @@ def check_scores(found: ResultsFolder, trusted: Mapping[str, TrustedLog]) -> lis
                 continue
             scored, values = scored + 1, values + len(again)
             wrong += [f"{cell}: {said}" for said in different(c, again)]
-    said = [Finding("scores", FAILS, f"{one}.".replace("..", ".")) for one in wrong[:NAMED]]
-    if len(wrong) > NAMED:
-        said.append(Finding("scores", FAILS, f"{len(wrong) - NAMED} more scores differ."))
+    said = faults("scores", [f"{one.removesuffix('.')}." for one in wrong])
     if scored and not wrong:
         what = f"{counted(values, 'score')} of {counted(scored, 'cell')} computed again from the paths"
         said.append(Finding("scores", HOLDS, f"{what}: the same to one part in a million."))
@@ -76,37 +72,30 @@ def scores(log: TrustedLog, paths: Mapping[str, tuple[Array, Array]], arrays: Ma
     truth = log.dataset.truth
     assert truth is not None
     row: dict[str, Any] = {}
+    judged, at = _judged(log, truth, arrays)
+    over = stretches(judged, timed=length(log.dataset.log.t) is not None) if len(at) else {}
     for name, (t, path) in paths.items():
         if not np.array_equal(t, log.dataset.log.t):
             raise InputError(f"the {name} path has other times than the log, expected one pose for each of its steps")
         prefix = "final_" if name == "final" else ""
         if truth.relations is not None:
             row |= {prefix + column: value for column, value in relation_columns(truth.relations, path).items()}
-        if len(truth.t):
-            row |= {prefix + column: value for column, value in _errors(log, truth, path, arrays).items()}
+        if len(at):
+            errors = path_accuracy(judged, path[at], NO_MAP, over).row
+            row |= {prefix + column: value for column, value in errors.items() if column != "map_rmse_m"}
     if "online" in paths and truth.exact and len(truth.t) and "cov" in arrays:
-        judged = _judged(log, truth, arrays)
-        at = np.searchsorted(log.dataset.log.t, judged.t)
         values = nees(paths["online"][1][at], arrays["cov"][at], judged.poses)
         row |= nees_columns("nees", values, 3)
     return {name: value for name, value in row.items() if value is not None}
 
 
-def _errors(log: TrustedLog, truth: Truth, path: Array, arrays: Mapping[str, Any]) -> dict[str, Any]:
-    judged = _judged(log, truth, arrays)
-    if not len(judged.t):
-        return {}
-    over = stretches(judged, timed=length(log.dataset.log.t) is not None)
-    found = path_accuracy(judged, path[np.searchsorted(log.dataset.log.t, judged.t)], NO_MAP, over).row
-    return {name: value for name, value in found.items() if name != "map_rmse_m"}
-
-
-def _judged(log: TrustedLog, truth: Truth, arrays: Mapping[str, Any]) -> Truth:
-    """The truth of the steps that count: all of them, but from the fix on where the start is unknown."""
-    if log.dataset.log.prior.start == "known" or "at" not in arrays:
-        return truth
-    counted_steps = np.isin(truth.t, log.dataset.log.t[arrays["at"]])
-    return truth._replace(t=truth.t[counted_steps], poses=truth.poses[counted_steps])
+def _judged(log: TrustedLog, truth: Truth, arrays: Mapping[str, Any]) -> tuple[Truth, Ints]:
+    """The truth of the steps that count, and their numbers: all, but from the fix on where the start is unknown."""
+    t = log.dataset.log.t
+    if log.dataset.log.prior.start != "known" and "at" in arrays:
+        counts = np.isin(truth.t, t[arrays["at"]])
+        truth = truth._replace(t=truth.t[counts], poses=truth.poses[counts])
+    return truth, np.searchsorted(t, truth.t)
 
 
 def different(row: Mapping[str, Any], again: Mapping[str, Any]) -> Iterator[str]:

@@ -10,8 +10,7 @@ from ..words.numerals import counted, listed
 from ..workers.executor import Executor
 from .again import check_cells
 from .files import check_files
-from .finding import FAILS, Finding
-from .folder import forget, looks_like_one, read
+from .folder import FAILS, Finding, looks_like_one, read
 from .logs import check_logs
 from .scores import check_scores
 
@@ -74,7 +73,6 @@ def verify(
         raise InputError(f"{folder}: {found}; expected the folder that bench run left.")
     drawn_with = secrets.randbelow(LARGEST_SEED) if seed is None else seed
     findings = check_files(folder)
-    forget()
     try:
         found = read(folder)
     except InputError:

@@ -77,6 +77,12 @@ class ProgressBar:
         self._bars.update(self._task, **fields)
 
 
+def tell(console: Console, *sentences: str) -> None:
+    """Prints sentences as they are, each on a line of its own however long it is."""
+    for sentence in sentences:
+        console.print(sentence, highlight=False, markup=False, soft_wrap=True)
+
+
 def plain(text: str) -> str:
     """Escapes what rich would read as markup."""
     return escape(text)

@@ -92,7 +92,7 @@ def first_number(line: str) -> str:
 def edit_cells(folder: Path) -> str:
     text = (folder / "cells.csv").read_text()
     (folder / "cells.csv").write_text(text.replace(first_number(text.splitlines()[1]), "0.00001", 1))
-    return "files: cells.csv, row 2 (circle[steps=50], ekf, seed 0): ate_m is 0.00001, the record has"
+    return "files: cells.csv, line 2: ate_m is 0.00001, the record has"
 
 
 def edit_path(folder: Path) -> str:
@@ -133,23 +133,23 @@ def leave_out_record(folder: Path) -> str:
 def leave_out_row(folder: Path) -> str:
     path = folder / "cells.csv"
     path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
-    return "files: cells.csv: has 3 rows, the record 4."
+    return "files: cells.csv: has 4 lines, the record 5."
 
 
 def add_column(folder: Path) -> str:
     path = folder / "cells.csv"
     path.write_text("".join(f"{line},1\n" for line in path.read_text().splitlines()))
-    return "files: cells.csv: has a column 1 that the record has not."
+    return "files: cells.csv, line 1: found "
 
 
 def edit_facts(folder: Path) -> str:
     rewritten(folder / "run.json", '"processor": "', '"processor": "a faster ')
-    return "files: run.json: environment is not what the record says."
+    return "files: run.json, line "
 
 
 def break_facts(folder: Path) -> str:
     (folder / "run.json").write_text("{")
-    return "files: run.json: is not JSON."
+    return "files: run.json: has 1 line, the record "
 
 
 def damage_record(folder: Path) -> str:
