@@ -12,7 +12,7 @@ from .times import length
 STRETCHES = 5  # equal parts of a run whose mean costs are reported
 
 
-def repeated_cost(timed: Outcome | Timing) -> dict[str, Any]:
+def repeated_cost(timed: Timing) -> dict[str, Any]:
     """Computes the columns that a timing pass measures: costs in the unit that each name ends in, and the machine's."""
     us = timed.step_ns / 1e3
     p50, p95, p99 = np.percentile(us, (50, 95, 99)).tolist()

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,11 +44,28 @@ WARM_UP = 20
 The timing pass is repeated if a compiled function of ours is first called after that."""
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """The estimates and costs of a backend on a log. Where it has no online estimate `online` is None, and so on."""
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """A timing pass. Where a backend has no online estimate `online` is None, and so on."""
 
     online: Array | None  # (n, 3)
+    solution: Solution | None
+    assigned: Ints | None = None  # (s,) the landmark it took every sighting for by the log's last step
+    final_assigned: Ints | None = None  # (s,) once it had finished
+    taken_out: TakenOut | None = None  # landmarks that have moved, and misread sightings
+    step_ns: Ints  # (n,) process CPU time, the clock's own cost taken off
+    wall_ns: Ints  # (n,)
+    setup_ns: int
+    finish_ns: int
+    clock_ns: int  # what was taken off each
+    told: bool  # it was given the ground truth, and makes use of it
+    meanwhile: Mapping[str, float] = field(default_factory=dict[str, float])  # the machine's state, by column
+
+
+@dataclass(frozen=True, kw_only=True)
+class Beliefs:
+    """The beliefs after every step."""
+
     cov: Array  # (n, 3, 3), NaN where not known
     nis: Array  # (n,) NaN where there is none
     nis_dof: Ints  # (n,)
@@ -56,43 +73,21 @@ class Outcome:
     ancestors: Array  # (n,) of the particles, NaN where there are none or they are not counted
     refused: Ints  # (n,) sightings and loop closures that a gate rejected
     located: NDArray[np.bool]  # (n,) False until an unknown start is found
+    left_out: int = 0  # loop closures to poses that were no longer kept
+    belief_ns: Ints  # (n,) CPU time of asking, the clock's cost taken off
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome(Timing, Beliefs):
+    """The estimates and costs of a backend on a log."""
+
     map: Map
-    solution: Solution | None
-    step_ns: Ints  # (n,) process CPU time, the clock's own cost taken off
-    wall_ns: Ints  # (n,)
-    belief_ns: Ints  # (n,)
     map_ns: int
-    setup_ns: int
-    finish_ns: int
-    clock_ns: int  # what was taken off each
-    told: bool  # it was given the ground truth, and makes use of it
-    assigned: Ints | None = None  # (s,) the landmark it took every sighting for by the log's last step
-    final_assigned: Ints | None = None  # (s,) once it had finished
     associate_ns: Ints | None = None  # (n,) CPU time of data association, part of step_ns
     tried: Ints | None = None  # (n,) pairs or nodes that data association has tried
-    taken_out: TakenOut | None = None  # landmarks that have moved, and misread sightings
-    left_out: int = 0  # loop closures to poses that were no longer kept
-    meanwhile: Mapping[str, float] = field(default_factory=dict[str, float])  # the machine's state, by column
 
 
-class Timing(NamedTuple):
-    """A timing pass: the first fields as in Outcome."""
-
-    online: Array | None
-    solution: Solution | None
-    assigned: Ints | None
-    final_assigned: Ints | None
-    taken_out: TakenOut | None
-    step_ns: Ints
-    wall_ns: Ints
-    setup_ns: int
-    finish_ns: int
-    clock_ns: int
-    told: bool
-    meanwhile: Mapping[str, float]
-
-
-def path_digest(timed: Timing | Outcome) -> str:
+def path_digest(timed: Timing) -> str:
     """The sha256 of the online path, and of the final path and map: the same for the same bits."""
     digest = hashlib.sha256()
     end = timed.solution
@@ -116,15 +111,14 @@ def drive(
     _tell(backend, truth)
     if isinstance(backend, Associating):
         backend.timed = True
-    beliefs = _belief_pass(backend, steps, timed.online)
+    beliefs = _belief_pass(backend, steps, timed)
     spent: dict[str, Any] = {}
     if isinstance(backend, Associating):
         spent = {"associate_ns": np.maximum(np.array(backend.ns) - timed.clock_ns, 0), "tried": np.array(backend.tried)}
     start = time.process_time_ns()
     found = backend.map()
     map_ns = time.process_time_ns() - start
-    beliefs = beliefs._replace(belief_ns=np.maximum(beliefs.belief_ns - timed.clock_ns, 0))
-    return Outcome(**timed._asdict(), **beliefs._asdict(), **spent, map=checked_map(found, "map()"), map_ns=map_ns)
+    return Outcome(**vars(timed), **vars(beliefs), **spent, map=checked_map(found, "map()"), map_ns=map_ns)
 
 
 def timed_again(
@@ -224,20 +218,9 @@ def timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints
     return (online if len(online) else None, *times)
 
 
-class _Beliefs(NamedTuple):
-    cov: Array
-    nis: Array
-    nis_dof: Ints
-    n_eff: Array
-    ancestors: Array
-    refused: Ints
-    located: NDArray[np.bool]
-    left_out: int
-    belief_ns: Ints  # CPU time of asking
-
-
-def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _Beliefs:
-    """The belief after every step; Broken where asking has changed the path."""
+def _belief_pass(backend: Backend, steps: list[Step], timed: Timing) -> Beliefs:
+    """Asks for the belief after every step; Broken where asking has changed the path."""
+    online = timed.online
     n, clock, ns = len(steps), time.process_time_ns, [0] * len(steps)
     nis, n_eff, ancestors = (list[Any]([None]) * n for _ in range(3))
     nis_dof, refused, located, left_out = [0] * n, [0] * n, [True] * n, [0] * n
@@ -266,7 +249,7 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
     finally:  # what is not finite was there before any error
         found = checked_covs(covs, known, n)
     check_believed(np.frombuffer(poses).reshape(-1, *POSE), believed, online)
-    return _Beliefs(
+    return Beliefs(
         cov=found,
         nis=np.array(nis, np.float64).reshape(n),
         nis_dof=np.array(nis_dof, np.int64).reshape(n),
@@ -275,5 +258,5 @@ def _belief_pass(backend: Backend, steps: list[Step], online: Array | None) -> _
         refused=np.array(refused, np.int64).reshape(n),
         located=np.array(located, np.bool),
         left_out=sum(left_out),
-        belief_ns=np.array(ns, np.int64),
+        belief_ns=np.maximum(np.array(ns, np.int64) - timed.clock_ns, 0),
     )

@@ -38,10 +38,9 @@ def outcome(online: Array | None, landmarks: Map, solution: Solution | None = No
     cov = np.tile(np.diag([0.04, 0.04, 0.01]), (n, 1, 1)) if online is not None else np.full((n, 3, 3), np.nan)
     unknown, none = np.full(n, np.nan), np.zeros(n, np.int64)
     return Outcome(
-        online, cov, nis=unknown, nis_dof=none, n_eff=unknown, ancestors=unknown, refused=none, located=none == 0,
-        map=landmarks,
-        solution=solution, step_ns=ns, wall_ns=ns, belief_ns=ns, map_ns=0, setup_ns=0, finish_ns=2_000_000_000,
-        clock_ns=0, told=False,
+        online=online, cov=cov, nis=unknown, nis_dof=none, n_eff=unknown, ancestors=unknown, refused=none,
+        located=none == 0, map=landmarks, solution=solution, step_ns=ns, wall_ns=ns, belief_ns=ns, map_ns=0,
+        setup_ns=0, finish_ns=2_000_000_000, clock_ns=0, told=False,
     )  # fmt: skip
 
 
