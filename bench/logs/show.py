@@ -1,6 +1,5 @@
 """A log's picture and numbers, for Python, for notebooks and as an HTML page: `slamduel.show`."""
 
-import base64
 import tempfile
 from pathlib import Path
 
@@ -70,7 +69,7 @@ def write_page(path: Path, subject: Subject) -> None:
     with tempfile.TemporaryDirectory() as folder:
         picture = Path(folder) / "log.png"
         write_picture(picture, subject)
-        content = base64.b64encode(picture.read_bytes()).decode()
+        content = picture.read_bytes()
     page = {
         "label": subject.label,
         "headline": headline(subject.numbers),

@@ -12,16 +12,10 @@ from ...frontend.depth.front_end import Seen
 from ...frontend.depth.level import tilt_of
 from ...frontend.depth.pairs import Keyframe, Trial
 from ...frontend.markers.aruco import Image
-from ..camera.annotate import write
+from .pictures import KEPT, REFUSED, write
 
-# BGR, of Okabe and Ito's colours
-KEPT, REFUSED, CONTRADICTED, ALONE, HORIZON = (
-    (115, 158, 0),
-    (0, 94, 213),
-    (167, 121, 204),
-    (160, 160, 160),
-    (233, 180, 86),
-)
+CONTRADICTED, ALONE, HORIZON = (167, 121, 204), (160, 160, 160), (233, 180, 86)
+"""BGR, beside those that all sensors have."""
 
 LEGEND = (
     (KEPT, "agrees with the motion"),
