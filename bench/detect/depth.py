@@ -217,9 +217,8 @@ class DepthFindings(Findings):
         height = {"": 1000 * tilts[:, 2]}
         drawn.append(time_figure(t, height, found, "no floor", "Levelling: height", caption, "height, mm"))
         if len(self.again):
-            caption = "At each dot features got back their earlier ids."
-            if len(self.log.loop_to):
-                caption = "Each dot is a loop closure."
+            ids = "At each dot features got back their earlier ids."
+            caption = "Each dot is a loop closure." if len(self.log.loop_to) else ids
             drawn.append(again_figure(self, self.again, "Places seen again", caption, "shows the place of step"))
         return drawn
 

@@ -78,11 +78,9 @@ def _features(picture: Any, seen: Seen, keyframe: Keyframe, size: float) -> None
     """Draws every feature, and a line to where one that agrees was in the step before."""
     pixels, n = keyframe.features.pixels, len(keyframe.features)
     trials = [*seen.trials, *seen.loops]
-    matched, contradicted, kept = (
-        _rows([one.matches for one in trials], n),
-        _rows([one.contradicted for one in trials], n),
-        _rows([one.pair.rows for one in trials if one.pair is not None], n),
-    )
+    matched = _rows([one.matches for one in trials], n)
+    contradicted = _rows([one.contradicted for one in trials], n)
+    kept = _rows([one.pair.rows for one in trials if one.pair is not None], n)
     for pair in [one.pair for one in seen.trials[:1] if one.pair is not None]:
         for before, now in pair.rows[:: -(-len(pair.rows) // LINES)].tolist():
             ends = (_at(pair.first.features.pixels[before]), _at(pixels[now]))

@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...core.beside import Scans
 from ...core.dead_reckoning import dead_reckoned
 from ...core.errors import InputError
 from ...core.se2 import Array, between, compose
@@ -42,12 +41,6 @@ class LaserFindings(Findings):
     def counts(self) -> Mapping[str, Any]:
         """The front end's counts, as the log's notes have them."""
         return self.log.notes["laser"]
-
-    @property
-    def scans(self) -> Scans:
-        """The scans beside the log."""
-        assert self.log.scans is not None  # the laser front end keeps them
-        return self.log.scans
 
     @property
     def turned_down(self) -> list[tuple[str, int]]:
@@ -139,7 +132,8 @@ class LaserFindings(Findings):
 
     def shown(self, folder: Path) -> Mapping[str, Any]:
         """Writes the map along the front end's own path."""
-        return write_map(folder, map_picture(occupancy(self.scans, self.path, CELL, MOST), self.path))
+        assert self.log.scans is not None  # the laser front end keeps them
+        return write_map(folder, map_picture(occupancy(self.log.scans, self.path, CELL, MOST), self.path))
 
 
 def detect(opened: OpenedScans, request: Request, advance: Callable[[int], None]) -> LaserFindings:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from command import run as run_command
 from slamduel.bench.commands import detect as command_detect
 from slamduel.bench.detect import markers as detecting
 from slamduel.bench.detect import page
@@ -248,15 +249,15 @@ def test_the_command_says_what_it_found(
 
     monkeypatch.setattr(command_detect, "open_recording", open_recording)
     out = tmp_path / "a b"
-    assert command_detect.main(_namespace(recording="[drive]", out=out)) == 0
+    assert run_command(command_detect, "[drive]", "--out", out) == 0
     told = capsys.readouterr().out
     assert given == [(Path("[drive]"), None, None)]
     assert "markers in 60 frames" in told
     assert "Left out: " in told
     assert "4 markers (same id twice in a frame)" in told
-    assert command_detect.main(_namespace(recording="x", out=out, calibrate_noise=True)) == 0
+    assert run_command(command_detect, "x", "--out", out, "--calibrate-noise") == 0
     assert "k_range = " in capsys.readouterr().out
-    assert command_detect.main(_namespace(recording="x", out=out, json=True)) == 0
+    assert run_command(command_detect, "x", "--out", out, "--json") == 0
     found = json.loads(capsys.readouterr().out)
     assert found["frames"] == 60
     assert found["sightings"] == sum(one["sightings"] for one in found["markers"])
@@ -269,12 +270,6 @@ def test_a_frame_seen_alone_is_seen_as_in_the_log() -> None:
     log = build_log(small()[0])
     seen = see(recording, frame)
     np.testing.assert_array_equal(seen.z[seen.kept], log[0].sightings.z)
-
-
-def _namespace(**given: Any) -> Any:
-    words = dict.fromkeys(("robot", "scan", "odometry", "preview", "seconds"))
-    words |= dict.fromkeys(("calibrate_noise", "strict", "json", "quiet"), False)
-    return SimpleNamespace(**(words | given))
 
 
 def _untouched() -> Iterator[Frame]:
