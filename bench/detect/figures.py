@@ -48,7 +48,7 @@ def path_figure(f: Findings, title: str, caption: str, *paths: Path, loops: Ints
             axes.plot(*f.truth.map.xy.T, "+", color=INK, markersize=5, markeredgewidth=0.8, label="marker")
         _plot(axes, last)
         axes.plot(*last.poses[0, :2], "o", color=last.colour, markersize=4)
-        legend(figure, axes, 4)
+        legend(figure, axes, 3)
 
     return drawn(title, caption + thinned(every), draw)
 
