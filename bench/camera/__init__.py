@@ -1,1 +1,1 @@
-"""Printed markers, a calibration's picture, and recordings made into logs with reports."""
+"""What a camera needs before its recordings: printed markers and boards, and a calibration's picture and words."""

@@ -182,10 +182,7 @@ def _twin(view: View, others: list[View]) -> str | None:
 
 
 def _reasons(left_out: dict[str, list[str]]) -> list[str]:
-    phrases: list[str] = []
-    for reason, names in left_out.items():
-        phrases.append(f"Left out {listed(names, NAMED)}: {reason}")
-    return phrases
+    return [f"Left out {listed(names, NAMED)}: {reason}" for reason, names in left_out.items()]
 
 
 def _report(console: Console, found: Calibration, reasons: list[str]) -> None:

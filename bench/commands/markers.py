@@ -10,6 +10,7 @@ from ...core.errors import InputError
 from ...frontend.markers.markers import Markers, write
 from ..camera.sheets import PAGES, lay_out, sheets
 from ..plan.values import check_file
+from ..words.numerals import counted
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,11 +33,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(namespace: argparse.Namespace) -> int:
     """Writes the PDF; 0."""
+    from ...frontend.boards.board import read_board
+    from ..camera import paper
+
     check_file("--out", namespace.out)
     check_file("--write-dictionary", namespace.write_dictionary)
     say = Console(emoji=False, highlight=False, markup=False, soft_wrap=True).print
     if namespace.board:
-        _board(namespace)
+        drawn = [paper.board(read_board(namespace.board).opencv, namespace.board, namespace.page)]
+        paper.write_pdf(namespace.out, namespace.page, drawn, "ChArUco")
         say(f"{namespace.out}: {namespace.board} on {namespace.page}")
     else:
         markers = Markers(namespace.dictionary, *_sides(namespace.side))
@@ -44,31 +49,14 @@ def main(namespace: argparse.Namespace) -> int:
         markers.check("--side")
         if strangers := set(markers.sides) - set(names):
             raise InputError(f"--side {min(strangers)}=...: marker {min(strangers)} is not among --ids {namespace.ids}")
-        pages = _markers(namespace, markers, names)
-        count = f"{len(names)} marker{'s' if len(names) > 1 else ''} on {pages} page{'s' if pages > 1 else ''}"
+        pages = lay_out(sheets(markers, names), namespace.page)
+        if namespace.write_dictionary is not None:
+            write(namespace.write_dictionary, markers.opencv)
+        drawn = [paper.markers(placed, namespace.page) for placed in pages]
+        paper.write_pdf(namespace.out, namespace.page, drawn, markers.dictionary)
+        count = f"{counted(len(names), 'marker')} on {counted(len(pages), 'page')}"
         say(f"{namespace.out}: {count} of {namespace.page}\n\n{_settings(markers)}")
     return 0
-
-
-def _markers(namespace: argparse.Namespace, markers: Markers, names: list[int]) -> int:
-    """Writes the sheets, and the dictionary if requested; returns the number of pages."""
-    from ..camera import paper
-
-    pages = lay_out(sheets(markers, names), namespace.page)
-    if namespace.write_dictionary is not None:
-        write(namespace.write_dictionary, markers.opencv)
-    paper.write_pdf(
-        namespace.out, namespace.page, [paper.markers(placed, namespace.page) for placed in pages], markers.dictionary
-    )
-    return len(pages)
-
-
-def _board(namespace: argparse.Namespace) -> None:
-    from ...frontend.boards.board import read_board
-    from ..camera import paper
-
-    board = read_board(namespace.board).opencv
-    paper.write_pdf(namespace.out, namespace.page, [paper.board(board, namespace.board, namespace.page)], "ChArUco")
 
 
 def _settings(markers: Markers) -> str:

@@ -21,6 +21,16 @@ def short(label: str, longest: int = LONGEST) -> str:
     return label if len(label) <= longest else f"{label[: longest - 13]}…{label[-12:]}"
 
 
+def labelled(figure: Figure, x: str, y: str, *, equal: bool = False) -> Axes:
+    """Makes the only axes of a figure, `equal` for a map: a metre is as long along both."""
+    axes = figure.subplots()
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    if equal:
+        axes.set_aspect("equal", adjustable="datalim")
+    return axes
+
+
 def stretches(t: Array, values: Array, count: int) -> tuple[Array, Array]:
     """Averages `values` (n,) over `count` equal stretches of time, at their centres; NaN without a value."""
     if len(t) <= count:

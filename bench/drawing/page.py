@@ -50,6 +50,7 @@ def rendered(template: str, page: Mapping[str, Any]) -> str:
     filters: dict[str, Any] = {
         "md": _markdown, "on_page": on_page, "alone": alone, "tags": tags, "url": quote, "dashes": _dashes,
         "answers": answers, "worded": _worded, "sentence": lambda text: f"{text[:1].upper()}{text[1:]}",
+        "base64": lambda content: base64.b64encode(content).decode(),
         "sortable": lambda value: "" if math.isnan(value) else f"{value:.9g}".replace("inf", "Infinity"),
     }  # fmt: skip
     environment.filters.update(filters)

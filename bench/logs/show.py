@@ -1,6 +1,5 @@
 """A log's picture and numbers, for Python, for notebooks and as an HTML page: `slamduel.show`."""
 
-import base64
 import tempfile
 from pathlib import Path
 
@@ -39,10 +38,7 @@ class LogPicture:
         return "\n".join([f"{self._subject.label}: {headline(self.numbers)}", *lines])
 
     def _repr_png_(self) -> bytes:
-        with tempfile.TemporaryDirectory(prefix="slamduel-") as folder:
-            path = Path(folder) / "log.png"
-            self.save(path)
-            return path.read_bytes()
+        return _png(self._subject)
 
 
 def show(dataset: Log | Dataset | str | Path, seed: int = 0, *, solve: bool | None = None) -> LogPicture:
@@ -67,16 +63,19 @@ def show(dataset: Log | Dataset | str | Path, seed: int = 0, *, solve: bool | No
 
 def write_page(path: Path, subject: Subject) -> None:
     """Writes the picture and numbers as one HTML page that needs no network, whole or not at all."""
-    with tempfile.TemporaryDirectory() as folder:
-        picture = Path(folder) / "log.png"
-        write_picture(picture, subject)
-        content = base64.b64encode(picture.read_bytes()).decode()
     page = {
         "label": subject.label,
         "headline": headline(subject.numbers),
         "facts": list(facts(subject.numbers, subject.shown.words)),
         "remarks": remarks(subject.dataset),
         "notes": noted(subject.dataset.log.notes, settings=True),
-        "picture": content,
+        "picture": _png(subject),
     }
     write_whole(path, rendered("log.html.jinja", page))
+
+
+def _png(subject: Subject) -> bytes:
+    with tempfile.TemporaryDirectory(prefix="slamduel-") as folder:
+        path = Path(folder) / "log.png"
+        write_picture(path, subject)
+        return path.read_bytes()

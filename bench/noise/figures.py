@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from ...core.se2 import Array
 from ..drawing.axes import fitted as fitted_axis
-from ..drawing.axes import legend
+from ..drawing.axes import labelled, legend
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import report_figure
 from ..drawing.svg import INK
@@ -71,12 +71,10 @@ def _over_time(name: str, one: SightingNoise, label: str) -> ReportFigure:
     unit = SENSORS[name]
 
     def draw(figure: Figure) -> None:
-        axes = figure.subplots()
+        axes = labelled(figure, "time, s", f"{name} error, {unit}")
         row = thin[used[thin]]
         axes.axhspan(-2 * sd, 2 * sd, color=COLOURS[0], alpha=0.12, linewidth=0)
         axes.plot(t[row], error[row], ".", color=COLOURS[0], markersize=2, rasterized=True)
-        axes.set_xlabel("time, s")
-        axes.set_ylabel(f"{name} error, {unit}")
 
     caption = f"Of {label}, without outliers. The band is two standard deviations as fitted."
     return report_figure(f"noise-{name}", f"{name.capitalize()} errors over time", caption, HEIGHT, draw)
@@ -84,7 +82,7 @@ def _over_time(name: str, one: SightingNoise, label: str) -> ReportFigure:
 
 def _correlations(known: dict[str, SightingNoise]) -> ReportFigure:
     def draw(figure: Figure) -> None:
-        axes = figure.subplots()
+        axes = labelled(figure, "time between two sightings of a landmark, s", "correlation of their errors")
         largest: list[float] = []
         for k, (name, one) in enumerate(known.items()):
             used, all_ = one.fitted.used, one.chains
@@ -102,8 +100,6 @@ def _correlations(known: dict[str, SightingNoise]) -> ReportFigure:
                 largest += [float(found.lag.min()), float(found.lag.max())]
         axes.axhline(0, color=INK, linewidth=0.6)
         fitted_axis("x", axes, largest)
-        axes.set_xlabel("time between two sightings of a landmark, s")
-        axes.set_ylabel("correlation of their errors")
         legend(figure, axes, 2)
 
     caption = "At 0 each sighting tells something new; near 1 the next one repeats the error of the last."
@@ -114,7 +110,7 @@ def _quantiles(known: dict[str, SightingNoise]) -> ReportFigure:
     def draw(figure: Figure) -> None:
         from scipy.special import ndtri
 
-        axes = figure.subplots()
+        axes = labelled(figure, "normal quantile", "error, standard deviations")
         for k, (name, one) in enumerate(known.items()):
             white = np.sort(one.fitted.white)
             at = np.unique(np.linspace(0, len(white) - 1, min(200, len(white))).astype(np.int64))
@@ -122,8 +118,6 @@ def _quantiles(known: dict[str, SightingNoise]) -> ReportFigure:
             axes.plot(normal, white[at], MARKERS[k], color=COLOURS[k], markersize=2.5, label=name)
         end = np.array(axes.get_xlim())
         axes.plot(end, end, color=INK, linewidth=0.8, label="normal")
-        axes.set_xlabel("normal quantile")
-        axes.set_ylabel("error, standard deviations")
         legend(figure, axes, 3)
 
     caption = "What is new in each error. Steeper than the line at both ends: heavier tails than normal ones."
@@ -132,7 +126,7 @@ def _quantiles(known: dict[str, SightingNoise]) -> ReportFigure:
 
 def _horizons(motions: Motions) -> ReportFigure:
     def draw(figure: Figure) -> None:
-        axes = figure.subplots()
+        axes = labelled(figure, "time over which errors accumulate, s", "sd over the stated one")
         seconds = np.array([one.seconds for one in motions.horizons])
         values: list[float] = []
         for k, axis in enumerate(AXES):
@@ -149,8 +143,6 @@ def _horizons(motions: Motions) -> ReportFigure:
             axes.axvline(motions.matters, color=INK, linewidth=0.6, linestyle=(0, (2, 2)))
         fitted_axis("x", axes, [*seconds.tolist(), *([motions.matters] if np.isfinite(motions.matters) else [])])
         fitted_axis("y", axes, values)
-        axes.set_xlabel("time over which errors accumulate, s")
-        axes.set_ylabel("sd over the stated one")
         legend(figure, axes, 3)
 
     caption = (

@@ -83,8 +83,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "logs": {"drawing", "plan", "measure", "words"},
         "noise": {"drawing", "plan", "measure", "words"},
         "camera": {"drawing", "words"},
-        "laser": {"camera", "drawing", "words"},
-        "depth": {"camera", "drawing", "words"},
+        "detect": {"drawing", "words"},
         "replay": {"engine", "workers", "plan", "record", "measure", "drawing", "words"},
         "verify": {"engine", "workers", "verdict", "plan", "record", "measure", "words"},
         "suite": {
@@ -97,8 +96,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "study_report": {"claims", "study", "run", "engine", "workers", "verdict", "drawing", "record", "words"},
         "commands": {
             "words", "measure", "record", "plan", "verdict", "drawing", "workers", "report", "run", "check", "logs",
-            "noise",
-            "camera", "laser", "depth", "replay", "speed", "front_ends", "engine", "study", "claims", "study_report",
+            "noise", "camera", "detect", "replay", "speed", "front_ends", "engine", "study", "claims", "study_report",
             "verify", "suite",
         },
         TOP: {"words"},  # cli.py loads one command, by its name

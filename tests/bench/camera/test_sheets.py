@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from command import run
 from slamduel.bench.camera import paper
 from slamduel.bench.camera.sheets import EDGE, FOOT, PAGES, STRIP, lay_out, sheets
-from slamduel.bench.commands.markers import arguments, main
+from slamduel.bench.commands import markers as command_markers
 from slamduel.core.errors import InputError
 from slamduel.core.se2 import Array
 from slamduel.frontend.markers.aruco import Image
@@ -185,19 +186,11 @@ def test_what_is_too_large_is_refused() -> None:
         sheets(Markers("4X4_50", 0.1), [50])
 
 
-def run(*words: str) -> int:
-    import argparse
-
-    parser = argparse.ArgumentParser()
-    arguments(parser)
-    return main(parser.parse_args(words))
-
-
 def test_the_command_writes_a_pdf(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, words = tmp_path / "m.pdf", tmp_path / "mine.yml"
     name = "custom[base=4X4_50,count=60]"
-    given = ["--dictionary", name, "--side", "0.05", "--side", "7=0.08", "--ids", "0-11,7,59", "--out", str(out)]
-    assert run(*given, "--write-dictionary", str(words)) == 0
+    given = ["--dictionary", name, "--side", "0.05", "--side", "7=0.08", "--ids", "0-11,7,59", "--out", out]
+    assert run(command_markers, *given, "--write-dictionary", words) == 0
     assert out.read_bytes().startswith(b"%PDF")
     said = capsys.readouterr().out
     assert f"{out}: 13 markers on 2 pages of A4" in said
@@ -208,11 +201,11 @@ def test_the_command_writes_a_pdf(tmp_path: Path, capsys: pytest.CaptureFixture[
 def test_the_command_writes_a_board(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "board.pdf"
     named = "charuco[columns=5,rows=7,square=0.04,marker=0.02,dictionary=6X6_250]"
-    assert run("--board", named, "--page", "A4", "--out", str(out)) == 0
+    assert run(command_markers, "--board", named, "--page", "A4", "--out", out) == 0
     assert out.read_bytes().startswith(b"%PDF")
     assert capsys.readouterr().out == f"{out}: {named} on A4\n"
     with pytest.raises(InputError, match="the board is 200 x 280 mm and does not fit on letter; --page A4"):
-        run("--board", named, "--page", "letter", "--out", str(tmp_path / "other.pdf"))
+        run(command_markers, "--board", named, "--page", "letter", "--out", str(tmp_path / "other.pdf"))
     assert [file.name for file in tmp_path.iterdir()] == ["board.pdf"]
 
 
@@ -240,5 +233,5 @@ def test_options_that_cannot_be_used(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=sentence):
-        run(*words)
+        run(command_markers, *words)
     assert list(tmp_path.iterdir()) == []

@@ -1,7 +1,7 @@
 """bench calibrate: from pictures to a calibration file, or a sentence that says why not."""
 
-import argparse
 import os
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from charuco_views import photographs, poses, sensed
+from command import run
 from slamduel.bench.commands import calibrate
 from slamduel.core.errors import InputError
 from slamduel.datasets.rendering.sensor import Sensor
@@ -20,10 +21,7 @@ BOARD = "charuco[columns=8,rows=6,square=0.04,marker=0.03,dictionary=4X4_50]"
 CAMERA = Camera(400, 300, (330, 328), (203, 147), (-0.2, 0.06, 0.001, -0.0008, 0.0), np.eye(4))
 
 
-def bench(*words: str | Path) -> int:
-    parser = argparse.ArgumentParser()
-    calibrate.arguments(parser)
-    return calibrate.main(parser.parse_args([str(word) for word in words]))
+bench = partial(run, calibrate)
 
 
 @pytest.fixture(scope="module")

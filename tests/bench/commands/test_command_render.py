@@ -1,11 +1,12 @@
 """`bench render`: the drive that bench run sees, as recordings."""
 
-import argparse
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from command import run
 from slamduel.bench.commands import render as command_render
 from slamduel.core.errors import InputError
 from slamduel.datasets.cache import generator
@@ -16,11 +17,7 @@ from slamduel.datasets.worlds.depth_room import Drive, record
 
 SHORT = "aruco-room[seconds=1,frame_rate=2]"
 
-
-def render(*words: str) -> int:
-    parser = argparse.ArgumentParser()
-    command_render.arguments(parser)
-    return command_render.main(parser.parse_args(words))
+render = partial(run, command_render)
 
 
 @pytest.mark.slow

@@ -6,7 +6,6 @@ import html
 import json
 import re
 from collections.abc import Iterator
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -14,6 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from html_page import Page
 from narrow_window import fits, would_be_seen
 from slamduel.bench.record.schema import COLUMNS, MORE
 from slamduel.bench.report.drawn_log import DrawnLog, Trace
@@ -30,38 +30,6 @@ EVIL = "<script>alert('a')</script> & | `b` [c](d) $e$"
 
 WHOSE = {"ekf": "compiled here", "isam2": "GTSAM's wheel", "graph": "GTSAM's wheel", EVIL: EVIL}
 """Whose programs backends are; of the others the record does not say it."""
-
-
-class Page(HTMLParser):
-    """Elements, checked to be closed in order, and the text of those with an id."""
-
-    EMPTY = frozenset({"meta", "link", "br", "hr", "img", "input"})
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.elements: list[tuple[str, dict[str, str | None]]] = []
-        self.sections: dict[str, str] = {}
-        self._open: list[str] = []
-        self._section = ""
-        self.feed(text)
-        self.close()
-        assert self._open == []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.elements.append((tag, dict(attrs)))
-        if tag not in self.EMPTY:
-            self._open.append(tag)
-        if tag == "section":
-            self._section = dict(attrs).get("id") or ""
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.elements.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self._open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.sections[self._section] = self.sections.get(self._section, "") + data + " "
 
 
 ODD = "no reading for 5 s, from 20 to 25 s"

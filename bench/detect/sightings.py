@@ -1,6 +1,5 @@
 """Collects the front end's detections in a recording, and their errors where a truth is known."""
 
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -46,78 +45,46 @@ class Marker(NamedTuple):
     ambiguous: float  # share of the sightings
 
 
+_NONE = Sightings(
+    np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2, 2)),
+    np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, np.bool_),
+)  # fmt: skip
+
+
 @dataclass
 class Detection:
-    """Collects the detections of `build_log`; a frame costs a few hundred bytes, its image is not kept."""
+    """Collects the detections of `build_log`; a frame costs a kilobyte, its image is not kept."""
 
     corner_model: Noise | None = None  # where given, its covariances are kept as well
-    rejected: Counter[str] = field(default_factory=Counter[str])
     size: tuple[int, int] = (0, 0)  # px, width and height of the frames
-    _times: list[float] = field(default_factory=list[float])
-    _rows: list[tuple[int, int, float, float, float, bool]] = field(
-        default_factory=list[tuple[int, int, float, float, float, bool]]
-    )
-    _z: list[Array] = field(default_factory=list[Array])
-    _cov: list[Array] = field(default_factory=list[Array])
-    _corner_noise: list[Array] = field(default_factory=list[Array])
+    found: int = 0  # detections so far
+    _frames: list[Sightings] = field(default_factory=list[Sightings])
 
     def observe(self, seen: FrameSightings, mounting: Array) -> None:
         """Takes in a frame; `mounting` is T_robot_camera."""
         assert seen.frame.image is not None
         height, width = seen.frame.image.shape[:2]
         self.size = (width, height)
-        number = len(self._times)
-        self._times.append(seen.frame.t)
-        self.rejected.update(seen.rejected)
-        self._rows += [
-            (
-                number,
-                sighting.id,
-                float(np.sqrt(np.diag(sighting.corner_cov).mean())),
-                sighting.error,
-                sighting.ambiguity,
-                bool(kept),
+        found, k = seen.sightings, len(seen.sightings)
+        model, covs = self.corner_model, np.array([one.corner_cov for one in found]).reshape(k, 8, 8)
+        self.found += k
+        self._frames.append(
+            Sightings(
+                np.full(k, len(self._frames)),
+                np.array([one.id for one in found], np.int64),
+                seen.z,
+                seen.cov,
+                np.full_like(seen.cov, np.nan) if model is None else model.measure(found, mounting)[1],
+                np.sqrt(np.diagonal(covs, axis1=1, axis2=2).mean(axis=1)),
+                np.array([one.error for one in found], float),
+                np.array([one.ambiguity for one in found], float),
+                seen.kept,
             )
-            for sighting, kept in zip(seen.sightings, seen.kept, strict=True)
-        ]
-        self._z.append(seen.z)
-        self._cov.append(seen.cov)
-        if self.corner_model is not None:
-            self._corner_noise.append(self.corner_model.measure(seen.sightings, mounting)[1])
-
-    @property
-    def frames(self) -> int:
-        """Counts the frames that were used."""
-        return len(self._times)
-
-    @property
-    def found(self) -> int:
-        """Counts the markers that were found in them."""
-        return len(self._rows)
-
-    @property
-    def t(self) -> Array:
-        """Returns the times (n,) of the frames, s."""
-        return np.array(self._times)
+        )
 
     def sightings(self) -> Sightings:
         """Returns all sightings as columns."""
-        columns = zip(*self._rows, strict=True) if self._rows else ((),) * 6
-        frame, ids, corner_sd, error, ambiguity, kept = columns
-        cov = np.concatenate([np.zeros((0, 2, 2)), *self._cov])
-        return Sightings(
-            np.array(frame, np.int64),
-            np.array(ids, np.int64),
-            np.concatenate([np.zeros((0, 2)), *self._z]),
-            cov,
-            np.concatenate([np.zeros((0, 2, 2)), *self._corner_noise])
-            if self._corner_noise
-            else np.full_like(cov, np.nan),
-            np.array(corner_sd, float),
-            np.array(error, float),
-            np.array(ambiguity, float),
-            np.array(kept, bool),
-        )
+        return Sightings._make(np.concatenate(column) for column in zip(_NONE, *self._frames, strict=True))
 
 
 def in_log(sightings: Sightings) -> Sightings:

@@ -1,7 +1,6 @@
-"""`bench detect` of a depth camera: a log that runs, clouds beside it, a page on what was matched, and a film."""
+"""`bench detect` of a depth camera: clouds beside the log, what is told of the matches, and a film."""
 
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,13 +10,11 @@ import numpy as np
 import pytest
 
 import depth_drives
-from narrow_window import fits, would_be_seen
-from slamduel.bench.camera.preview import Preview
 from slamduel.bench.cli import main
-from slamduel.bench.depth.annotate import CONTRADICTED, KEPT, annotated
-from slamduel.bench.depth.detect import DepthRequest, detect
-from slamduel.bench.depth.findings import DepthFindings, Levels, advice, as_json, headline, left_out, turned_down_words
-from slamduel.bench.plan.load import load
+from slamduel.bench.detect.depth import DepthFindings, Levels, detect
+from slamduel.bench.detect.depth_frames import CONTRADICTED, KEPT, annotated
+from slamduel.bench.detect.folder import Request
+from slamduel.bench.detect.preview import Preview
 from slamduel.core.factors import Log, Truth
 from slamduel.datasets.depth.open import OpenedDepth, open_depth
 from slamduel.datasets.formats import log_folder
@@ -31,7 +28,6 @@ from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.maps.cloud import NOTHING
 from slamduel.frontend.maps.spool import Spool
 
-FILES = {"log.toml", "odometry.csv", "sightings.csv", "clouds.npz", "map.png", "detection.html", "truth.tum"}
 TINT = np.array([1.0, 0.5, 0.25])
 """Of blue, green and red: the rendered frames are grey."""
 
@@ -55,31 +51,7 @@ def folders(drive: tuple[DepthRecording, Truth, Any], tmp_path_factory: pytest.T
 def run(path: Path, out: Path, **request: Any) -> DepthFindings:
     opened = open_depth(path)
     assert opened is not None
-    return detect(opened, DepthRequest("drive", out, **request), lambda _: None)
-
-
-@pytest.mark.usefixtures("no_report")
-def test_a_folder_becomes_a_log_that_runs(
-    folders: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "a log"
-    assert main(["detect", str(folders["tum"]), "--out", str(out)]) == 0
-    told = " ".join(capsys.readouterr().out.split())
-    assert re.search(
-        r"\d+ frames of 640x480 pixels in \d\.\d\d s, with wheels: \d+ steps over 1\.\d+ m, [\d,]+ sightings of \d+ ",
-        told,
-    )
-    assert re.search(r"\d+ of \d+ pairs of keyframes were registered\. The floor levels every step\.", told)
-    assert "Left out: nothing." in told
-    assert f"report: {out / 'detection.html'}" in told
-    assert f"next: bench run --dataset '{out}'" in told
-    assert {path.name for path in out.iterdir()} == FILES
-    log, truth = log_folder.read(out)
-    assert truth is not None
-    assert len(truth.t) == len(log)
-    assert log.digest == load(folders["tum"]).log.digest
-    assert main(["run", "--backend", "dead-reckoning", "--dataset", str(out), "--out", str(tmp_path / "run")]) == 0
-    assert "ATE" in capsys.readouterr().out
+    return detect(opened, Request("drive", out, **request), lambda _: None)
 
 
 @pytest.mark.parametrize("kind", FORMATS)
@@ -105,15 +77,6 @@ def test_every_kind_of_recording_becomes_the_same_log(
     np.testing.assert_array_equal(log.clouds.at.step, np.arange(len(log)))
 
 
-def test_only_the_first_seconds(folders: dict[str, Path], tmp_path: Path) -> None:
-    whole = run(folders["frames"], tmp_path / "log")
-    found = run(folders["frames"], tmp_path / "log", seconds=2.0)  # an earlier detection is replaced
-    assert found.span[1] - found.span[0] <= 2.0
-    assert found.counts["frames"] == 11
-    assert 2 <= len(found.log) < len(whole.log)
-    assert {path.name for path in tmp_path.iterdir()} == {"log"}
-
-
 def test_the_command_refuses_what_it_cannot_do(
     folders: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -137,51 +100,18 @@ def test_the_command_refuses_what_it_cannot_do(
     odd.write_text(robot.replace("registered = true", 'registered = "yes"'))
     assert "depth.registered: found 'yes'" in refused(tum, "--robot", str(odd))
     assert not (tmp_path / "log").exists()
-    (tmp_path / "log").mkdir()
-    (tmp_path / "log" / "thesis.tex").write_text("mine")
-    assert "not of an earlier bench detect" in refused(tum)
 
 
-def test_strict_refuses_a_remark(folders: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    odd = folders["frames"] / "odd.toml"  # no landmark is in so short a drive: there is neither sighting nor loop
-    odd.write_text((folders["frames"] / "robot.toml").read_text().replace("[depth]", "[depth]\nlandmarks = false"))
-    words = ["detect", str(folders["frames"]), "--robot", str(odd), "--seconds", "2", "--out", str(tmp_path / "log")]
-    assert main([*words, "--strict"]) == 2
-    assert "--strict: " in capsys.readouterr().err
-    assert not (tmp_path / "log").exists()
-    assert main(words) == 0
-    assert "remark: there is no sighting and no loop closure in it" in capsys.readouterr().out
-
-
-# --- the page ---------------------------------------------------------------------------------------------------------
-
-
-def test_the_page_needs_nothing_but_itself(folders: dict[str, Path], tmp_path: Path) -> None:
-    found = run(folders["frames"], tmp_path / "log's")
-    text = (tmp_path / "log's" / "detection.html").read_text(encoding="utf-8")
-    targets = re.findall(r'(?:src|href)="([^"]*)"', text)
-    assert {one for one in targets if not one.startswith(("data:image/png;base64,", "#"))} <= FILES
-    assert not re.search(r"<(script|link|iframe)\b", text)
-    assert text.count("<svg") == 3  # paths, tilt, height: nothing was seen again
-    assert "pairs of keyframes compared" in text
-    assert "without a floor" in text
-    picture = cv2.imread(str(tmp_path / "log's" / "map.png"))
+def test_the_map_shows_the_path_and_levels_the_rocking(folders: dict[str, Path], tmp_path: Path) -> None:
+    found = run(folders["frames"], tmp_path / "log")
+    picture = cv2.imread(str(tmp_path / "log" / "map.png"))
     assert picture is not None
     assert max(picture.shape) > 400
-    blue = (picture == (178, 114, 0)).all(axis=2)  # the path
-    assert blue.sum() > 50
+    assert (picture == (178, 114, 0)).all(axis=2).sum() > 50  # the path's blue
     tilts = found.levels.tilts
     assert tilts.shape == (len(found.log), 3)
     assert 0.005 < tilts[:, :2].std() < 0.05  # rocking of 0.02 rad
     assert np.abs(tilts[:, 2]).max() < 0.01
-
-
-@pytest.mark.slow
-def test_the_page_fits_a_narrow_window(folders: dict[str, Path], tmp_path: Path) -> None:
-    run(folders["frames"], tmp_path / "log")
-    text = (tmp_path / "log" / "detection.html").read_text(encoding="utf-8")
-    assert fits(text, tmp_path)
-    assert would_be_seen(text, tmp_path)
 
 
 def made_up(counts: dict[str, int], **others: Any) -> DepthFindings:
@@ -208,33 +138,33 @@ def made_up(counts: dict[str, int], **others: Any) -> DepthFindings:
     )  # fmt: skip
     recording.left_out.update(others.get("left_out", {}))
     levels = Levels(others.get("tilts", np.zeros((n, 3))), others.get("found", np.ones(n, bool)))
-    return DepthFindings(log, None, recording, np.zeros((n, 3)), levels, np.array([[3, 0]]), (0.0, 3.0))
+    return DepthFindings(log, None, 3.0, recording, np.zeros((n, 3)), levels, np.array([[3, 0]]))
 
 
 def test_what_was_matched_is_told_in_numbers() -> None:
-    assert headline(made_up({})) == [
+    assert made_up({}).headline() == [
         "9 frames of 640x480 pixels in 3.00 s, with wheels: 4 steps over 0.450 m, 1 loop closure.",
         "5 of 5 pairs of keyframes were registered.",
         "The floor levels every step.",
     ]
-    assert headline(made_up({}, landmarks=True))[0].endswith("4 steps over 0.450 m, 0 sightings of 0 landmarks.")
-    assert advice(made_up({})) == []
+    assert made_up({}, landmarks=True).headline()[0].endswith("4 steps over 0.450 m, 0 sightings of 0 landmarks.")
+    assert made_up({}).advice() == []
     found = made_up(
         {"frames without depth": 3, "frames without odometry": 2, "frames without a floor": 1, "pairs registered": 3},
         turned_down={"it contradicts the wheels": 1, "too few matches": 1}, searched=4,
         left_out={"frames without depth": 3}, found=np.array([True, True, False, True]),
     )  # fmt: skip
-    assert headline(found)[1:] == [
+    assert found.headline()[1:] == [
         "3 of 5 pairs of keyframes were registered.",
         "The floor levels 3 steps; 1 (25 %) show no floor and are taken as the mounting states.",
         "Earlier places were compared 4 times and recognised 1 time.",
     ]
-    assert left_out(found) == [("frames without depth", 3), ("frames without odometry", 2)]
-    assert turned_down_words(found) == (
+    assert found.left_out == [("frames without depth", 3), ("frames without odometry", 2)]
+    assert found.refused() == (
         "Turned down: 1 (it contradicts the wheels) and 1 (too few matches). "
         "Left out: 3 frames without depth and 2 frames without odometry."
     )
-    json.dumps(as_json(replace_clouds(found), "log"))
+    json.dumps(replace_clouds(found).as_json("log"))
 
 
 def replace_clouds(found: DepthFindings) -> DepthFindings:
@@ -242,19 +172,19 @@ def replace_clouds(found: DepthFindings) -> DepthFindings:
     spool = Spool()
     for _ in range(len(found.log)):
         spool.add(NOTHING)
-    return found._replace(log=replace(found.log, clouds=spool.clouds(found.recording.camera)))
+    return replace(found, log=replace(found.log, clouds=spool.clouds(found.recording.camera)))
 
 
 def test_what_looks_wrong_is_said() -> None:
-    (said,) = advice(made_up({}, found=np.array([False, False, False, True])))
+    (said,) = made_up({}, found=np.array([False, False, False, True])).advice()
     assert said.startswith("75 % of the steps show no floor: perhaps [camera] mounting is wrong")
-    (said,) = advice(made_up({}, tilts=np.tile([0.1, 0.0, 0.07], (4, 1))))
+    (said,) = made_up({}, tilts=np.tile([0.1, 0.0, 0.07], (4, 1))).advice()
     assert "pitched by 5.7 degrees, rolled by 0.0 and 7 cm above where the mounting has it" in said
-    (said,) = advice(made_up({"features": 40}))
+    (said,) = made_up({"features": 40}).advice()
     assert said.startswith("A keyframe has 10 features with depth, expected hundreds")
-    (said,) = advice(made_up({"pairs registered": 1}, turned_down={"it contradicts the wheels": 4}))
+    (said,) = made_up({"pairs registered": 1}, turned_down={"it contradicts the wheels": 4}).advice()
     assert said.startswith("80 % of the pairs contradict the wheels: perhaps the images' clock (time_offset)")
-    (said,) = advice(made_up({"pairs registered": 1}, turned_down={"too few matches": 4}))
+    (said,) = made_up({"pairs registered": 1}, turned_down={"too few matches": 4}).advice()
     assert said == "80 % of the pairs of keyframes were turned down."
 
 
@@ -337,8 +267,8 @@ def test_a_drive_without_wheels_has_clouds_at_its_steps(
     recording, truth, _ = drive
     settings = Settings(landmarks=False, loops=True, odometry="visual")
     opened = OpenedDepth(replace(recording, motion=None), settings, truth, None)
-    found = detect(opened, DepthRequest("drive", tmp_path / "log"), lambda _: None)
-    assert "without wheels" in headline(found)[0]
+    found = detect(opened, Request("drive", tmp_path / "log"), lambda _: None)
+    assert "without wheels" in found.headline()[0]
     assert len(found.clouds.at.step) == len(found.log) > 6
     assert found.counts["frames looked at"] == found.counts["frames"]
     assert "frame to frame" in (tmp_path / "log" / "detection.html").read_text()

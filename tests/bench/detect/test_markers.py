@@ -12,27 +12,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slamduel.bench.camera import detect as detecting
-from slamduel.bench.camera.detect import DetectRequest, detect
-from slamduel.bench.camera.kept_frames import MOST
-from slamduel.bench.camera.preview import Preview
-from slamduel.bench.camera.sightings import Detection, in_log, markers, per_frame, true_errors
-from slamduel.bench.camera.summary import Findings, as_json, headline, left_out, left_out_words
-from slamduel.bench.cli import main
+from command import run as run_command
 from slamduel.bench.commands import detect as command_detect
+from slamduel.bench.detect import markers as detecting
+from slamduel.bench.detect import page
+from slamduel.bench.detect.folder import Request
+from slamduel.bench.detect.kept_frames import MOST
+from slamduel.bench.detect.markers import MarkerFindings, detect
+from slamduel.bench.detect.preview import Preview
+from slamduel.bench.detect.sightings import Detection, in_log, markers, per_frame, true_errors
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Truth
 from slamduel.datasets.formats import log_folder
-from slamduel.datasets.recordings.write import write
-from slamduel.datasets.worlds.aruco_room import Options, record
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import ProportionalNoise
 from slamduel.frontend.markers.pipeline import Frame, Recording, build_log, see
 from small_recording import CAMERA, FLOOR, K, picture, sighting, small_recording
 
 
-def run(out: Path, recording: Recording, truth: Truth | None, **request: Any) -> Findings:
-    return detect(recording, truth, DetectRequest("drive", out, **request), lambda _: None)
+def run(out: Path, recording: Recording, truth: Truth | None, **request: Any) -> MarkerFindings:
+    return detect(recording, truth, Request("drive", out, **request), lambda _: None)
 
 
 def small(seed: int = 0, **changes: Any) -> tuple[Recording, Truth]:
@@ -48,25 +47,8 @@ def blank(recording: Recording) -> Recording:
 @pytest.fixture
 def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports are drawn in tests of their own."""
-    monkeypatch.setattr(detecting, "write_detection_report", lambda folder, *_: (folder / "detection.html").touch())
-
-
-@pytest.mark.usefixtures("no_report")
-def test_the_log_is_the_recordings_and_runs_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    options = Options(seconds=3.0)
-    out = tmp_path / "log"
-    run(out, *record(options, np.random.default_rng(1)))
-    dataset = log_folder.read(out)
-    recording, truth = record(options, np.random.default_rng(1))
-    assert dataset.log.digest == build_log(recording).digest
-    assert dataset.truth is not None
-    np.testing.assert_array_equal(dataset.truth.poses, truth.poses)
-    names = "log.toml odometry.csv sightings.csv truth.tum landmarks.csv detection.html contact.png"
-    assert {path.name for path in out.iterdir()} == set(names.split())
-    assert list(tmp_path.iterdir()) == [out]
-    words = ["run", "--backend", "dead-reckoning,ekf", "--dataset", str(out), "--out", str(tmp_path / "run")]
-    assert main(words) == 0
-    assert "ATE" in capsys.readouterr().out
+    monkeypatch.setattr(page, "rendered", lambda *_: "")
+    monkeypatch.setattr(MarkerFindings, "figures", lambda _: [])
 
 
 @pytest.mark.usefixtures("no_figures")
@@ -113,7 +95,7 @@ def test_findings_are_what_is_in_the_log(tmp_path: Path) -> None:
     np.testing.assert_array_equal(kept.ids, log.ids)
     np.testing.assert_array_equal(kept.z, log.z)
     assert per_frame(kept, 60).tolist() == np.diff(log.sighting_first).tolist()
-    rows = {one.id: one for one in markers(kept, f.t)}
+    rows = {one.id: one for one in markers(kept, f.log.t)}
     assert list(rows) == np.unique(log.ids).tolist()
     for name, row in rows.items():
         mine = log.ids == name
@@ -125,26 +107,16 @@ def test_findings_are_what_is_in_the_log(tmp_path: Path) -> None:
         assert row.ambiguous == (name == 3)
     far = int((~f.sightings.kept).sum())
     assert far > 0
-    assert dict(left_out(log)) == {"same id twice in a frame": 4, "sightings beyond 3 m": far}
-    assert headline(f)[0].startswith(f"{len(log.ids)} sightings of {len(rows)} markers in 60 frames")
+    assert dict(f.left_out) == {"same id twice in a frame": 4, "sightings beyond 3 m": far}
+    assert f.headline()[0].startswith(f"{len(log.ids)} sightings of {len(rows)} markers in 60 frames")
 
 
 @pytest.mark.usefixtures("no_figures")
 def test_without_truth_nothing_is_told_of_errors(tmp_path: Path) -> None:
     f = run(tmp_path / "log", small()[0], None)
     assert log_folder.read(tmp_path / "log").truth is None
-    assert "truth" not in " ".join(headline(f))
-    assert as_json(f, "log")["by_range"] == []
-
-
-@pytest.mark.parametrize("file", ["notes.txt", "log.toml"])
-def test_a_folder_of_something_else_is_left_alone(tmp_path: Path, file: str) -> None:
-    (tmp_path / file).write_text("mine")
-    with pytest.raises(InputError, match="not of an earlier bench detect"):
-        command_detect.main(_namespace(recording="nowhere", out=tmp_path))
-    with pytest.raises(InputError, match=r"expected a folder"):
-        command_detect.main(_namespace(recording="nowhere", out=tmp_path / file))
-    assert [path.read_text() for path in tmp_path.iterdir()] == ["mine"]
+    assert "truth" not in " ".join(f.headline())
+    assert f.as_json("log")["by_range"] == []
 
 
 @pytest.mark.usefixtures("no_figures")
@@ -165,9 +137,6 @@ def test_an_earlier_detection_is_replaced_and_only_by_a_whole_one(tmp_path: Path
     run(out, *small(2))
     assert not (out / "noise.toml").exists()
     assert (out / "sightings.csv").read_bytes() != before["sightings.csv"]
-    (out / "thesis.tex").write_text("mine")
-    with pytest.raises(InputError, match=r"has thesis\.tex, which bench detect did not write"):
-        run(out, *small(3))
     assert list(tmp_path.iterdir()) == [out]
 
 
@@ -181,12 +150,12 @@ def test_a_recording_without_a_marker_is_a_log_and_advice(tmp_path: Path, monkey
     monkeypatch.setattr(detecting, "diagnose", advise)
     recording, truth = small()
     f = run(tmp_path / "log", blank(recording), truth)
-    assert f.advice == ["The frames are <dark>."]
+    assert f.advice() == ["The frames are <dark>."]
     assert 6 <= looked[0] <= MOST
     assert len(log_folder.read(tmp_path / "log").log.ids) == 0
-    assert headline(f) == ["No marker that can be used was found in 60 frames."]
+    assert f.headline() == ["No marker that can be used was found in 60 frames."]
     assert "The frames are &lt;dark&gt;." in (tmp_path / "log" / "detection.html").read_text()
-    assert run(tmp_path / "other", *small()).advice == []
+    assert run(tmp_path / "other", *small()).advice() == []
 
 
 @pytest.mark.usefixtures("no_figures")
@@ -196,9 +165,9 @@ def test_a_side_in_other_units_is_noticed(tmp_path: Path) -> None:
     far = [([sighting(1, 90.0, 0.1)], Counter[str]()) for _ in told.told]
     wrong = replace(told, told=tuple(far), markers=Markers("4X4_50", 16.0))
     f = run(tmp_path / "log", replace(recording, detector=wrong), None)
-    assert len(f.advice) == 1
-    assert f.advice[0].startswith("The markers would be 90 m away; side = 16 ")
-    assert f.advice[0].endswith(".")
+    assert len(f.advice()) == 1
+    assert f.advice()[0].startswith("The markers would be 90 m away; side = 16 ")
+    assert f.advice()[0].endswith(".")
 
 
 @pytest.mark.parametrize("frames", [[], [Frame(0.0, None), Frame(1.0, None)], [Frame(-9.0, picture(0))]])
@@ -213,24 +182,18 @@ def test_bad_frames_are_counted(tmp_path: Path) -> None:
     recording, truth = small()
     frames = [frame._replace(image=None) if k in (3, 7) else frame for k, frame in enumerate(recording.frames)]
     f = run(tmp_path / "log", replace(recording, frames=frames), truth)
-    assert len(f.t) == 58
-    assert left_out(f.log)[0] == ("frames that could not be decoded", 2)
+    assert len(f.log) == 58
+    assert f.left_out[0] == ("frames that could not be decoded", 2)
     assert f.true is not None
     assert np.abs(f.true.errors[:, 0]).max() < 6 * np.hypot(0.02 * 5, 0.01)  # each with its own frame's truth
 
 
 @pytest.mark.usefixtures("no_figures")
-def test_what_is_left_out_is_counted_and_named_as_it_is() -> None:
+def test_what_is_left_out_is_counted_and_named_as_it_is(tmp_path: Path) -> None:
     counts = {"frames": 9, "sightings": 3, "frames without odometry": 1, "sightings beyond 3 m": 2, "too dark": 1}
-    recording, _ = small()
-    log = replace(build_log(recording), notes={"counts": counts})
-    assert left_out_words(log) == "1 frame without odometry, 2 sightings beyond 3 m and 1 marker (too dark)"
-
-
-def test_only_the_first_seconds(tmp_path: Path) -> None:
-    recording, truth = small()
-    f = run(tmp_path / "log", recording, truth, seconds=2.0)
-    assert f.t.tolist() == truth.t[:11].tolist()
+    f = run(tmp_path / "log", small()[0], None)
+    said = replace(f, log=replace(f.log, notes={"counts": counts})).refused()
+    assert said == "Left out: 1 frame without odometry, 2 sightings beyond 3 m and 1 marker (too dark)."
 
 
 @pytest.mark.parametrize("lost", ["truth", "map", "poses"])
@@ -269,7 +232,7 @@ def test_calibrated_noise_is_the_noise_there_is(tmp_path: Path, seed: int) -> No
     noise = ProportionalNoise(**written)
     assert noise.k_range == pytest.approx(c.range.k, rel=1e-3)
     assert noise.floor_bearing == pytest.approx(c.bearing.floor, rel=1e-3)
-    told = as_json(f, "log")
+    told = f.as_json("log")
     assert told["noise"]["standard_errors"]["scale"] == c.corners.scale_error
     json.dumps(told)
 
@@ -286,58 +249,19 @@ def test_the_command_says_what_it_found(
 
     monkeypatch.setattr(command_detect, "open_recording", open_recording)
     out = tmp_path / "a b"
-    assert command_detect.main(_namespace(recording="[drive]", out=out)) == 0
+    assert run_command(command_detect, "[drive]", "--out", out) == 0
     told = capsys.readouterr().out
     assert given == [(Path("[drive]"), None, None)]
     assert "markers in 60 frames" in told
     assert "Left out: " in told
     assert "4 markers (same id twice in a frame)" in told
-    assert f"bench run --dataset '{out}'" in told
-    assert str(out / "detection.html") in told
-    assert "\x1b" not in told
-    assert command_detect.main(_namespace(recording="x", out=out, calibrate_noise=True)) == 0
+    assert run_command(command_detect, "x", "--out", out, "--calibrate-noise") == 0
     assert "k_range = " in capsys.readouterr().out
-    assert command_detect.main(_namespace(recording="x", out=tmp_path / "c", quiet=True)) == 0
-    assert capsys.readouterr() == ("", "")
-    assert command_detect.main(_namespace(recording="x", out=out, json=True)) == 0
+    assert run_command(command_detect, "x", "--out", out, "--json") == 0
     found = json.loads(capsys.readouterr().out)
     assert found["frames"] == 60
     assert found["sightings"] == sum(one["sightings"] for one in found["markers"])
     assert recording.name == found["name"]
-
-
-@pytest.mark.usefixtures("no_figures")
-def test_a_recording_folder_needs_nothing_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = tmp_path / "drive"
-    write({folder: "frames"}, *record(Options(seconds=1.0), np.random.default_rng(1)))
-    assert command_detect.main(_namespace(recording=str(folder), out=tmp_path / "log")) == 0
-    made = log_folder.read(tmp_path / "log")
-    expected = build_log(record(Options(seconds=1.0), np.random.default_rng(1))[0])
-    np.testing.assert_array_equal(made.log.ids, expected.ids)
-    np.testing.assert_allclose(made.log.z, expected.z, atol=1e-9)
-    assert made.truth is not None
-    assert len(made.truth.t) == 6
-    assert "in 6 frames" in capsys.readouterr().out
-    words = _namespace(recording=str(folder), out=tmp_path / "new", robot=tmp_path / "other.toml")
-    with pytest.raises(InputError, match=r"other\.toml"):
-        command_detect.main(words)
-
-
-def test_what_is_odd_in_a_recording_is_told_and_strictly_is_a_refusal(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder = tmp_path / "drive"
-    write({folder: "frames"}, *record(Options(seconds=1.0), np.random.default_rng(1)))
-    (folder / "truth.tum").write_text("100 0 0 0 0 0 0 1\n")
-    with pytest.raises(InputError, match=r"^--strict: .*drive: truth\.tum has no pose at the log's times"):
-        command_detect.main(_namespace(recording=str(folder), out=tmp_path / "log", strict=True))
-    assert not (tmp_path / "log").exists()
-    assert command_detect.main(_namespace(recording=str(folder), out=tmp_path / "log")) == 0
-    assert "remark: truth.tum has no pose" in capsys.readouterr().out
-    assert "truth.tum has no pose" in (tmp_path / "log" / "detection.html").read_text().replace("&#39;", "'")
-    assert len(log_folder.read(tmp_path / "log").log.remarks) == 1
-    assert command_detect.main(_namespace(recording=str(folder), out=tmp_path / "log", json=True)) == 0
-    assert len(json.loads(capsys.readouterr().out)["remarks"]) == 1
 
 
 def test_a_frame_seen_alone_is_seen_as_in_the_log() -> None:
@@ -346,12 +270,6 @@ def test_a_frame_seen_alone_is_seen_as_in_the_log() -> None:
     log = build_log(small()[0])
     seen = see(recording, frame)
     np.testing.assert_array_equal(seen.z[seen.kept], log[0].sightings.z)
-
-
-def _namespace(**given: Any) -> Any:
-    words = {"robot": None, "scan": None, "odometry": None, "preview": None, "seconds": None, "calibrate_noise": False}
-    words |= {"strict": False, "json": False, "quiet": False}
-    return SimpleNamespace(**(words | given))
 
 
 def _untouched() -> Iterator[Frame]:

@@ -12,16 +12,10 @@ from ...frontend.depth.front_end import FrameFindings
 from ...frontend.depth.level import tilt_of
 from ...frontend.depth.pairs import Keyframe, Trial
 from ...frontend.markers.aruco import Image
-from ..camera.annotate import write
+from .pictures import KEPT, REFUSED, write
 
-# BGR, of Okabe and Ito's colours
-KEPT, REFUSED, CONTRADICTED, ALONE, HORIZON = (
-    (115, 158, 0),
-    (0, 94, 213),
-    (167, 121, 204),
-    (160, 160, 160),
-    (233, 180, 86),
-)
+CONTRADICTED, ALONE, HORIZON = (167, 121, 204), (160, 160, 160), (233, 180, 86)
+"""BGR, beside those that all sensors have."""
 
 LEGEND = (
     (KEPT, "agrees with the motion"),
@@ -84,11 +78,9 @@ def _features(picture: Any, seen: FrameFindings, keyframe: Keyframe, size: float
     """Draws every feature, and a line to where one that agrees was in the step before."""
     pixels, n = keyframe.features.pixels, len(keyframe.features)
     trials = [*seen.trials, *seen.loops]
-    matched, contradicted, kept = (
-        _rows([one.matches for one in trials], n),
-        _rows([one.contradicted for one in trials], n),
-        _rows([one.pair.rows for one in trials if one.pair is not None], n),
-    )
+    matched = _rows([one.matches for one in trials], n)
+    contradicted = _rows([one.contradicted for one in trials], n)
+    kept = _rows([one.pair.rows for one in trials if one.pair is not None], n)
     for pair in [one.pair for one in seen.trials[:1] if one.pair is not None]:
         for before, now in pair.rows[:: -(-len(pair.rows) // LINES)].tolist():
             ends = (_at(pair.first.features.pixels[before]), _at(pixels[now]))

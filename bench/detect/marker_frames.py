@@ -8,12 +8,8 @@ import numpy as np
 from ...core.se2 import Array
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import FrameSightings
+from .pictures import KEPT, REFUSED, WHITE, extent, write
 
-# BGR, of Okabe and Ito's colours: green for what is in the log, orange for what is too far away for it.
-KEPT, FAR = (115, 158, 0), (0, 94, 213)
-WHITE, BLACK = (255, 255, 255), (0, 0, 0)
-
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
 _SHIFT = 4  # bits of a pixel that OpenCV draws lines to
 
 
@@ -29,7 +25,7 @@ def annotated(seen: FrameSightings, width: int | None = None) -> Image:
         picture = cv2.resize(picture, (across, height), interpolation=how)
     size = picture.shape[1] / 640 * (1.1 if width is None else 2.0)  # small pictures need larger letters
     for sighting, z, kept in zip(seen.sightings, seen.z, seen.kept, strict=True):
-        colour = KEPT if kept else FAR
+        colour = KEPT if kept else REFUSED
         corners = (sighting.corners + 0.5) * scale - 0.5
         _outline(picture, corners, colour, size)
         _words(picture, f"{sighting.id}: {z[0]:.2f} m", corners, size)
@@ -52,21 +48,9 @@ def _outline(picture: Any, corners: Array, colour: tuple[int, int, int], size: f
 def _words(picture: Any, text: str, corners: Array, size: float) -> None:
     """Writes above the marker, or below one at the upper edge; never beyond the sides."""
     scale = 0.45 * size
-    (width, height), _ = cv2.getTextSize(text, _FONT, scale, _weight(scale))
+    (width, height), _ = extent(text, scale)
     low, high = corners.min(axis=0), corners.max(axis=0)
     x = int(np.clip((low[0] + high[0] - width) / 2, 3, max(3, picture.shape[1] - width - 3)))
     above = low[1] - 6 * size
     y = above if above > height + 4 else min(high[1] + height + 8 * size, picture.shape[0] - 4)
     write(picture, text, (x, int(y)), scale)
-
-
-def write(picture: Any, text: str, place: tuple[int, int], scale: float) -> None:
-    """Writes white letters on black; `place` is the lower left corner of the first one, px."""
-    (width, height), below = cv2.getTextSize(text, _FONT, scale, _weight(scale))
-    x, y = place
-    cv2.rectangle(picture, (x - 3, y - height - 2), (x + width + 2, y + below // 2), BLACK, cv2.FILLED)
-    cv2.putText(picture, text, place, _FONT, scale, WHITE, _weight(scale), cv2.LINE_AA)
-
-
-def _weight(scale: float) -> int:
-    return max(1, round(2.2 * scale))

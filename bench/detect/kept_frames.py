@@ -3,12 +3,11 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import FrameSightings
-from .annotate import annotated
+from .marker_frames import annotated
 
 PICTURES = 12
 COLUMNS = 4
@@ -61,19 +60,13 @@ class ContactSheet:
 
     def pictures(self) -> list[Picture]:
         """Returns up to PICTURES, in order: the fullest of each stretch, some with rejections, some empty, others."""
-        fullest = [max(stretch, key=_fullness) for stretch in self._stretches]
-        taken = {one.number for one in fullest}
-        others = [one for stretch in self._stretches for one in stretch if one.number not in taken]
-        rejecting = [one for one in others if one.rejected]
-        empty = [one for one in others if not one.rejected and not one.kept]
-        rest = [one for one in others if not one.rejected and one.kept]
-        room = PICTURES - len(fullest)
-        extra = _spread(rejecting, (room + 1) // 2)
-        extra += _spread(empty, room - len(extra))
-        extra += _spread(rest, room - len(extra))
-        more = [one for one in rejecting if one.number not in {taken.number for taken in extra}]
-        extra += _spread(more, room - len(extra))
-        return sorted([*fullest, *extra])
+        chosen = [max(stretch, key=_fullness) for stretch in self._stretches]
+        half = (PICTURES - len(chosen) + 1) // 2
+        for kind, most in (("rejecting", half), ("empty", PICTURES), ("other", PICTURES), ("rejecting", PICTURES)):
+            taken = {one.number for one in chosen}
+            left = [one for stretch in self._stretches for one in stretch if one.number not in taken]
+            chosen += _spread([one for one in left if _kind(one) == kind], min(most, PICTURES - len(chosen)))
+        return sorted(chosen)
 
 
 def sheet(pictures: list[Picture]) -> Image:
@@ -88,13 +81,6 @@ def sheet(pictures: list[Picture]) -> Image:
     return whole
 
 
-def encoded(image: Image, suffix: str) -> bytes:
-    """Encodes the image as a .png or .jpg file."""
-    settings = [cv2.IMWRITE_JPEG_QUALITY, 82] if suffix == ".jpg" else []
-    _, content = cv2.imencode(suffix, image, settings)
-    return content.tobytes()
-
-
 def _best(candidates: list[Picture]) -> list[Picture]:
     chosen = {one.number: one for one in (max(candidates, key=_fullness), min(candidates, key=_fullness))}
     chosen |= {one.number: one for one in [max(candidates, key=lambda one: one.rejected)] if one.rejected}
@@ -104,6 +90,10 @@ def _best(candidates: list[Picture]) -> list[Picture]:
 
 def _fullness(one: Picture) -> tuple[int, int]:
     return one.kept, one.far
+
+
+def _kind(one: Picture) -> str:
+    return "rejecting" if one.rejected else "other" if one.kept else "empty"
 
 
 def _spread(candidates: list[Picture], count: int) -> list[Picture]:

@@ -43,14 +43,29 @@ class Calibration(NamedTuple):
     bins: list[RangeBin]  # of the sightings that neither fit set aside; nees: stated, proportional, propagated
 
 
+def range_bins(ranges: Array, most: int = 10) -> Array:
+    """Returns edges (k + 1,) of at most `most` bins of round width from 0 to beyond the farthest of `ranges`."""
+    top = float(ranges.max()) if len(ranges) else 1.0
+    width = next(w for w in (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, np.inf) if top / w < most)
+    width = width if np.isfinite(width) else top / (most - 1)
+    return np.arange(int(top / width) + 2.0) * width
+
+
+def errors_by_range(sightings: Sightings, true: TrueErrors) -> list[RangeBin]:
+    """Tabulates the errors of the sightings in the log, and their NEES as stated."""
+    seen, errors = known_in_log(sightings, true)
+    return range_table(seen.z, errors, [seen.cov], range_bins(seen.z[:, 0]))
+
+
 def known_in_log(sightings: Sightings, true: TrueErrors) -> tuple[Sightings, Array]:
     """Returns the m sightings in the log with known errors, and these, (m, 2)."""
     both = sightings._replace(kept=sightings.kept & true.known)
     return in_log(both), true.errors[sightings.kept[true.known]]
 
 
-def calibrate(sightings: Sightings, true: TrueErrors, edges: Array) -> Calibration:
-    """Fits both models to the sightings in the log; `edges` (k + 1,) of range bins, m. InputError for too few."""
+def calibrate(sightings: Sightings, true: TrueErrors) -> Calibration:
+    """Fits both models to the sightings in the log; InputError for too few."""
+    edges = range_bins(sightings.z[sightings.kept, 0])
     seen, errors = known_in_log(sightings, true)
     by_range, by_bearing = (fit_slope(seen.z[:, axis], errors[:, axis]) for axis in (0, 1))
     corners = fit_propagated(errors, seen.corner_noise)

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from slamduel.bench.camera.annotate import annotated
-from slamduel.bench.camera.kept_frames import MOST, PICTURES, STRETCHES, ContactSheet, EmptyFrames, sheet
-from slamduel.bench.camera.preview import Preview
+from slamduel.bench.detect.kept_frames import MOST, PICTURES, STRETCHES, ContactSheet, EmptyFrames, sheet
+from slamduel.bench.detect.marker_frames import annotated
+from slamduel.bench.detect.preview import Preview
 from slamduel.core.errors import InputError
 from slamduel.frontend.markers.pipeline import Frame, FrameSightings, build_log
 from small_recording import picture, sighting, small_recording

@@ -1,1 +1,0 @@
-"""Recordings of depth cameras made into logs with reports."""

@@ -1,0 +1,1 @@
+"""Recordings of cameras, depth cameras and laser scanners made into logs with reports."""

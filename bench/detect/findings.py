@@ -1,0 +1,75 @@
+"""The findings of a detection, which every sensor tells in sentences, figures and JSON, and shows on a page."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...core.factors import Dataset, Log, Truth
+from ...datasets.remarks import remarks
+from ..drawing.figure import ReportFigure
+from ..words.numerals import listed
+
+
+@dataclass(frozen=True, eq=False)
+class Findings(ABC):
+    """The log of a recording, and what its sensor's front end has found."""
+
+    template: ClassVar[str]  # of the page
+
+    log: Log
+    truth: Truth | None  # at the log's times
+    seconds: float  # length of the recording
+
+    @property
+    def remarks(self) -> list[str]:
+        """Lists what is legal in the log yet odd."""
+        return remarks(Dataset(self.log, self.truth))
+
+    @property
+    def way(self) -> float:
+        """The length of the path by the log's odometry, m."""
+        return float(np.hypot(*self.log.delta[1:, :2].T).sum())
+
+    @abstractmethod
+    def headline(self) -> list[str]:
+        """Summarises in sentences: what is in the log first."""
+
+    @abstractmethod
+    def refused(self) -> str:
+        """Says what is not in the log, and why."""
+
+    @abstractmethod
+    def advice(self) -> list[str]:
+        """Says what looks wrong, in sentences."""
+
+    @abstractmethod
+    def numbers(self) -> dict[str, Any]:
+        """Returns what the sensor adds to the JSON."""
+
+    @abstractmethod
+    def figures(self) -> list[ReportFigure]:
+        """Draws the figures of the page."""
+
+    @abstractmethod
+    def shown(self, folder: Path) -> Mapping[str, Any]:
+        """Writes the sensor's own files into `folder`, and returns what its template takes beside the findings."""
+
+    def as_json(self, out: str) -> dict[str, Any]:
+        """Returns the findings as JSON takes them; `out` is the log's folder."""
+        known = None if self.truth is None else self.truth.kind
+        said = {"advice": self.advice(), "remarks": self.remarks, "truth": known}
+        return {"log": out, "name": self.log.name, **self.numbers(), **said}
+
+
+def by_count(counts: Mapping[str, int]) -> list[tuple[str, int]]:
+    """Lists what was counted at all, the most frequent first."""
+    return sorted(((name, n) for name, n in counts.items() if n), key=lambda one: (-one[1], one[0]))
+
+
+def told(phrases: Sequence[str]) -> str:
+    """Lists phrases in a line; "nothing" where there is none."""
+    return listed(phrases) or "nothing"

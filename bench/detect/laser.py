@@ -1,0 +1,166 @@
+"""Makes an opened recording of laser scans into a log with a report: `bench detect` of scans."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ...core.dead_reckoning import dead_reckoned
+from ...core.errors import InputError
+from ...core.se2 import Array, between, compose
+from ...datasets.formats.relations import build
+from ...datasets.scans.open import OpenedScans
+from ...datasets.truth import with_truth
+from ...frontend.laser.front_end import FrontEnd
+from ...frontend.laser.recording import LaserRecording
+from ...frontend.maps.occupancy import occupancy
+from ..drawing.figure import ReportFigure
+from ..drawing.map_picture import CELL, MOST, map_picture
+from ..words.numerals import counted, number
+from ..words.styles import COLOURS
+from .findings import Findings, by_count, told
+from .folder import Request, written
+from .page import write_map
+
+MANY_LOST = 0.1
+"""Share of lost scans from which on something must be wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class LaserFindings(Findings):
+    """The findings in laser scans."""
+
+    template: ClassVar[str] = "detection_laser.html.jinja"
+
+    recording: LaserRecording
+    path: Array  # (k, 3) the front end's own estimate of the steps
+
+    @property
+    def counts(self) -> Mapping[str, Any]:
+        """The front end's counts, as the log's notes have them."""
+        return self.log.notes["laser"]
+
+    @property
+    def turned_down(self) -> list[tuple[str, int]]:
+        """Lists why searches gave no loop, and how often."""
+        return by_count(self.counts["turned_down"])
+
+    def headline(self) -> list[str]:
+        """Summarises in sentences: scans and steps, lost scans, loops."""
+        n, c = len(self.recording.t), self.counts
+        scans, beams = counted(n, "scan"), counted(len(self.recording.scanner.angles), "beam")
+        wheels = "with wheels" if c["wheels"] else "without wheels"
+        steps, loops = counted(len(self.log), "step"), counted(len(self.log.loop_to), "loop closure")
+        said = [
+            f"{scans} of {beams} in {number(self.seconds)} s, {wheels}: {steps} over {number(self.way)} m, {loops}."
+        ]
+        if c["lost"]:
+            said.append(
+                f"{counted(c['lost'], 'scan')} did not match the last metres ({100 * c['lost'] / n:.2g} %); the search "
+                f"placed {c['relocated']:,} of them elsewhere."
+            )
+        else:
+            said.append("Every scan matched the last metres.")
+        if c["by_wheels"]:
+            said.append(
+                f"{counted(c['by_wheels'], 'scan')} were placed by the wheels: what they were matched to moved along "
+                "with the robot."
+            )
+        if c["searched"]:
+            far = f", {c['confirmed']:,} of them far from the estimate and confirmed," if c["confirmed"] else ""
+            said.append(
+                f"Steps were searched for in earlier submaps {c['searched']:,} times: {loops}{far} and "
+                f"{sum(n for _, n in self.turned_down):,} turned down."
+            )
+        elif c["settings"]["loops"]:
+            said.append("The robot never came back to where it had been, so no loop was searched for.")
+        return said
+
+    def refused(self) -> str:
+        """Lists why searches gave no loop in a line."""
+        return f"Turned down: {told([f'{n:,} ({why})' for why, n in self.turned_down])}."
+
+    def advice(self) -> list[str]:
+        """Says what looks wrong, in sentences."""
+        n, lost = len(self.recording.t), self.counts["lost"]
+        if lost <= MANY_LOST * n:
+            return []
+        least, most, ranges = self.recording.scanner.least, self.recording.scanner.most, self.recording.ranges
+        returns = float(((ranges > least) & (ranges < most)).mean())
+        beams = f"{100 * returns:.0f} % of the beams are returns between {least:g} and {most:g} m"
+        causes = "perhaps the scanner's pose on the robot, these limits or the odometry's clock are wrong"
+        return [f"{100 * lost / n:.0f} % of the scans did not match, and {beams}: {causes}."]
+
+    def numbers(self) -> dict[str, Any]:
+        """Returns the counts of scans, steps, loops and searches."""
+        return {
+            "scans": len(self.recording.t),
+            "beams": len(self.recording.scanner.angles),
+            "seconds": self.seconds,
+            "wheels": self.counts["wheels"],
+            "steps": len(self.log),
+            "loops": len(self.log.loop_to),
+            **{
+                name: self.counts[name]
+                for name in ("lost", "relocated", "by_wheels", "submaps", "searched", "confirmed")
+            },
+            "turned_down": dict(self.turned_down),
+        }
+
+    def figures(self) -> list[ReportFigure]:
+        """Draws the paths by wheels, by matched scans and with loops, and the loop closures."""
+        from .figures import Path, again_figure, path_figure
+
+        wheels, paths = self.recording.odometry, list[Path]()
+        if wheels is not None:
+            walked = compose(self.log.prior.pose, between(wheels[0], wheels))
+            paths.append(Path(walked, "wheels", COLOURS[1], 0.8, (0, (1, 1.5))))
+        paths.append(Path(dead_reckoned(self.log), "matched scans", COLOURS[0], 1.0, (0, (4, 1.5))))
+        paths.append(Path(self.path, "with loops", COLOURS[2], 1.4))
+        loops = np.column_stack((self.log.loop_step, self.log.loop_to))
+        caption = (
+            "From the prior's pose (dot). The front end's own pose graph gives the path with loops; a loop is a thin "
+            "line."
+        )
+        drawn = [path_figure(self, "Paths", caption, *paths, loops=loops)]
+        if len(loops):
+            caption = "Each dot is one; a line of them is a stretch driven again."
+            drawn.append(again_figure(self, loops, "Loop closures", caption, "leads back to step"))
+        return drawn
+
+    def shown(self, folder: Path) -> Mapping[str, Any]:
+        """Writes the map along the front end's own path."""
+        assert self.log.scans is not None  # the laser front end keeps them
+        return write_map(folder, map_picture(occupancy(self.log.scans, self.path, CELL, MOST), self.path))
+
+
+def detect(opened: OpenedScans, request: Request, advance: Callable[[int], None]) -> LaserFindings:
+    """Matches the scans of a recording and writes its log, scans and report.
+
+    `advance` is called at every scan with the number of loop closures so far. InputError where there are not two steps,
+    where something cannot be written, and for a remark if strict.
+    """
+    if opened.settings.grid is not None:
+        raise InputError(
+            f"{request.source}: [laser] grid in robot.toml localises on a map, and bench detect makes one; expected it "
+            "without grid. bench run --dataset takes the recording as it is."
+        )
+    recording = opened.recording if request.seconds is None else first_seconds(opened.recording, request.seconds)
+
+    def observe(front_end: FrontEnd) -> None:
+        advance(len(front_end.loops))
+
+    made = build(recording, opened.settings, opened.file, opened.remarks, observe)
+    log, truth = made.dataset if opened.truth is None else with_truth(made.dataset.log, opened.truth)
+    estimate = np.array(made.front_end.estimate)
+    path = compose(recording.prior.pose, between(estimate[0], estimate))
+    return written(request, LaserFindings(log, truth, float(recording.t[-1] - recording.t[0]), recording, path))
+
+
+def first_seconds(recording: LaserRecording, seconds: float) -> LaserRecording:
+    """The recording's scans of its first `seconds`."""
+    rows = recording.t - recording.t[0] <= seconds
+    odometry = None if recording.odometry is None else recording.odometry[rows]
+    return replace(recording, t=recording.t[rows], ranges=recording.ranges[rows], odometry=odometry)

@@ -1,1 +1,0 @@
-"""Laser scans made into logs with reports."""
