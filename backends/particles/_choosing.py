@@ -55,20 +55,22 @@ def find(
     work: Array, start: int, count: int, own: Landmarks, sightings: RangeBearing, i: int, decisions: Decisions
 ) -> None:
     """Takes the i-th sighting to be of each particle's landmark of its id; ABSENT where it has none."""
-    name, rows = sightings.ids[i], decisions.rows
+    filters, names, counts, homes = own
+    rows, seen, surprise = decisions
+    name = sightings.ids[i]
     for m in range(count):
-        home, found = own.homes[start + m], -1
-        for row in range(own.counts[home]):
-            if own.names[home, row] == name:
+        home, found = homes[start + m], -1
+        for row in range(counts[home]):
+            if names[home, row] == name:
                 found = row
-        load(work, m, own.filters, home, found)
+        load(work, m, filters, home, found)
         rows[i, start + m] = found if found >= 0 else ABSENT
     weigh(work, 0, count, sightings.z[i], sightings.cov[i])
     for m in range(count):
         if rows[i, start + m] >= 0:
-            decisions.surprise[start + m] += work[17 * BLOCK + m]
+            surprise[start + m] += work[17 * BLOCK + m]
             for j in range(5):
-                decisions.seen[i, j, start + m] = work[(12 + j) * BLOCK + m]
+                seen[i, j, start + m] = work[(12 + j) * BLOCK + m]
 
 
 @compiled
@@ -80,21 +82,22 @@ def look(
 
     Sightings at most move a pose by the root of their number times the gate.
     """
-    ids, landmarks, k = sightings.ids, own.filters, len(sightings.ids)
+    ids, k, rows = sightings.ids, len(sightings.ids), decisions.rows
+    filters, counts, homes = own.filters, own.counts, own.homes
     first, near, where, beyond = candidates.first, candidates.near, candidates.where, candidates.beyond
     furthest = sightings.z[:, 0].max() if k > 0 else 0.0
     rr = sightings.cov[:, 0, 0].max() if k > 0 else 0.0
     first[0] = filled = 0
     for m in range(count):
-        home, x, y = own.homes[start + m], work[m], work[BLOCK + m]
+        home, x, y = homes[start + m], work[m], work[BLOCK + m]
         square, _ = spread(work, m)
         base, rest = furthest + sqrt(k * gate * square), gate * (rr + square)
-        n = own.counts[home]
+        n = counts[home]
         mx, my, pxx, pyy = (
-            landmarks[home, 0, :n],
-            landmarks[home, 1, :n],
-            landmarks[home, 2, :n],
-            landmarks[home, 4, :n],
+            filters[home, 0, :n],
+            filters[home, 1, :n],
+            filters[home, 2, :n],
+            filters[home, 4, :n],
         )
         for row in range(len(mx)):
             dx, dy = mx[row] - x, my[row] - y
@@ -105,10 +108,10 @@ def look(
             filled += not beyond[row]
         for e in range(first[m], filled):
             row = near[e]
-            where[0, e], where[1, e] = landmarks[home, 0, row], landmarks[home, 1, row]
-            where[2, e] = landmarks[home, 2, row] + landmarks[home, 4, row]
+            where[0, e], where[1, e] = filters[home, 0, row], filters[home, 1, row]
+            where[2, e] = filters[home, 2, row] + filters[home, 4, row]
             for i in range(k):
-                if ids[i] != NAMELESS and decisions.rows[i, start + m] == row:
+                if ids[i] != NAMELESS and rows[i, start + m] == row:
                     where[0, e] = inf  # another sighting is of it
         first[m + 1] = filled
 
@@ -122,7 +125,8 @@ def likeliest(
 
     A sighting with an id is of no landmark that has another one.
     """
-    z, cov, name, landmarks = sightings.z[i], sightings.cov[i], sightings.ids[i], own.filters
+    z, cov, name = sightings.z[i], sightings.cov[i], sightings.ids[i]
+    filters, names, homes = own.filters, own.names, own.homes
     first, near, where, beyond = candidates.first, candidates.near, candidates.where, candidates.beyond
     least, second, entry = candidates.least, candidates.second, candidates.entry
     range_, rr, bb = z[0], cov[0, 0], cov[1, 1]
@@ -132,7 +136,7 @@ def likeliest(
         least[m], second[m] = range_ * (c * cb - s * sb), range_ * (s * cb + c * sb)
     for m in range(count):
         x, y, ahead, aside = work[m], work[BLOCK + m], least[m], second[m]
-        home, begin, end = own.homes[start + m], first[m], first[m + 1]
+        home, begin, end = homes[start + m], first[m], first[m + 1]
         square, turn = spread(work, m)
         mx, my, trace = where[0, begin:end], where[1, begin:end], where[2, begin:end]
         for e in range(len(mx)):
@@ -145,21 +149,21 @@ def likeliest(
             beyond[e] = far | (along > gate * (trace[e] + rr + square))
         one, next_, rivals = -1, gate, 0
         for e in range(begin, end):
-            if not beyond[e - begin] and (name == NAMELESS or own.names[home, near[e]] < NAMELESS):
+            if not beyond[e - begin] and (name == NAMELESS or names[home, near[e]] < NAMELESS):
                 rivals += 1
                 one = e
         if rivals > 1:
             best = gate
             for e in range(begin, end):
-                if not beyond[e - begin] and (name == NAMELESS or own.names[home, near[e]] < NAMELESS):
-                    load(work, m, landmarks, home, near[e])
+                if not beyond[e - begin] and (name == NAMELESS or names[home, near[e]] < NAMELESS):
+                    load(work, m, filters, home, near[e])
                     weigh(work, m, m + 1, z, cov)
                     found = work[17 * BLOCK + m]
                     if found < best:
                         best, next_, one = found, best, e
                     elif found < next_:
                         next_ = found
-        load(work, m, landmarks, home, int(near[one]) if one >= 0 else -1)
+        load(work, m, filters, home, int(near[one]) if one >= 0 else -1)
         second[m], entry[m] = next_, one
     weigh(work, 0, count, z, cov)
     for m in range(count):
@@ -188,27 +192,29 @@ def decide(
 
     One with an id only where that is ABSENT; the landmark gets the id. A new one without has the id `made_up`.
     """
-    name, rows, names, landmarks = sightings.ids[i], decisions.rows, own.names, own.filters
-    near, entry = candidates.near, candidates.entry
+    filters, names, counts, homes = own
+    rows, seen, surprise = decisions
+    near, where, least, entry = candidates.near, candidates.where, candidates.least, candidates.entry
+    name = sightings.ids[i]
     for m in range(count):
-        home, at = own.homes[start + m], start + m
+        home, at = homes[start + m], start + m
         if name != NAMELESS and rows[i, at] != ABSENT:
-            load(work, m, landmarks, home, -1)
+            load(work, m, filters, home, -1)
             continue
-        decisions.surprise[at] += candidates.least[m]
+        surprise[at] += least[m]
         row = int(near[entry[m]]) if entry[m] >= 0 else -1
-        load(work, m, landmarks, home, row)
+        load(work, m, filters, home, row)
         for j in range(5):
-            decisions.seen[i, j, at] = work[(12 + j) * BLOCK + m]
+            seen[i, j, at] = work[(12 + j) * BLOCK + m]
         if row >= 0:
-            candidates.where[0, entry[m]] = inf
+            where[0, entry[m]] = inf
             rows[i, at] = row
             if name != NAMELESS:
                 names[home, row] = name
         else:
-            rows[i, at] = -1 - own.counts[home]
-            names[home, own.counts[home]] = made_up if name == NAMELESS else name
-            own.counts[home] += 1
+            rows[i, at] = -1 - counts[home]
+            names[home, counts[home]] = made_up if name == NAMELESS else name
+            counts[home] += 1
 
 
 @compiled
@@ -223,6 +229,7 @@ def choose(
     All particles take the sightings in one order: those with ids first, then those of which the heaviest is surest.
     """
     ids, z, cov = sightings
+    rows, surprise = decisions.rows, decisions.surprise
     k, M = len(z), poses.shape[1]
     most = max(1, own.counts.max())
     work, room = np.zeros(ROWS * BLOCK), min(BLOCK, M) * most
@@ -240,7 +247,7 @@ def choose(
             for m in range(count):
                 for j in range(3):
                     work[j * BLOCK + m] = poses[j, start + m]
-        decisions.surprise[start : start + count] = 0
+        surprise[start : start + count] = 0
         for i in range(k):
             if ids[i] != NAMELESS:
                 find(work, start, count, own, sightings, i, decisions)
@@ -250,7 +257,7 @@ def choose(
         if part >= 0:
             for p in range(k):
                 i = int(order[p])
-                if ids[i] != NAMELESS and decisions.rows[i, start : start + count].min() != ABSENT:
+                if ids[i] != NAMELESS and rows[i, start : start + count].min() != ABSENT:
                     continue
                 likeliest(work, start, count, own, sightings, i, gate, candidates)
                 decide(work, start, count, own, sightings, i, made_up - i, decisions, candidates)

@@ -36,17 +36,18 @@ class Decisions(NamedTuple):
 @compiled
 def keep(poses: Array, sightings: RangeBearing, own: Landmarks, decisions: Decisions) -> None:
     """Stores the landmarks seen, which are corrected, in their rows, and places new ones."""
-    rows, seen, landmarks = decisions.rows, decisions.seen, own.filters
+    rows, seen, landmarks, homes = decisions.rows, decisions.seen, own.filters, own.homes
+    z, cov = sightings.z, sightings.cov
     fresh = np.empty((1, 5, rows.shape[1]))
     for i in range(len(rows)):
         if rows[i].min() < 0:
-            place(poses, fresh, 0, sightings.z[i], sightings.cov[i])
+            place(poses, fresh, 0, z[i], cov[i])
         for m in range(rows.shape[1]):
             row, new = rows[i, m], rows[i, m] < 0
             if new:
                 row = rows[i, m] = -1 - row
             for j in range(5):
-                landmarks[own.homes[m], j, row] = fresh[0, j, m] if new else seen[i, j, m]
+                landmarks[homes[m], j, row] = fresh[0, j, m] if new else seen[i, j, m]
 
 
 @compiled
