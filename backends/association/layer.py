@@ -265,8 +265,8 @@ class Associating:
         z, noise, blocks = polar(frame.xy[rows], np.ascontiguousarray(frame.cov[np.ix_(entries, entries)]))
         z.flags.writeable = blocks.flags.writeable = False  # as a log's: kernels are compiled for one kind
         expected = self._expected(step.odometry, RangeBearing(frame.ids[rows], z, blocks), named)
-        joint = Gates(self._match, self._match, self._gates_for(len(z)), self._options.nodes)
-        pair, nodes = decide(self._rule, Frame(z, noise, expected.z, expected.cov), frame.step[rows], joint, self._far)
+        within = Gates(self._match, self._match, self._gates_for(len(z)), self._options.nodes)
+        pair, nodes = decide(self._rule, Frame(z, noise, expected.z, expected.cov), frame.step[rows], within, self._far)
         return expected.ids.tolist(), pair, nodes
 
     def _expected(self, odometry: Odometry | None, seen: RangeBearing, named: list[int]) -> Expected:

@@ -213,8 +213,8 @@ class Standing:
         """Makes a record of a landmark at xy (2,); returns its slot."""
         slot, records = self._count, self._records
         if slot == len(records.xy):
-            more = _records(slot)
-            self._records = records = Records(*map(np.concatenate, zip(records, more, strict=True)))
+            longer: Any = map(np.concatenate, zip(records, _records(slot), strict=True))
+            self._records = records = Records(*longer)
         records.xy[slot], records.agreed[slot] = xy, agreed
         self._count += 1
         return slot

@@ -71,8 +71,9 @@ class AssociatingFastSlam(PathParticles):
 
     def _see(self, step: Step) -> None:
         """Samples the poses, decides on the sightings, weights the particles by them, and corrects their landmarks."""
-        sightings = RangeBearing(*(part.copy("C") for part in step.sightings))
-        k, M, odometry = len(sightings.ids), len(self._weights), self._motion(step)
+        ids, z, cov = step.sightings
+        ids, z, cov = sightings = RangeBearing(ids.copy("C"), z.copy("C"), cov.copy("C"))
+        k, M, odometry = len(ids), len(self._weights), self._motion(step)
         motion = NO_MOTION if odometry is None else Motion(*odometry, self._normals())
         proposes = odometry is not None and self._options.version == 2
         if odometry is not None and not proposes:
@@ -84,7 +85,6 @@ class AssociatingFastSlam(PathParticles):
             self._poses, proposes, motion, self._heaviest(), sightings, self._gate, UNKNOWN - 1 - self._sighted,
             own, decisions,
         )  # fmt: skip
-        _, z, cov = sightings
         correct(self._poses, decisions.seen, np.arange(k), z, cov, np.empty(M), np.empty((-(-k // LOGGED), M)))
         keep(self._poses, sightings, own, decisions)
         if k:
