@@ -1,6 +1,7 @@
 """Expected sightings with their joint covariance, for any belief that can state a few joint covariances."""
 
 from math import atan2, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,16 @@ LEAST_RANGE = 1e-6
 
 ROUNDING = 1.0 + 1e-9
 """Factor on a bound that is compared with a gate, for rounding errors."""
+
+
+class Gaussian(NamedTuple):
+    """A joint Gaussian of the pose and c landmarks; models are linearised at its means."""
+
+    pose: Array  # (3,)
+    P: Array  # (3, 3) the pose's covariance
+    at: Array  # (c, 2) m
+    C: Array  # (3, 2c) covariance of the pose with the landmarks
+    L: Array  # (2c, 2c) that of the landmarks, of which blocks on and below the diagonal are read
 
 
 @compiled
@@ -69,6 +80,8 @@ def distance(dr: float, db: float, a: float, b: float, c: float) -> float:
     return (c * dr * dr - 2.0 * b * dr * db + a * db * db) / det
 
 
+# `within` and `cross_block` take a belief by its pieces, as callers store it in three ways: as a matrix, as the rows of
+# a triangle, and by what is left of it after a motion.
 @compiled
 def within(
     pose: Array,
@@ -142,26 +155,13 @@ def cross_block(
 
 
 @compiled
-def jointly(
-    pose: Array,
-    P: Array,
-    at: Array,
-    C: Array,
-    L: Array,
-    z: Array,
-    R: Array,
-    gate: float,
-    index: Ints,
-    expected: Array,
-    joint: Array,
-) -> int:
+def jointly(belief: Gaussian, z: Array, R: Array, gate: float, index: Ints, expected: Array, joint: Array) -> int:
     """Expected sightings of those of c landmarks that are within `gate` of one of the sightings z (k, 2), R (k, 2, 2).
 
-    `pose` (3,) and `at` (c, 2) are the means, where the models are linearised, P (3, 3) the pose's covariance, C
-    (3, 2c) that with the landmarks, L (2c, 2c) theirs, of which only blocks on and below the diagonal are read. Returns
-    their number m and fills, from the front, their indices (c,), range and bearing (c, 2), and with 4m^2 numbers the
-    joint covariance (2m, 2m) of those without the noise of the sensor: ArUco EKF SLAM, H P H'.
+    Returns their number m and fills, from the front, their indices (c,), range and bearing (c, 2), and with 4m^2
+    numbers the joint covariance (2m, 2m) of those without the noise of the sensor: ArUco EKF SLAM, H P H'.
     """
+    pose, P, at, C, L = belief
     c = len(at)
     T, H, m = np.empty((c, 2, 3)), np.empty((c, 2, 2)), 0
     for a in range(c):
@@ -222,9 +222,10 @@ def carried(pose: Array, P: Array, motion: Array) -> tuple[float, float]:
 
 @compiled
 def after_motion(
-    pose: Array, P: Array, at: Array, C: Array, L: Array, moves: bool, motion: Array, z: Array, R: Array, gate: float
+    belief: Gaussian, moves: bool, motion: Array, z: Array, R: Array, gate: float
 ) -> tuple[Ints, Array, Array]:
-    """`jointly` for a joint Gaussian of pose and c landmarks as it was before a motion; nothing is changed."""
+    """`jointly` for a belief as it was before a motion; nothing is changed."""
+    pose, P, at, C, L = belief
     x, Q, D = pose.copy(), P.copy(), C.copy()
     if moves:
         gx, gy = carried(x, Q, motion)
@@ -233,5 +234,5 @@ def after_motion(
             D[1, j] += gy * C[2, j]
     c = len(at)
     index, expected, joint = np.empty(c, np.int64), np.empty((c, 2)), np.empty(4 * c * c)
-    m = jointly(x, Q, at, D, L, z, R, gate, index, expected, joint)
+    m = jointly(Gaussian(x, Q, at, D, L), z, R, gate, index, expected, joint)
     return index[:m].copy(), expected[:m].copy(), joint[: 4 * m * m].copy().reshape((2 * m, 2 * m))

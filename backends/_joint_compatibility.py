@@ -13,6 +13,7 @@ conditional distance, given those before, has a narrow gate.
 """
 
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,27 +22,32 @@ from ..core.kernels.compiled import compiled
 from ..core.se2 import Array, Ints
 
 
+class Frame(NamedTuple):
+    """k sightings, and c landmarks that are expected."""
+
+    z: Array  # (k, 2) range (m), bearing (rad)
+    noise: Array  # (2k, 2k) their joint covariance
+    expected: Array  # (c, 2)
+    cov: Array  # (2c, 2c)
+
+
+class Gates(NamedTuple):
+    """Squared distances below which pairs are taken, and how long a better hypothesis is looked for."""
+
+    alone: float  # of a pair, before it is known which others there are
+    match: float  # of a pair, conditional on those before
+    joint: Array  # (n,) of m pairs together, by m
+    nodes: int  # of the search, at most
+
+
 @compiled
-def search(
-    z: Array,
-    noise: Array,
-    of: Ints,
-    expected: Array,
-    cov: Array,
-    d2: Array,
-    alone: float,
-    match: float,
-    gates: Array,
-    most: int,
-    pair: Ints,
-) -> int:
+def search(frame: Frame, of: Ints, d2: Array, gates: Gates, pair: Ints) -> int:
     """Fills `pair` (k,) with the best hypothesis, -1 for a sighting that is in none; returns the nodes visited.
 
-    z (k, 2) are the sightings, `noise` (2k, 2k) their joint covariance, `of` (k,) the step of each, without gaps from
-    0: a landmark is sighted once per step. `expected` (c, 2) and `cov` (2c, 2c) are those of the landmarks, d2 (k, c)
-    the individual distances, below `alone` for a pair; its conditional distance is below `match`, that of m pairs
-    together below gates[m]. After `most` nodes the best one so far is taken.
+    `of` (k,) is the step of each sighting, without gaps from 0: a landmark is sighted once per step. d2 (k, c) are the
+    individual distances. After the most nodes the best one so far is taken.
     """
+    alone, match, joint, most = gates
     k, c = d2.shape
     rows, m = np.zeros((7, k + 1), np.int64), 0  # in one array: allocating takes as long as a node of the search
     count, order, chosen, tried = rows[0], rows[1], rows[2], rows[3]
@@ -80,7 +86,7 @@ def search(
     while p >= 0:
         if p == m:
             fewer = pairs[m] < best_pairs or (pairs[m] == best_pairs and total[m] >= best)
-            if not fewer and total[m] < gates[pairs[m]]:
+            if not fewer and total[m] < joint[pairs[m]]:
                 best_pairs, best = pairs[m], total[m]
                 for q in range(m):
                     pair[order[q]] = chosen[q]
@@ -101,9 +107,9 @@ def search(
                 if taken[a, of[i]]:
                     continue
                 n = pairs[p]
-                more = extended(z, noise, expected, cov, i, a, sighting, landmark, n, L, w)
+                more = extended(frame, i, a, sighting, landmark, n, L, w)
                 reached = total[p] + more
-                if reached < gates[reach] and (n == 0 or more < match):
+                if reached < joint[reach] and (n == 0 or more < match):
                     sighting[n], landmark[n] = i, a
                     pairs[p + 1], total[p + 1] = n + 1, reached
                     chosen[p], taken[a, of[i]] = a, True
@@ -122,24 +128,12 @@ def search(
 
 
 @compiled
-def extended(
-    z: Array,
-    noise: Array,
-    expected: Array,
-    cov: Array,
-    i: int,
-    a: int,
-    sighting: Ints,
-    landmark: Ints,
-    n: int,
-    L: Array,
-    w: Array,
-) -> float:
+def extended(frame: Frame, i: int, a: int, sighting: Ints, landmark: Ints, n: int, L: Array, w: Array) -> float:
     """Squared distance of sighting i from landmark a, conditional on n pairs; infinite where there is none.
 
     Fills rows 2n and 2n + 1 of the Cholesky factor L of the pairs' joint covariance, and of the whitened residuals w.
     """
-    top = 2 * n
+    (z, noise, expected, cov), top = frame, 2 * n
     for t in range(n):
         j, b = sighting[t], landmark[t]
         for h in range(2):

@@ -12,7 +12,7 @@ from ..core.se2 import Array, Ints
 from ._answer import answer_at
 from ._assignment import cheapest, nearest
 from ._expected import ROUNDING, distance
-from ._joint_compatibility import search
+from ._joint_compatibility import Frame, Gates, search
 
 NEAREST, CHEAPEST, JOINT = 0, 1, 2
 """Rules: nearest neighbour, maximum likelihood, joint compatibility."""
@@ -25,29 +25,17 @@ FORBIDDEN = 1e12
 
 
 @compiled
-def decide(
-    rule: int,
-    z: Array,
-    noise: Array,
-    of: Ints,
-    expected: Array,
-    cov: Array,
-    match: float,
-    gates: Array,
-    far: float,
-    alone: float,
-    most: int,
-) -> tuple[Ints, int]:
-    """Pairs k sightings with c expected landmarks; returns (k,) a landmark, NEW or OPEN, and the pairs or nodes tried.
+def decide(rule: int, frame: Frame, of: Ints, gates: Gates, far: float) -> tuple[Ints, int]:
+    """Pairs k sightings with c landmarks; returns (k,) a landmark, NEW or OPEN, and the pairs or nodes tried.
 
-    z (k, 2) are range and bearing with joint covariance `noise` (2k, 2k), `of` (k,) the step of each, any number;
-    `expected` (c, 2) and `cov` (2c, 2c) as `Expected` has them. A pair's squared distance is below `match`, in joint
-    compatibility `alone` before it is known which others there are; a sighting is of a NEW landmark if it is `far` from
-    all that no sighting of its step is of.
+    `of` (k,) is the step of each sighting, any number. A pair's squared distance is within the gates, of which nearest
+    neighbour and maximum likelihood know only `match`; a sighting is of a NEW landmark if it is `far` from all that no
+    sighting of its step is of.
     """
-    k, c = len(z), len(expected)
+    z, noise, expected, cov = frame
+    k, c, match = len(z), len(expected), gates.match
     of = without_gaps(of)
-    d2, pair, widest = np.empty((k, c)), np.full(k, NEW), ROUNDING * max(match, far, alone)
+    d2, pair, widest = np.empty((k, c)), np.full(k, NEW), ROUNDING * max(match, far, gates.alone)
     spread = np.empty((k, c)) if rule == CHEAPEST else d2
     for i in range(k):
         for a in range(c):
@@ -64,7 +52,7 @@ def decide(
     tried = k * c
     if c > 0:
         if rule == JOINT:
-            tried = search(z, noise, of, expected, cov, d2, alone, match, gates, most, pair)
+            tried = search(frame, of, d2, gates, pair)
         elif rule == CHEAPEST:
             likeliest(d2, spread, of, match, pair)
         else:
@@ -162,7 +150,8 @@ def decide_frame(
         for h in range(2):
             for g in range(2):
                 noise[2 * i + h, 2 * i + g] = R[i, h, g]
-    return decide(rule, z, noise, np.zeros(k, np.int64), expected, cov, match, gates, far, far, most)
+    frame = Frame(z, noise, expected, cov)
+    return decide(rule, frame, np.zeros(k, np.int64), Gates(far, match, gates, most), far)
 
 
 class Decision(Arrays):

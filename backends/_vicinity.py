@@ -15,7 +15,7 @@ from ..core.kernels._planar import moved, wrap
 from ..core.kernels.compiled import compiled
 from ..core.se2 import Array
 from ._answer import answer_at
-from ._expected import LEAST_RANGE, carried, jointly, may_be_seen, spread
+from ._expected import LEAST_RANGE, Gaussian, carried, jointly, may_be_seen, spread
 
 X, Y, HEADING, NOISE, TURNS, TURNS_X, TURNS_Y, TURNS_AWAY, SD, HEADING_SD, SINCE = range(11)
 BEFORE, POSE, STATE = 15, 18, 21
@@ -242,6 +242,6 @@ def expect(
             C[0, j] += gx * C[2, j]
             C[1, j] += gy * C[2, j]
     index = np.empty(len(rows), np.int64)
-    out.count[0] = jointly(x, Q, at, C, joint, z, R, gate, index, out.z, out.cov)
+    out.count[0] = jointly(Gaussian(x, Q, at, C, joint), z, R, gate, index, out.z, out.cov)
     for p in range(out.count[0]):
         out.ids[p] = g.ids[rows[index[p]]]

@@ -10,7 +10,7 @@ import numpy as np
 from ..core.factors import Odometry, Prior, RangeBearing
 from ..core.se2 import Array, Ints, compose, rotation
 from . import _vicinity
-from ._expected import after_motion, near_ones, spreads
+from ._expected import Gaussian, after_motion, near_ones, spreads
 from ._vicinity import STATE, SUMS, Places
 from .answers import answer, as_expected
 from .api import Diverged, Expected
@@ -156,9 +156,8 @@ def first_expected(prior: Prior, seen: RangeBearing, gate: float) -> Expected:
     near = near_ones(pose, P, np.array(known.xy), sd, z, R, gate)
     entries = np.stack((2 * near, 2 * near + 1), axis=1).ravel()
     L, C = np.ascontiguousarray(known.cov[np.ix_(entries, entries)]), np.zeros((3, 2 * len(near)))
-    index, expected, cov = after_motion(
-        pose, P, np.ascontiguousarray(known.xy[near]), C, L, False, np.zeros((4, 3)), z, R, gate
-    )
+    belief = Gaussian(pose, P, np.ascontiguousarray(known.xy[near]), C, L)
+    index, expected, cov = after_motion(belief, False, np.zeros((4, 3)), z, R, gate)
     return Expected(known.ids[near[index]], expected, cov)
 
 

@@ -6,6 +6,7 @@ of sightings that agree with the map, found by the search of joint compatibility
 """
 
 from math import cos, sin
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from .._expected import distance
-from .._joint_compatibility import extended, search
+from .._joint_compatibility import Frame, Gates, extended, search
 
 LOOSE = 0.2
 """Standard deviation of the pose: rad, and as a share of the furthest range."""
@@ -46,18 +47,40 @@ ANY = 1e300
 """A gate without end."""
 
 
+class Sightings(NamedTuple):
+    """k sightings in a frame."""
+
+    z: Array  # (k, 2) range (m), bearing (rad)
+    R: Array  # (k, 2, 2)
+    rows: Ints  # (k,) of their landmarks among those expected, -1: new
+    settled: Ints  # (k,) how many sightings their landmarks agree with
+
+
+class Records(NamedTuple):
+    """What is known of n landmarks, f sums of displacements among it."""
+
+    xy: Array  # (n, 2) m, as estimated when last sighted
+    agreed: Ints  # (n,) sightings that agree
+    pull: Array  # (n, f, 2) the sums, in units of information
+    weight: Array  # (n, f, 3) their covariances xx, xy, yy
+    run: Ints  # (n,) the last sightings in a row that are off
+    lately: Array  # (n, 2, 2) the last two displacements of these, m
+    spreads: Array  # (n, 2, 2, 2) their covariances
+    times: Array  # (n, 2) and times, s
+
+
 @compiled
 def judge(
-    z: Array, R: Array, rows: Ints, settled: Ints, expected: Array, cov: Array, heading: float, scale: float,
-    match: float, careful: float, gates: Array, most: int,
-) -> tuple[Ints, Array, Array, Array]:  # fmt: skip
-    """Judges k sightings z (k, 2), R (k, 2, 2) of the landmarks in `rows` (k,) of `expected` (c, 2), `cov` (2c, 2c).
+    sightings: Sightings, expected: Array, cov: Array, heading: float, scale: float, gates: Gates, careful: float
+) -> tuple[Ints, Array, Array, Array]:
+    """Judges k sightings of landmarks `expected` (c, 2), `cov` (2c, 2c).
 
-    Row -1 is a new landmark. Covariances are multiplied by `scale`; a squared distance is below `match`, or `careful`
-    for landmarks with fewer than FEW in `settled` (k,), and gates[m] that of m together. Returns (k,) AGREES, OFF or
-    ELSEWHERE, the squared distances (k,), and the displacement (k, 2) from the map, m in the world, with its covariance
-    (k, 2, 2).
+    Covariances are multiplied by `scale`; a squared distance is below the gates, or `careful` for a landmark that is
+    not settled by FEW. Returns (k,) AGREES, OFF or ELSEWHERE, the squared distances (k,), and the displacement (k, 2)
+    from the map, m in the world, with its covariance (k, 2, 2).
     """
+    z, R, rows, settled = sightings
+    match = gates.match
     k, m = len(z), 0
     which = np.empty(k, np.int64)
     for i in range(k):
@@ -78,23 +101,24 @@ def judge(
         for h in range(2):
             for g in range(2):
                 noise[2 * p + h, 2 * p + g] = R[i, h, g] * scale
-    joint, pair, agree = loosened(at, own, cov, scale, LOOSE, LOOSE * furthest), np.full(m, -1), 0
+    frame = Frame(seen, noise, at, loosened(at, own, cov, scale, LOOSE, LOOSE * furthest))
+    pair, agree = np.full(m, -1), 0
     if m >= ENOUGH:
-        agree = agreeing_set(seen, noise, at, joint, ANY, match, gates, most, pair)
+        agree = agreeing_set(frame, Gates(ANY, match, gates.joint, gates.nodes), pair)
     if agree < ENOUGH:
-        joint = loosened(at, own, cov, DOUBT * scale, 0.0, 0.0)
-        agreeing_set(seen, noise, at, joint, match, match, gates, most, pair)
+        frame = Frame(seen, noise, at, loosened(at, own, cov, DOUBT * scale, 0.0, 0.0))
+        agreeing_set(frame, gates, pair)
     said, apart, off, spread = np.zeros(k, np.int64), np.zeros(k), np.zeros((k, 2)), np.zeros((k, 2, 2))
     L, w, members = np.empty((2 * m, 2 * m)), np.empty(2 * m), np.empty(m, np.int64)
     for p in range(m):
         n = 0
         for q in range(m):
             if q != p and pair[q] >= 0:
-                extended(seen, noise, at, joint, q, q, members, members, n, L, w)
+                extended(frame, q, q, members, members, n, L, w)
                 members[n] = q
                 n += 1
         i, t = which[p], 2 * n
-        apart[i] = extended(seen, noise, at, joint, p, p, members, members, n, L, w)
+        apart[i] = extended(frame, p, p, members, members, n, L, w)
         if pair[p] < 0 or (settled[i] < FEW and apart[i] > careful):
             said[i] = OFF
         r, way = z[i, 0] - L[t, t] * w[t], heading + z[i, 1] - L[t + 1, t] * w[t] - L[t + 1, t + 1] * w[t + 1]
@@ -110,7 +134,7 @@ def judge(
         spread[i, 1, 1] = v * v * a + 2 * u * v * b + u * u * c
         spread[i, 1, 0] = spread[i, 0, 1] = u * v * (a - c) + (u * u - v * v) * b
     for i in range(k):
-        if (rows[i] < 0 or apart[i] > match) and on_another(i, z, R, rows, said, expected, cov, match):
+        if (rows[i] < 0 or apart[i] > match) and on_another(i, sightings, said, expected, cov, match):
             said[i] = ELSEWHERE
     return said, apart, off, spread
 
@@ -139,10 +163,9 @@ def loosened(at: Array, own: Ints, cov: Array, scale: float, turn: float, way: f
 
 
 @compiled
-def agreeing_set(
-    z: Array, noise: Array, at: Array, cov: Array, alone: float, match: float, gates: Array, most: int, pair: Ints
-) -> int:
+def agreeing_set(frame: Frame, gates: Gates, pair: Ints) -> int:
     """Fills `pair` (m,) with -1 for sightings that are not in the largest set that agrees; returns its size."""
+    z, noise, at, cov = frame
     m = len(z)
     d2 = np.full((m, m), np.inf)  # each is of its own landmark or of none
     for p in range(m):
@@ -151,7 +174,7 @@ def agreeing_set(
             z[p, 0] - at[p, 0], wrap(z[p, 1] - at[p, 1]), cov[a, a] + noise[a, a], cov[a + 1, a] + noise[a + 1, a],
             cov[a + 1, a + 1] + noise[a + 1, a + 1],
         )  # fmt: skip
-    search(z, noise, np.zeros(m, np.int64), at, cov, d2, alone, match, gates, most, pair)
+    search(frame, np.zeros(m, np.int64), d2, gates, pair)
     agree = 0
     for p in range(m):
         agree += pair[p] >= 0
@@ -159,8 +182,9 @@ def agreeing_set(
 
 
 @compiled
-def on_another(i: int, z: Array, R: Array, rows: Ints, said: Ints, expected: Array, cov: Array, match: float) -> bool:
+def on_another(i: int, sightings: Sightings, said: Ints, expected: Array, cov: Array, match: float) -> bool:
     """Tells if sighting i is where another landmark is expected that no sighting agrees with."""
+    z, R, rows = sightings.z, sightings.R, sightings.rows
     for other in range(len(expected)):
         a, free = 2 * other, other != rows[i]
         for j in range(len(z)):
@@ -175,14 +199,14 @@ def on_another(i: int, z: Array, R: Array, rows: Ints, said: Ints, expected: Arr
 
 @compiled
 def follow(
-    slots: Ints, said: Ints, t: float, off: Array, spread: Array, agreed: Ints, pull: Array, weight: Array,
-    run: Ints, lately: Array, spreads: Array, times: Array, match: float, alarm: float,
-) -> Ints:  # fmt: skip
-    """Adds the k sightings of a frame to what is known of their landmarks (n, ...); returns (k,) what these do.
+    records: Records, slots: Ints, said: Ints, t: float, off: Array, spread: Array, match: float, alarm: float
+) -> Ints:
+    """Adds the k sightings of a frame to the records of their landmarks, `slots` (k,); returns (k,) what these do.
 
     Two tests. Sightings that are off: the last three in a row, which agree on another place or on a steady motion.
     Sightings that agree: sums of displacements that forget, against the squared distance `alarm`.
     """
+    _, agreed, pull, weight, run, lately, spreads, times = records
     found = np.zeros(len(slots), np.int64)
     for i in range(len(slots)):
         s, d, C = slots[i], off[i], spread[i]

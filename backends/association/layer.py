@@ -15,6 +15,7 @@ import numpy as np
 from ...core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step, Truth
 from ...core.se2 import Array, Ints, compose
 from .._expected import carried
+from .._joint_compatibility import Frame, Gates
 from .._rules import NEW, Decision, decide, decide_frame, decision_by
 from ..answers import answer, filled, fills
 from ..api import Backend, Belief, Expected, Pose, Solution, TakenOut, TakesOut, WantsTruth
@@ -264,10 +265,8 @@ class Associating:
         z, noise, blocks = polar(frame.xy[rows], np.ascontiguousarray(frame.cov[np.ix_(entries, entries)]))
         z.flags.writeable = blocks.flags.writeable = False  # as a log's: kernels are compiled for one kind
         expected = self._expected(step.odometry, RangeBearing(frame.ids[rows], z, blocks), named)
-        pair, nodes = decide(
-            self._rule, z, noise, frame.step[rows], expected.z, expected.cov, self._match, self._gates_for(len(z)),
-            self._far, self._match, self._options.nodes,
-        )  # fmt: skip
+        within = Gates(self._match, self._match, self._gates_for(len(z)), self._options.nodes)
+        pair, nodes = decide(self._rule, Frame(z, noise, expected.z, expected.cov), frame.step[rows], within, self._far)
         return expected.ids.tolist(), pair, nodes
 
     def _expected(self, odometry: Odometry | None, seen: RangeBearing, named: list[int]) -> Expected:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields, make_dataclass
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar
 
 from ...core.errors import InputError
 from ...core.options import option
@@ -58,10 +58,12 @@ class Association:
     )
     nodes: int = option(20_000, "jcbb: most nodes of a step's search", minimum=1)
 
+    made_of: ClassVar[tuple[type, tuple[str, ...]]]
+    """The arguments of `options_with` that have made the class."""
+
     def __reduce__(self) -> tuple[Any, ...]:
-        """The class is made at run time: it is stored as the backend's options, its own rules and the values."""
-        base = type(self).__mro__[3]
-        return _restored, (base, _own_rules(self), {one.name: getattr(self, one.name) for one in fields(self)})
+        """The class is made at run time: it is stored by what it is made of, and the values."""
+        return _restored, (*self.made_of, {one.name: getattr(self, one.name) for one in fields(self)})
 
 
 @dataclass(frozen=True)
@@ -79,12 +81,6 @@ def _restored(base: type, own: tuple[str, ...], values: dict[str, Any]) -> Any:
     return options_with(base, own)(**values)
 
 
-def _own_rules(options: Association) -> tuple[str, ...]:
-    """The rules beside those of `RULES` that a backend has."""
-    choices = next(one.metadata["choices"] for one in fields(options) if one.name == "association")
-    return tuple(rule for rule in choices if rule not in ("none", *RULES))
-
-
 @cache
 def options_with(base: type, own: tuple[str, ...] = ()) -> type:
     """The options dataclass `base` with those of data association and of landmarks that move.
@@ -100,7 +96,8 @@ def options_with(base: type, own: tuple[str, ...] = ()) -> type:
     also = "".join(f", or {rule}: {OWN_RULES[rule]}" for rule in own)
     extended = option("none", f"{plain['summary']}{also}", choices=(*plain["choices"], *own))
     more = [("association", str, extended)] if own else []
-    return make_dataclass("Options", more, bases=(Association, Moved, base), frozen=True)
+    made_of = {"made_of": (base, own)}
+    return make_dataclass("Options", more, bases=(Association, Moved, base), namespace=made_of, frozen=True)
 
 
 def _check_together(options: Any, where: str) -> None:

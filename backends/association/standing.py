@@ -20,8 +20,9 @@ import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, RangeBearing, Step, Truth
 from ...core.se2 import Array, Ints, compose, wrap
+from .._joint_compatibility import Gates
 from ..api import Backend, Belief, Expected, Pose, Solution, TakenOut, WantsTruth
-from ._standing import AGREES, FEW, FORGETS, MOVED, STOOD_ELSEWHERE, follow, judge
+from ._standing import AGREES, FEW, FORGETS, MOVED, STOOD_ELSEWHERE, Records, Sightings, follow, judge
 from .quantiles import gates, quantile
 
 MATCH, CAREFUL, JOINT = 0.9999, 0.99, 0.9999
@@ -55,36 +56,13 @@ SLOTS = 64
 """Landmarks that space is reserved for at first."""
 
 
-class Records:
-    """The records of n landmarks, by slot; see `_standing.follow`."""
-
-    def __init__(self) -> None:
-        self.xy = np.zeros((SLOTS, 2))  # as estimated when last sighted
-        self.agreed, self.run = np.zeros(SLOTS, np.int64), np.zeros(SLOTS, np.int64)
-        self.pull, self.weight = np.zeros((SLOTS, len(FORGETS), 2)), np.zeros((SLOTS, len(FORGETS), 3))
-        self.lately, self.spreads = np.zeros((SLOTS, 2, 2)), np.zeros((SLOTS, 2, 2, 2))
-        self.times = np.zeros((SLOTS, 2))
-        self._count = 0
-
-    def new(self, xy: Array, agreed: int = 0) -> int:
-        """Makes a record of a landmark at xy (2,); returns its slot."""
-        slot = self._count
-        self._count += 1
-        if slot == len(self.xy):
-            for name, column in vars(self).items():
-                if isinstance(column, np.ndarray):
-                    setattr(self, name, np.concatenate((column, np.zeros_like(column))))
-        self.xy[slot], self.agreed[slot] = xy, agreed
-        return slot
-
-
 class Standing:
     """A backend that landmarks which move are taken out in front of."""
 
     def __init__(self, inner: Backend, prior: Prior) -> None:
         self._inner: Any = inner
         self._pose: Array = prior.pose.copy()
-        self._records = Records()
+        self._records, self._count = _records(SLOTS), 0
         self._slot: dict[int, int] = {}
         self._moved: dict[int, None] = {}  # in the order in which they were found
         self._inside: dict[int, int] = {}  # id -> that of the landmark that was mapped again
@@ -99,7 +77,7 @@ class Standing:
         self._gates = gates(JOINT, SLOTS)
         known = prior.map
         if known is not None:
-            self._slot = {i: self._records.new(xy, FEW) for i, xy in zip(known.ids.tolist(), known.xy, strict=True)}
+            self._slot = {i: self._recorded(xy, FEW) for i, xy in zip(known.ids.tolist(), known.xy, strict=True)}
 
     def step(self, step: Step) -> Pose | None:
         """Hands the step on without sightings that are off, or of landmarks that have moved."""
@@ -165,7 +143,7 @@ class Standing:
             if not keep[i]:
                 self._off[names[i]] = self._off.get(names[i], 0) + 1
             elif names[i] not in self._slot:
-                self._slot[names[i]] = self._records.new(_place(pose, step.sightings.z[i]))
+                self._slot[names[i]] = self._recorded(_place(pose, step.sightings.z[i]))
         return keep
 
     def _weigh(
@@ -180,8 +158,8 @@ class Standing:
         records, scale = self._records, max(1.0, math.exp(self._log_median) / MEDIAN)
         slots = np.array([self._slot.get(names[i], -1) for i in rows], np.int64)
         said, apart, off, spread = judge(
-            z, cov, at[rows], records.agreed[slots], found.z, found.cov, pose[2], scale, self._match, self._careful,
-            self._gates, NODES,
+            Sightings(z, cov, at[rows], records.agreed[slots]), found.z, found.cov, pose[2], scale,
+            Gates(self._match, self._match, self._gates, NODES), self._careful,
         )  # fmt: skip
         for j, i in enumerate(rows):
             if slots[j] < 0 and said[j] != AGREES and self._held.get(names[i], 0) < HELD:
@@ -201,10 +179,7 @@ class Standing:
             return  # too few agree to judge the others by
         over = np.log(np.maximum(apart[judged] * scale, 1e-300)) > self._log_median
         self._log_median += STEP * (2 * int(over.sum()) - len(judged))
-        verdicts = follow(
-            slots[judged], said[judged], step.t, off[judged], spread[judged], records.agreed, records.pull,
-            records.weight, records.run, records.lately, records.spreads, records.times, self._match, ALARM,
-        )  # fmt: skip
+        verdicts = follow(records, slots[judged], said[judged], step.t, off[judged], spread[judged], self._match, ALARM)
         for j, verdict in zip(judged.tolist(), verdicts.tolist(), strict=True):
             i = rows[j]
             if verdict == MOVED:
@@ -234,12 +209,22 @@ class Standing:
         at[known] = [row.get(names[i], -1) for i in known]
         return found, at
 
+    def _recorded(self, xy: Array, agreed: int = 0) -> int:
+        """Makes a record of a landmark at xy (2,); returns its slot."""
+        slot, records = self._count, self._records
+        if slot == len(records.xy):
+            longer: Any = map(np.concatenate, zip(records, _records(slot), strict=True))
+            self._records = records = Records(*longer)
+        records.xy[slot], records.agreed[slot] = xy, agreed
+        self._count += 1
+        return slot
+
     def _map_again(self, landmark: int, xy: Array) -> None:
         """Has the backend map a landmark anew, at its next sighting, which is about xy (2,)."""
         self._wrong.add(self._inside.get(landmark, landmark))
         self._inside[landmark] = inside = FIRST - len(self._wrong)
         self._called[inside] = landmark
-        self._slot[landmark] = self._records.new(xy, FEW)
+        self._slot[landmark] = self._recorded(xy, FEW)
 
     def _standing(self, ids: Ints) -> Ints:
         """Indices of the backend's landmarks that neither have moved nor have been mapped again."""
@@ -259,6 +244,21 @@ class Standing:
             cov = None if found.cov is None else found.cov[np.ix_(entries, entries)]
             found = Map(found.ids[keep], found.xy[keep], cov)
         return found._replace(ids=self._translated(found.ids))
+
+
+def _records(n: int) -> Records:
+    """Room for those of n landmarks, of which nothing is known."""
+    f = len(FORGETS)
+    return Records(
+        xy=np.zeros((n, 2)),
+        agreed=np.zeros(n, np.int64),
+        pull=np.zeros((n, f, 2)),
+        weight=np.zeros((n, f, 3)),
+        run=np.zeros(n, np.int64),
+        lately=np.zeros((n, 2, 2)),
+        spreads=np.zeros((n, 2, 2, 2)),
+        times=np.zeros((n, 2)),
+    )
 
 
 def _place(pose: Array, z: Array) -> Array:

@@ -1,7 +1,18 @@
 """Sightings of one landmark at several steps as one place, and the rows of a joint covariance."""
 
+from ...core.kernels._arrays import Arrays, Integers, Table
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
+
+
+class SightedPlaces(Arrays):
+    """Landmarks as sighted: k places."""
+
+    xy: Table  # (k, 2) m, in the frame of the last step's pose
+    cov: Table  # (2k, 2k)
+    half: Table  # (k, k) half-traces of its blocks
+    who: Integers  # (k,) the landmark by its row in the map, -1: any
+    chosen: Integers  # (s,) the place of each sighting, -1: not used
 
 
 @compiled

@@ -7,7 +7,8 @@ import numpy as np
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from ._hypotheses import MISS
-from ._landmark_grid import nearest
+from ._map_index import AREA, MapIndex, largest_variance, nearest
+from ._places import SightedPlaces
 
 ROUNDS = 3
 """Times that places are matched anew before only leaving out is allowed."""
@@ -37,25 +38,20 @@ def invert(S: Array, n: int) -> float:
 
 
 @compiled
-def match(
-    pose: Array, places: Array, seen: Array, who: Ints, gate: float, to: Ints,
-    xy: Array, half: Array, corner: Array, cell: float, first: Ints, members: Ints,
-) -> int:  # fmt: skip
+def match(places: SightedPlaces, on: MapIndex, pose: Array, gate: float, to: Ints) -> int:
     """Finds the landmark nearest to each place within the gate, each once, `to` (k,), -1: none; returns how many."""
     c, s = cos(pose[2]), sin(pose[2])
-    off = np.empty(len(places))
-    found, widest = 0, 0.0
-    for n in range(len(xy)):
-        widest = max(widest, half[n, n])
-    for q in range(len(places)):
-        x, y = pose[0] + c * places[q, 0] - s * places[q, 1], pose[1] + s * places[q, 0] + c * places[q, 1]
-        n = who[q]
+    spots, seen, xy = places.xy, places.half, on.xy
+    off, found, widest = np.empty(len(spots)), 0, largest_variance(on)
+    for q in range(len(spots)):
+        x, y = pose[0] + c * spots[q, 0] - s * spots[q, 1], pose[1] + s * spots[q, 0] + c * spots[q, 1]
+        n = places.who[q]
         if n < 0:
-            n = nearest(x, y, sqrt(gate * (seen[q, q] + widest)), xy, corner, cell, first, members)
+            n = nearest(on, x, y, sqrt(gate * (seen[q, q] + widest)))
         to[q] = -1
         if n < 0:
             continue
-        off[q] = ((xy[n, 0] - x) ** 2 + (xy[n, 1] - y) ** 2) / (seen[q, q] + half[n, n])
+        off[q] = ((xy[n, 0] - x) ** 2 + (xy[n, 1] - y) ** 2) / (seen[q, q] + on.half[n, n])
         if off[q] > gate:
             continue
         to[q] = n
@@ -69,16 +65,14 @@ def match(
 
 
 @compiled
-def joint(
-    pose: Array, places: Array, cov: Array, to: Ints, xy: Array, map_cov: Array, r: Array, G: Array, S: Array
-) -> int:
+def joint(places: SightedPlaces, on: MapIndex, pose: Array, to: Ints, r: Array, G: Array, S: Array) -> int:
     """Computes the residuals r (2m,) of the m matched places, their Jacobian G (2m, 3) by the pose, covariance S."""
     c, s = cos(pose[2]), sin(pose[2])
-    m = 0
-    for q in range(len(places)):
+    spots, cov, xy, map_cov, m = places.xy, places.cov, on.xy, on.cov, 0
+    for q in range(len(spots)):
         if to[q] < 0:
             continue
-        u, v = c * places[q, 0] - s * places[q, 1], s * places[q, 0] + c * places[q, 1]
+        u, v = c * spots[q, 0] - s * spots[q, 1], s * spots[q, 0] + c * spots[q, 1]
         r[2 * m], r[2 * m + 1] = xy[to[q], 0] - pose[0] - u, xy[to[q], 1] - pose[1] - v
         G[2 * m, 0], G[2 * m, 1], G[2 * m, 2] = 1.0, 0.0, -v
         G[2 * m + 1, 0], G[2 * m + 1, 1], G[2 * m + 1, 2] = 0.0, 1.0, u
@@ -157,22 +151,20 @@ def worst(r: Array, inverse: Array, m: int, room: Array) -> tuple[int, float]:
 
 @compiled
 def refine(
-    pose: Array, places: Array, cov: Array, seen: Array, who: Ints, gate: float, room: Array, area: float, least: int,
-    xy: Array, map_cov: Array, half: Array, corner: Array, cell: float, first: Ints, members: Ints,
-    to: Ints, pose_cov: Array,
-) -> float:  # fmt: skip
+    places: SightedPlaces, on: MapIndex, pose: Array, pose_cov: Array, to: Ints, gate: float, least: int
+) -> float:
     """Refines `pose` (3,) of covariance `pose_cov` (3, 3), with the landmark `to` (k,) of each place, -1: none.
 
     Leaves out the places that lower the likelihood. Returns its logarithm over chance, integrated over all poses whose
-    place is in the `area` (m^2); -inf with under `least` matches.
+    place is in the area of the map; -inf with under `least` matches.
     """
-    k = len(places)
+    k, room = len(places.xy), on.room
     r, G, S = np.empty(2 * k), np.empty((2 * k, 3)), np.empty((2 * k, 2 * k))
     for turn in range(ROUNDS + k):
         if turn < ROUNDS:
             wide = gate * (WIDER if turn < ROUNDS - 1 else 1.0)
-            match(pose, places, seen, who, wide, to, xy, half, corner, cell, first, members)
-        m = joint(pose, places, cov, to, xy, map_cov, r, G, S)
+            match(places, on, pose, wide, to)
+        m = joint(places, on, pose, to, r, G, S)
         if m < least:
             return -np.inf
         volume = adjust(pose, r, G, S, m, pose_cov)
@@ -187,7 +179,7 @@ def refine(
                 for j in range(2 * m):
                     total -= 0.5 * r[i] * S[i, j] * r[j]
             root = sqrt(determinant(pose_cov))
-            return total + log(root * (2 * pi) ** 1.5) - log(2 * pi * area)
+            return total + log(root * (2 * pi) ** 1.5) - log(2 * pi * on.box[AREA])
         for q in range(k):
             if to[q] >= 0:
                 which -= 1

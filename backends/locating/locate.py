@@ -13,10 +13,11 @@ import numpy as np
 
 from ...core.factors import UNKNOWN, Map, Step
 from ...core.se2 import Array, Ints, wrap
-from ._hypotheses import search
-from ._places import grouped, merge
+from ._hypotheses import Hypotheses, search
+from ._map_index import MapIndex
+from ._places import SightedPlaces, grouped, merge
 from ._refine import refine
-from .map_index import MapIndex
+from .map_index import indexed
 from .virtual import Virtual, backward, virtual
 
 LEAST = 6
@@ -58,7 +59,7 @@ def locate(steps: Sequence[Step], known: Map | MapIndex, least: int = LEAST, mar
     seen = virtual(backward(steps[-used:]), DOUBT)
     if len(seen.ids) < least or len(known.ids) < least:
         return None
-    on = known if isinstance(known, MapIndex) else MapIndex.of(known)
+    on = known if isinstance(known, MapIndex) else indexed(known)
     places = _places(seen, on)
     if len(places.who) < least:
         return None
@@ -77,16 +78,6 @@ def locate(steps: Sequence[Step], known: Map | MapIndex, least: int = LEAST, mar
     return Fix(best.pose, best.cov, ids, best.gain, ahead)
 
 
-class _Places(NamedTuple):
-    """Landmarks as sighted: k places."""
-
-    xy: Array  # (k, 2) m, in the frame of the last step's pose
-    cov: Array  # (2k, 2k)
-    half: Array  # (k, k) half-traces of its blocks
-    who: Ints  # (k,) the landmark by its row in the map, -1: any
-    chosen: Ints  # (s,) the place of each sighting, -1: not used
-
-
 class _Pose(NamedTuple):
     pose: Array  # (3,)
     cov: Array  # (3, 3)
@@ -94,7 +85,7 @@ class _Pose(NamedTuple):
     gain: float
 
 
-def _places(seen: Virtual, on: MapIndex) -> _Places:
+def _places(seen: Virtual, on: MapIndex) -> SightedPlaces:
     """Joins the sightings of each landmark, and chooses the surest places."""
     order = np.argsort(on.ids, kind="stable")
     at = order[np.minimum(np.searchsorted(on.ids, seen.ids, sorter=order), len(order) - 1)]
@@ -109,11 +100,17 @@ def _places(seen: Virtual, on: MapIndex) -> _Places:
     who, number = np.full(n, -1), np.full(n, -1)
     who[group] = row
     number[best] = np.arange(len(best))
-    return _Places(xy[best], cov[np.ix_(entries, entries)], half[np.ix_(best, best)], who[best], number[group])
+    return SightedPlaces(
+        xy=xy[best],
+        cov=np.ascontiguousarray(cov[np.ix_(entries, entries)]),
+        half=np.ascontiguousarray(half[np.ix_(best, best)]),
+        who=who[best],
+        chosen=number[group],
+    )
 
 
-def _pairs(places: _Places, on: MapIndex) -> tuple[Ints, Ints, Ints]:
-    """Returns pairs of places (p, 2), and from where to where in the sorted pairs of landmarks each may lie."""
+def _hypotheses(places: SightedPlaces, on: MapIndex) -> Hypotheses:
+    """Returns the pairs of places, each with the pairs of landmarks on which it may lie: those of fewest first."""
     i, j = np.tril_indices(len(places.xy), -1)
     length = np.hypot(*(places.xy[i] - places.xy[j]).T)
     half, widest = places.half, on.variance.max(initial=0.0)
@@ -123,26 +120,28 @@ def _pairs(places: _Places, on: MapIndex) -> tuple[Ints, Ints, Ints]:
     order = np.argsort(high - low, kind="stable")
     order = order[length[order] > slack[order]]  # nearer, they tell no heading
     order = order[: max(1, int(np.searchsorted(np.cumsum((high - low)[order]), LAID)))]
-    return np.column_stack((i, j))[order], low[order], high[order]
+    k = len(places.xy)
+    return Hypotheses(
+        pairs=np.column_stack((i[order], j[order])),
+        low=low[order],
+        high=high[order],
+        lever=np.empty(k),
+        spread=np.empty(k),
+        best=np.empty(k + 1),
+        kept=np.empty((REFINED, 4)),
+    )
 
 
-def _refined(places: _Places, on: MapIndex) -> list[_Pose]:
+def _refined(places: SightedPlaces, on: MapIndex) -> list[_Pose]:
     """Returns the best poses on the map, refined."""
-    grid = on.corner, on.cell, on.first, on.members
-    kept = np.empty((REFINED, 4))
-    count = search(
-        places.xy, places.half, places.who, *_pairs(places, on), GATE, on.room, on.cell / 4,
-        on.pair_a, on.pair_b, on.length, on.variance, on.xy, on.half, *grid, kept,
-    )  # fmt: skip
+    hypotheses = _hypotheses(places, on)
+    count = search(hypotheses, places, on, GATE, on.cell / 4)
     found, mean = list[_Pose](), places.xy.mean(axis=0)
-    for x, y, heading, _ in kept[:count].tolist():
+    for x, y, heading, _ in hypotheses.kept[:count].tolist():
         c, s = np.cos(heading), np.sin(heading)
         pose = np.array((x - c * mean[0] + s * mean[1], y - s * mean[0] - c * mean[1], heading))
         to, cov = np.empty(len(places.xy), np.int64), np.empty((3, 3))
-        gain = refine(
-            pose, places.xy, places.cov, places.half, places.who, GATE, on.room, on.area, 2,
-            on.xy, on.cov, on.half, *grid, to, cov,
-        )  # fmt: skip
+        gain = refine(places, on, pose, cov, to, GATE, 2)
         if gain > 0:
             pose[2] = wrap(pose[2])
             found.append(_Pose(pose, (cov + cov.T) / 2, to, gain))

@@ -16,7 +16,7 @@ from ...core.factors import UNKNOWN, Map, Prior, RelativePoses, Step, Truth
 from ...core.se2 import Array, Ints, compose, inverse, wrap
 from ..api import Associates, Backend, Belief, Builder, Pose, Solution, TakenOut, TakesOut, WantsTruth
 from .locate import LEAST, Fix, locate
-from .map_index import MapIndex
+from .map_index import indexed
 from .watch import Watch
 
 WINDOW = 128
@@ -40,7 +40,7 @@ class Locating:
 
     def __init__(self, make: Callable[[Prior], Backend], prior: Prior, known: Map, *, online: bool) -> None:
         self._make, self._prior, self._map = make, prior, known
-        self._on = MapIndex.of(known) if len(known.ids) else None
+        self._on = indexed(known) if len(known.ids) else None
         self._watch = None if self._on is None else Watch(self._on)
         self._truth: Truth | None = None
         self._inner: Backend | None = None

@@ -4,8 +4,8 @@ import numpy as np
 
 from ...core.factors import UNKNOWN, Step
 from ...core.se2 import Array, Ints, compose
+from ._map_index import MapIndex
 from ._watch import evidence
-from .map_index import MapIndex
 
 LOST = 10.0
 """Logarithm of the likelihood of chance over that of the pose, for sightings since some step, from which on the robot
@@ -37,11 +37,7 @@ class Watch:
             drift = np.array((np.trace(step.odometry.cov[:2, :2]) / 2, step.odometry.cov[2, 2]))
         ids, z, z_cov = step.sightings
         if len(ids):
-            on = self._on
-            gain = evidence(
-                pose, drift, self.rows(ids), np.array(z), np.array(z_cov), on.xy, on.half, on.room, on.area,
-                on.corner, on.cell, on.first, on.members,
-            )  # fmt: skip
+            gain = evidence(self._on, pose, drift, self.rows(ids), np.array(z), np.array(z_cov))
             self.sum = max(0.0, self.sum - gain)
         self.since = self.since + 1 if self.sum > 0 else 0
 

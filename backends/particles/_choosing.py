@@ -13,23 +13,23 @@ exceeds the gate if
 where nr is the error of the range zr of a landmark r m away, and e its distance from the sighting in the world: e^2 -
 nr^2 = 4 r zr sin^2(nb / 2) is at most r zr nb^2. The pose's standard deviations are at most s m and t rad.
 
-Each particle has rows of its own: `landmarks` (M, 5, N) are laid out as filters, `names` (M, N) are their ids, `counts`
-(M,) their number. Particle m has those of `homes[m]`. `work` is that of `_proposal.py`, for the particles of a block.
+Each particle has rows of its own: see `Landmarks`. `work` is that of `_proposal.py`, for `count` particles of a block
+from `start` on.
 """
 
 from math import inf, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.factors import RangeBearing
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
+from ._own_maps import Decisions, Landmarks, Rows
 from ._particles import BLOCK, cosine_sine
-from ._proposal import ROWS, draw, fold, predict
+from ._proposal import ROWS, Motion, draw, fold, predict
 from ._surprise import load, spread, weigh
-
-Rows = NDArray[np.int32]
-Flags = NDArray[np.bool]
 
 ABSENT = -(2**31)
 """In place of a row: the particle has no landmark of the sighting's id."""
@@ -38,20 +38,34 @@ NAMELESS = -1
 """The id of a sighting without one: `UNKNOWN` of `core.factors`. Made-up ids are below it."""
 
 
+class Candidates(NamedTuple):
+    """Landmarks of a block of particles that sightings may be of, and the likeliest for the one in hand."""
+
+    first: Ints  # (BLOCK + 1,) those of particle m are near[first[m]:first[m + 1]]
+    near: Rows  # (n,) their rows, in any order
+    where: Array  # (3, n) their mean and the trace of their covariance; x infinite where another sighting is of it
+    beyond: NDArray[np.bool]  # (N,) scratch
+    least: Array  # (BLOCK,) the two least surprises, both at most the gate
+    second: Array  # (BLOCK,)
+    entry: Ints  # (BLOCK,) the entry in `near` of the landmark with the least, or -1
+
+
 @compiled
 def find(
-    work: Array, start: int, count: int, landmarks: Array, names: Ints, counts: Ints, homes: Ints, i: int, z: Array,
-    cov: Array, name: int, rows: Rows, seen: Array, surprise: Array,
-) -> None:  # fmt: skip
-    """Takes the i-th sighting, of id `name`, to be of each particle's landmark of that id; ABSENT where it has none."""
+    work: Array, start: int, count: int, own: Landmarks, sightings: RangeBearing, i: int, decisions: Decisions
+) -> None:
+    """Takes the i-th sighting to be of each particle's landmark of its id; ABSENT where it has none."""
+    filters, names, counts, homes = own
+    rows, seen, surprise = decisions
+    name = sightings.ids[i]
     for m in range(count):
         home, found = homes[start + m], -1
         for row in range(counts[home]):
             if names[home, row] == name:
                 found = row
-        load(work, m, landmarks, home, found)
+        load(work, m, filters, home, found)
         rows[i, start + m] = found if found >= 0 else ABSENT
-    weigh(work, 0, count, z, cov)
+    weigh(work, 0, count, sightings.z[i], sightings.cov[i])
     for m in range(count):
         if rows[i, start + m] >= 0:
             surprise[start + m] += work[17 * BLOCK + m]
@@ -61,15 +75,18 @@ def find(
 
 @compiled
 def look(
-    work: Array, start: int, count: int, landmarks: Array, counts: Ints, homes: Ints, furthest: float, rr: float,
-    gate: float, rows: Rows, ids: Ints, first: Ints, near: Rows, where: Array, beyond: Flags,
+    work: Array, start: int, count: int, own: Landmarks, sightings: RangeBearing, gate: float, decisions: Decisions,
+    candidates: Candidates,
 ) -> None:  # fmt: skip
-    """Lists the landmarks of each particle that a sighting of at most `furthest` m may be of, in any order.
+    """Lists the landmarks of each particle that a sighting of the step may be of.
 
-    Those of particle m are near[first[m]:first[m + 1]], and `where` (3, n) their mean and the trace of their
-    covariance. Sightings at most move a pose by the root of their number times the gate.
+    Sightings at most move a pose by the root of their number times the gate.
     """
-    k = len(ids)
+    ids, k, rows = sightings.ids, len(sightings.ids), decisions.rows
+    filters, counts, homes = own.filters, own.counts, own.homes
+    first, near, where, beyond = candidates.first, candidates.near, candidates.where, candidates.beyond
+    furthest = sightings.z[:, 0].max() if k > 0 else 0.0
+    rr = sightings.cov[:, 0, 0].max() if k > 0 else 0.0
     first[0] = filled = 0
     for m in range(count):
         home, x, y = homes[start + m], work[m], work[BLOCK + m]
@@ -77,10 +94,10 @@ def look(
         base, rest = furthest + sqrt(k * gate * square), gate * (rr + square)
         n = counts[home]
         mx, my, pxx, pyy = (
-            landmarks[home, 0, :n],
-            landmarks[home, 1, :n],
-            landmarks[home, 2, :n],
-            landmarks[home, 4, :n],
+            filters[home, 0, :n],
+            filters[home, 1, :n],
+            filters[home, 2, :n],
+            filters[home, 4, :n],
         )
         for row in range(len(mx)):
             dx, dy = mx[row] - x, my[row] - y
@@ -91,8 +108,8 @@ def look(
             filled += not beyond[row]
         for e in range(first[m], filled):
             row = near[e]
-            where[0, e], where[1, e] = landmarks[home, 0, row], landmarks[home, 1, row]
-            where[2, e] = landmarks[home, 2, row] + landmarks[home, 4, row]
+            where[0, e], where[1, e] = filters[home, 0, row], filters[home, 1, row]
+            where[2, e] = filters[home, 2, row] + filters[home, 4, row]
             for i in range(k):
                 if ids[i] != NAMELESS and rows[i, start + m] == row:
                     where[0, e] = inf  # another sighting is of it
@@ -101,15 +118,17 @@ def look(
 
 @compiled
 def likeliest(
-    work: Array, start: int, count: int, landmarks: Array, names: Ints, homes: Ints, first: Ints, near: Rows,
-    where: Array, z: Array, cov: Array, name: int, gate: float, least: Array, second: Array, entry: Ints,
-    beyond: Flags,
+    work: Array, start: int, count: int, own: Landmarks, sightings: RangeBearing, i: int, gate: float,
+    candidates: Candidates,
 ) -> None:  # fmt: skip
-    """Finds the landmark in view with the least surprise of a sighting z (2,), for each particle.
+    """Finds the landmark in view with the least surprise of the i-th sighting, for each particle.
 
-    Fills `least` and `second`, the two least surprises, both at most the `gate`, and `entry`, that of the landmark in
-    `near`, or -1. A sighting of an id `name` is of no landmark that has another one. `beyond` is overwritten.
+    A sighting with an id is of no landmark that has another one.
     """
+    z, cov, name = sightings.z[i], sightings.cov[i], sightings.ids[i]
+    filters, names, homes = own.filters, own.names, own.homes
+    first, near, where, beyond = candidates.first, candidates.near, candidates.where, candidates.beyond
+    least, second, entry = candidates.least, candidates.second, candidates.entry
     range_, rr, bb = z[0], cov[0, 0], cov[1, 1]
     cb, sb = cosine_sine(z[1])
     for m in range(count):
@@ -137,14 +156,14 @@ def likeliest(
             best = gate
             for e in range(begin, end):
                 if not beyond[e - begin] and (name == NAMELESS or names[home, near[e]] < NAMELESS):
-                    load(work, m, landmarks, home, near[e])
+                    load(work, m, filters, home, near[e])
                     weigh(work, m, m + 1, z, cov)
                     found = work[17 * BLOCK + m]
                     if found < best:
                         best, next_, one = found, best, e
                     elif found < next_:
                         next_ = found
-        load(work, m, landmarks, home, int(near[one]) if one >= 0 else -1)
+        load(work, m, filters, home, int(near[one]) if one >= 0 else -1)
         second[m], entry[m] = next_, one
     weigh(work, 0, count, z, cov)
     for m in range(count):
@@ -166,21 +185,25 @@ def surest_first(ahead: Array, order: Ints) -> None:
 
 @compiled
 def decide(
-    work: Array, start: int, count: int, landmarks: Array, names: Ints, counts: Ints, homes: Ints, near: Rows,
-    where: Array, least: Array, entry: Ints, i: int, name: int, made_up: int, rows: Rows, seen: Array, surprise: Array,
+    work: Array, start: int, count: int, own: Landmarks, sightings: RangeBearing, i: int, made_up: int,
+    decisions: Decisions, candidates: Candidates,
 ) -> None:  # fmt: skip
     """Takes the i-th sighting to be of the likeliest landmark of each particle, or of a new one.
 
-    One of an id `name` only where that is ABSENT; the landmark gets the id. A new one without has the id `made_up`.
+    One with an id only where that is ABSENT; the landmark gets the id. A new one without has the id `made_up`.
     """
+    filters, names, counts, homes = own
+    rows, seen, surprise = decisions
+    near, where, least, entry = candidates.near, candidates.where, candidates.least, candidates.entry
+    name = sightings.ids[i]
     for m in range(count):
         home, at = homes[start + m], start + m
         if name != NAMELESS and rows[i, at] != ABSENT:
-            load(work, m, landmarks, home, -1)
+            load(work, m, filters, home, -1)
             continue
         surprise[at] += least[m]
         row = int(near[entry[m]]) if entry[m] >= 0 else -1
-        load(work, m, landmarks, home, row)
+        load(work, m, filters, home, row)
         for j in range(5):
             seen[i, j, at] = work[(12 + j) * BLOCK + m]
         if row >= 0:
@@ -196,31 +219,30 @@ def decide(
 
 @compiled
 def choose(
-    poses: Array, moves: bool, delta: Array, motion: Array, noise: Array, heaviest: int, z: Array, cov: Array,
-    ids: Ints, landmarks: Array, names: Ints, counts: Ints, homes: Ints, gate: float, made_up: int,
-    rows: Rows, seen: Array, surprise: Array,
+    poses: Array, moves: bool, motion: Motion, heaviest: int, sightings: RangeBearing, gate: float, made_up: int,
+    own: Landmarks, decisions: Decisions,
 ) -> None:  # fmt: skip
     """Decides in every particle which landmark each of k sightings is of; where `moves` is set, samples poses, too.
 
-    `delta`, `motion` and `noise` are those of `propose`, z (k, 2), cov (k, 2, 2) and `ids` (k,) the sightings; the i-th
-    makes up the id `made_up` - i. Fills `rows` (k, M) with the landmark, -1 - row of a new one, `seen` (k, 5, M) with
-    its filter as it was, and `surprise` (M,). A new landmark has its row and id, and no filter yet.
+    The i-th sighting makes up the id `made_up` - i. A new landmark has its row and id, and no filter yet.
 
     All particles take the sightings in one order: those with ids first, then those of which the heaviest is surest.
     """
+    ids, z, cov = sightings
+    rows, surprise = decisions.rows, decisions.surprise
     k, M = len(z), poses.shape[1]
-    furthest = z[:, 0].max() if k > 0 else 0.0
-    rr = cov[:, 0, 0].max() if k > 0 else 0.0
-    most = max(1, counts.max())
-    work, least, second, beyond = np.zeros(ROWS * BLOCK), np.empty(BLOCK), np.empty(BLOCK), np.empty(most, np.bool_)
-    first, entry = np.empty(BLOCK + 1, np.int64), np.empty(BLOCK, np.int64)
-    near, where = np.empty(min(BLOCK, M) * most + 1, np.int32), np.empty((3, min(BLOCK, M) * most))
+    most = max(1, own.counts.max())
+    work, room = np.zeros(ROWS * BLOCK), min(BLOCK, M) * most
+    candidates = Candidates(
+        np.empty(BLOCK + 1, np.int64), np.empty(room + 1, np.int32), np.empty((3, room)), np.empty(most, np.bool_),
+        np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK, np.int64),
+    )  # fmt: skip
     ahead, order = np.empty(k), np.empty(k, np.int64)
     for part in range(-1, (M + BLOCK - 1) // BLOCK):  # first the heaviest alone, for the order
         start = heaviest if part < 0 else part * BLOCK
         count = 1 if part < 0 else min(BLOCK, M - start)
         if moves:
-            predict(work, poses, start, count, delta, motion)
+            predict(work, poses, start, count, motion)
         else:
             for m in range(count):
                 for j in range(3):
@@ -228,34 +250,25 @@ def choose(
         surprise[start : start + count] = 0
         for i in range(k):
             if ids[i] != NAMELESS:
-                find(work, start, count, landmarks, names, counts, homes, i, z[i], cov[i], ids[i], rows, seen, surprise)
+                find(work, start, count, own, sightings, i, decisions)
                 if moves:
                     fold(work, count, z[i], cov[i])
-        look(work, start, count, landmarks, counts, homes, furthest, rr, gate, rows, ids, first, near, where, beyond)
+        look(work, start, count, own, sightings, gate, decisions, candidates)
         if part >= 0:
             for p in range(k):
                 i = int(order[p])
                 if ids[i] != NAMELESS and rows[i, start : start + count].min() != ABSENT:
                     continue
-                likeliest(
-                    work, start, count, landmarks, names, homes, first, near, where, z[i], cov[i], ids[i], gate,
-                    least, second, entry, beyond,
-                )  # fmt: skip
-                decide(
-                    work, start, count, landmarks, names, counts, homes, near, where, least, entry, i, ids[i],
-                    made_up - i, rows, seen, surprise,
-                )  # fmt: skip
+                likeliest(work, start, count, own, sightings, i, gate, candidates)
+                decide(work, start, count, own, sightings, i, made_up - i, decisions, candidates)
                 if moves:
                     fold(work, count, z[i], cov[i])
             if moves:
-                draw(work, poses, start, count, noise)
+                draw(work, poses, start, count, motion.noise)
             continue
         for i in range(k):
             ahead[i] = inf
             if ids[i] == NAMELESS:
-                likeliest(
-                    work, start, 1, landmarks, names, homes, first, near, where, z[i], cov[i], ids[i], gate,
-                    least, second, entry, beyond,
-                )  # fmt: skip
-                ahead[i] = second[0] - least[0]
+                likeliest(work, start, 1, own, sightings, i, gate, candidates)
+                ahead[i] = candidates.second[0] - candidates.least[0]
         surest_first(ahead, order)

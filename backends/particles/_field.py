@@ -4,7 +4,7 @@ from math import exp, log, pi, sqrt
 
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from ..locating._landmark_grid import nearest
+from ..locating._map_index import AREA, MapIndex, nearest
 from ._particles import cosine_sine
 
 ASTRAY = 0.05
@@ -14,25 +14,23 @@ GATE = 13.8
 
 
 @compiled
-def weigh(
-    poses: Array, who: Ints, z: Array, z_cov: Array, widen: float, area: float, log_weights: Array,
-    xy: Array, half: Array, corner: Array, cell: float, first: Ints, members: Ints,
-) -> None:  # fmt: skip
+def weigh(on: MapIndex, poses: Array, who: Ints, z: Array, z_cov: Array, widen: float, log_weights: Array) -> None:
     """Adds to `log_weights` (M,) the logarithm of the likelihood of the sightings z (k, 2) at `poses` (5, M).
 
     `who` (k,) is the landmark of each by its row in the map, -1: the nearest. Standard
     deviations are `widen` times those of the sightings and landmarks.
     """
+    xy, half = on.xy, on.half
     for i in range(len(z)):
         r = z[i, 0]
         cb, sb = cosine_sine(z[i, 1])
         widest = half[who[i], who[i]] if who[i] >= 0 else half.max()
         v = widen * widen * (0.5 * (z_cov[i, 0, 0] + r * r * z_cov[i, 1, 1]) + widest)
-        reach, peak, floor = sqrt(GATE * v), (1 - ASTRAY) / (2 * pi * v), ASTRAY / area
+        reach, peak, floor = sqrt(GATE * v), (1 - ASTRAY) / (2 * pi * v), ASTRAY / on.box[AREA]
         for m in range(poses.shape[1]):
             x = poses[0, m] + r * (poses[3, m] * cb - poses[4, m] * sb)
             y = poses[1, m] + r * (poses[4, m] * cb + poses[3, m] * sb)
-            n = who[i] if who[i] >= 0 else nearest(x, y, reach, xy, corner, cell, first, members)
+            n = who[i] if who[i] >= 0 else nearest(on, x, y, reach)
             likelihood = floor
             if n >= 0:
                 likelihood += peak * exp(-0.5 * ((xy[n, 0] - x) ** 2 + (xy[n, 1] - y) ** 2) / v)

@@ -11,6 +11,7 @@ where only matrices with eigenvalues of at least 1 are factored, so that no cova
 """
 
 from math import log
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +20,15 @@ from ...core.kernels._small import factored
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from ._particles import BLOCK, LOGGED, cosine_sine, root
-from ._proposal import ROWS, draw, fold, predict
+from ._proposal import ROWS, Motion, draw, fold, predict
+
+
+class Loops(NamedTuple):
+    """n loop closures of M particles."""
+
+    earlier: Array  # (n, 3, M) the particles' poses that they are to
+    delta: Array  # (n, 3)
+    cov: Array  # (n, 3, 3)
 
 
 @compiled
@@ -94,12 +103,8 @@ def fold_loop(work: Array, count: int, earlier: Array, start: int, z: Array, cov
 @compiled
 def propose(
     poses: Array,
-    delta: Array,
-    motion: Array,
-    noise: Array,
-    earlier: Array,
-    loops: Array,
-    loops_cov: Array,
+    motion: Motion,
+    loops: Loops,
     filters: Array,
     slots: Ints,
     z: Array,
@@ -107,7 +112,7 @@ def propose(
     distance: Array,
     volume: Array,
 ) -> None:
-    """As `_proposal.propose`, with loop closures (n, 3), of covariance (n, 3, 3), to poses `earlier` (n, 3, M).
+    """As `_proposal.propose`, with loop closures.
 
     They come before the sightings; `distance` receives their part of -2 log-likelihood, too.
     """
@@ -116,9 +121,9 @@ def propose(
         off = distance[part]
         count = len(off)
         work = np.empty(ROWS * BLOCK)
-        predict(work, poses, start, count, delta, motion)
-        for k in range(len(loops)):
-            fold_loop(work, count, earlier[k], start, loops[k], loops_cov[k])
+        predict(work, poses, start, count, motion)
+        for k in range(len(loops.delta)):
+            fold_loop(work, count, loops.earlier[k], start, loops.delta[k], loops.cov[k])
             for m in range(count):
                 off[m] += work[17 * BLOCK + m]
         for k in range(len(slots)):
@@ -129,19 +134,20 @@ def propose(
             for m in range(count):
                 off[m] += work[17 * BLOCK + m]
                 spread[m] *= work[18 * BLOCK + m]
-        draw(work, poses, start, count, noise)
+        draw(work, poses, start, count, motion.noise)
 
 
 @compiled
-def weigh(poses: Array, earlier: Array, loops: Array, loops_cov: Array, distance: Array) -> None:
-    """Adds to `distance` (M,) e' R^-1 e of loop closures (n, 3), R (n, 3, 3), to poses `earlier` (n, 3, M)."""
-    for k in range(len(loops)):
-        la, lb, lc, ld, le, lf = root(loops_cov[k])
+def weigh(poses: Array, loops: Loops, distance: Array) -> None:
+    """Adds e' R^-1 e of the loop closures to `distance` (M,)."""
+    earlier, delta = loops.earlier, loops.delta
+    for k in range(len(delta)):
+        la, lb, lc, ld, le, lf = root(loops.cov[k])
         for m in range(len(distance)):
             c, s = cosine_sine(earlier[k, 2, m])
             dx, dy = poses[0, m] - earlier[k, 0, m], poses[1, m] - earlier[k, 1, m]
-            turn = wrap(loops[k, 2] - poses[2, m] + earlier[k, 2, m])
-            e1 = (loops[k, 0] - c * dx - s * dy) / la
-            e2 = (loops[k, 1] + s * dx - c * dy - lb * e1) / lc
+            turn = wrap(delta[k, 2] - poses[2, m] + earlier[k, 2, m])
+            e1 = (delta[k, 0] - c * dx - s * dy) / la
+            e2 = (delta[k, 1] + s * dx - c * dy - lb * e1) / lc
             e3 = (turn - ld * e1 - le * e2) / lf
             distance[m] += e1 * e1 + e2 * e2 + e3 * e3

@@ -11,6 +11,7 @@ dy; 0 -1 -dx], so with F = A' G' and V = P + W the innovation's covariance is U 
 """
 
 from math import inf, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,14 @@ from ._particles import BLOCK, LOGGED, arctan2, cosine_sine, root
 
 ROWS = 19
 """Rows of `work`: see `fold`."""
+
+
+class Motion(NamedTuple):
+    """A motion in the body frame, and the random numbers by which poses after it are drawn."""
+
+    delta: Array  # (3,) dx, dy (m), dtheta (rad)
+    cov: Array  # (3, 3)
+    noise: Array  # (3, M) standard normal
 
 
 @compiled
@@ -94,12 +103,9 @@ def fold(work: Array, count: int, z: Array, cov: Array) -> None:
 
 
 @compiled
-def predict(work: Array, poses: Array, start: int, count: int, delta: Array, motion: Array) -> None:
-    """Fills mean and A in `work` for `count` particles from `start` on: their poses after a motion, before sightings.
-
-    The motion is `delta` (3,), of covariance `motion` (3, 3).
-    """
-    ra, rb, rc, rd, re, rf = root(motion)
+def predict(work: Array, poses: Array, start: int, count: int, motion: Motion) -> None:
+    """Fills mean and A in `work` for `count` particles from `start` on: poses after a motion, before sightings."""
+    (ra, rb, rc, rd, re, rf), delta = root(motion.cov), motion.delta
     part = slice(start, start + count)
     x, y, heading, cos, sin = poses[0, part], poses[1, part], poses[2, part], poses[3, part], poses[4, part]
     for m in range(count):
@@ -142,9 +148,7 @@ def draw(work: Array, poses: Array, start: int, count: int, noise: Array) -> Non
 @compiled
 def propose(
     poses: Array,
-    delta: Array,
-    motion: Array,
-    noise: Array,
+    motion: Motion,
     filters: Array,
     slots: Ints,
     z: Array,
@@ -152,17 +156,17 @@ def propose(
     distance: Array,
     volume: Array,
 ) -> None:
-    """Samples every particle's pose after the motion `delta` (3,), of covariance `motion` (3, 3), from its proposal.
+    """Samples every particle's pose after the motion from its proposal.
 
-    The pose is the proposal's mean plus the Cholesky factor of its covariance, in the world frame, times `noise` (3,
-    M). `filters`, `slots`, `z`, `cov`, `distance` and `volume` are those of `correct`; the filters are only read.
+    The pose is the proposal's mean plus the Cholesky factor of its covariance, in the world frame, times the noise.
+    `filters`, `slots`, `z`, `cov`, `distance` and `volume` are those of `correct`; the filters are only read.
     """
     for start in range(0, poses.shape[1], BLOCK):
         part = slice(start, start + BLOCK)
         off = distance[part]
         count = len(off)
         work = np.empty(ROWS * BLOCK)
-        predict(work, poses, start, count, delta, motion)
+        predict(work, poses, start, count, motion)
         for k in range(len(slots)):
             for i in range(5):
                 work[(12 + i) * BLOCK : (12 + i) * BLOCK + count] = filters[slots[k], i, part]
@@ -171,4 +175,4 @@ def propose(
             for m in range(count):
                 off[m] += work[17 * BLOCK + m]
                 spread[m] *= work[18 * BLOCK + m]
-        draw(work, poses, start, count, noise)
+        draw(work, poses, start, count, motion.noise)

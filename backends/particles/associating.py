@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from ...core.factors import UNKNOWN, Map, Prior, Step
+from ...core.factors import UNKNOWN, Map, Prior, RangeBearing, Step
 from ...core.se2 import Ints
 from ..api import Belief, Unsuited
 from ._choosing import choose
-from ._own_maps import keep
+from ._own_maps import Decisions, keep
 from ._particles import LOGGED, correct, move
+from ._proposal import Motion
 from .own_maps import OwnMaps
 from .particle_paths import ParticlePaths
 from .path_particles import PathParticles, with_blocks
@@ -27,6 +28,8 @@ the true one: where it is off, the gate alone would double them."""
 
 NODE = 8
 """Decisions stored in one node of their tree."""
+
+NO_MOTION = Motion(np.zeros(3), np.zeros((3, 3)), np.zeros((3, 0)))
 
 
 class AssociatingFastSlam(PathParticles):
@@ -69,27 +72,24 @@ class AssociatingFastSlam(PathParticles):
     def _see(self, step: Step) -> None:
         """Samples the poses, decides on the sightings, weights the particles by them, and corrects their landmarks."""
         ids, z, cov = step.sightings
-        ids, z, cov = ids.copy("C"), z.copy("C"), cov.copy("C")
-        k, M, motion = len(ids), len(self._weights), self._motion(step)
-        proposes = motion is not None and self._options.version == 2
-        if motion is None:
-            delta, spread, noise = np.zeros(3), np.zeros((3, 3)), np.zeros((3, 0))
-        else:
-            delta, spread, noise = *motion, self._normals()
-        if motion is not None and not proposes:
-            move(self._poses, delta, spread, noise)
+        ids, z, cov = sightings = RangeBearing(ids.copy("C"), z.copy("C"), cov.copy("C"))
+        k, M, odometry = len(ids), len(self._weights), self._motion(step)
+        motion = NO_MOTION if odometry is None else Motion(*odometry, self._normals())
+        proposes = odometry is not None and self._options.version == 2
+        if odometry is not None and not proposes:
+            move(self._poses, *motion)
         self._maps.reserve(k)
-        own, rows = self._maps, np.empty((k, M), np.int32)
-        seen, surprise = np.empty((k, 5, M)), np.zeros(M)
+        own = self._maps.landmarks
+        decisions = Decisions(np.empty((k, M), np.int32), np.empty((k, 5, M)), np.zeros(M))
         choose(
-            self._poses, proposes, delta, spread, noise, self._heaviest(), z, cov, ids, own.landmarks, own.names,
-            own.counts, own.homes, self._gate, UNKNOWN - 1 - self._sighted, rows, seen, surprise,
+            self._poses, proposes, motion, self._heaviest(), sightings, self._gate, UNKNOWN - 1 - self._sighted,
+            own, decisions,
         )  # fmt: skip
-        correct(self._poses, seen, np.arange(k), z, cov, np.empty(M), np.empty((-(-k // LOGGED), M)))
-        keep(self._poses, z, cov, own.landmarks, own.homes, rows, seen)
+        correct(self._poses, decisions.seen, np.arange(k), z, cov, np.empty(M), np.empty((-(-k // LOGGED), M)))
+        keep(self._poses, sightings, own, decisions)
         if k:
-            self._weigh(surprise)
-        self._rows = rows
+            self._weigh(decisions.surprise)
+        self._rows = rows = decisions.rows
         self._sighted += k
         for first in range(0, k, NODE):
             node = np.full((NODE, M), -1, np.int32)

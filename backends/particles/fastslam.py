@@ -18,14 +18,12 @@ from ...core.se2 import Array, Ints
 from ..api import COMPILED_HERE, Builder, Expected
 from ..vicinity import Vicinity
 from . import _loops
+from ._loops import Loops
 from ._particles import LOGGED, correct, move, place
-from ._proposal import propose
+from ._proposal import Motion, propose
 from .associating import AssociatingFastSlam
 from .particle_maps import ParticleMaps
 from .path_particles import Options, PathParticles, with_blocks
-
-Loops = tuple[Array, Array, Array]
-"""Of n loop closures the particles' earlier poses (n, 3, M), and delta (n, 3) and cov (n, 3, 3) from these."""
 
 
 class FastSlam(PathParticles):
@@ -89,7 +87,7 @@ class FastSlam(PathParticles):
     def _loops(self, loops: RelativePoses) -> Loops:
         """Loop closures with every particle's poses at the steps that they are to."""
         to, delta, cov = loops
-        return self._paths.at(to), delta.copy("C"), cov.copy("C")
+        return Loops(self._paths.at(to), delta.copy("C"), cov.copy("C"))
 
     def _fold(self, motion: Odometry | None, slots: Ints, z: Array, cov: Array, loops: Loops | None) -> None:
         """Samples the poses, weights them by loop closures and sightings (k,) of known landmarks; corrects these."""
@@ -97,20 +95,21 @@ class FastSlam(PathParticles):
         distance, volume = np.zeros(M), np.ones((-(-k // LOGGED), M))
         seen = (self._maps.filters, slots, z, cov)
         if motion is not None and self._options.version == 2:
+            moved = Motion(*motion, self._normals())
             if loops is None:
-                propose(self._poses, *motion, self._normals(), *seen, distance, volume)
+                propose(self._poses, moved, *seen, distance, volume)
             else:
-                _loops.propose(self._poses, *motion, self._normals(), *loops, *seen, distance, volume)
+                _loops.propose(self._poses, moved, loops, *seen, distance, volume)
             correct(self._poses, *seen, np.empty(M), np.empty_like(volume))  # already weighted by the marginals
         else:
             if motion is not None:
                 move(self._poses, *motion, self._normals())
             if loops is not None:
-                _loops.weigh(self._poses, *loops, distance)
+                _loops.weigh(self._poses, loops, distance)
             correct(self._poses, *seen, distance, volume)
         if k > 0:
             self._weigh(distance + (np.log(volume).sum(axis=0) if k > LOGGED else np.log(volume[0])))
-        elif loops is not None and len(loops[1]):
+        elif loops is not None and len(loops.delta):
             self._weigh(distance)
 
     def _adopt(self, known: Map) -> None:

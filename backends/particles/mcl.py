@@ -15,7 +15,7 @@ from ...core.factors import UNKNOWN, Map, Prior, Step
 from ...core.options import option
 from ...core.se2 import Array, Ints, wrap
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, Unsuited
-from ..locating.map_index import MapIndex
+from ..locating.map_index import indexed
 from ._field import weigh
 from ._particles import move
 from .resampling import systematic
@@ -62,7 +62,7 @@ class Mcl:
                 "mcl localises on a given map: it needs bench run --map, or a log on one, such as circle[map=surveyed]"
             )
         self._prior, self._map, self._options, self._rng = prior, prior.map, options, rng
-        self._on = MapIndex.of(prior.map)
+        self._on = indexed(prior.map)
         self._row = {landmark: row for row, landmark in enumerate(prior.map.ids.tolist())}
         M = options.particles
         self._poses = np.empty((5, M))  # x, y, heading, cosine and sine
@@ -140,12 +140,9 @@ class Mcl:
         if not self._spread:
             self._scatter(np.arange(len(self._weights)))
             self._spread = True
-        count, on = len(who), self._on
+        count = len(who)
         before = self._log_weights.copy()
-        weigh(
-            self._poses, who, z, cov, self._options.widen, on.area, self._log_weights,
-            on.xy, on.half, on.corner, on.cell, on.first, on.members,
-        )  # fmt: skip
+        weigh(self._on, self._poses, who, z, cov, self._options.widen, self._log_weights)
         gained = self._log_weights - before
         top = float(gained.max())
         mean = exp((top + log(float(self._weights @ np.exp(gained - top)))) / count)

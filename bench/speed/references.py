@@ -15,7 +15,7 @@ import numpy as np
 
 from ...backends.locating.locate import locate
 from ...backends.locating.locating import WINDOW
-from ...backends.locating.map_index import MapIndex
+from ...backends.locating.map_index import indexed
 from ...core.factors import UNKNOWN
 from ...core.se2 import Ints
 from ..measure.clock import clock_cost
@@ -89,7 +89,7 @@ def search(world: World, beside: str) -> TimingRow:
     """Times `locate` on a given map, repeated as the window of steps moves on through the drive."""
     known = world.surveyed().map
     assert known is not None
-    on, spent, clock = MapIndex.of(known), list[int](), clock_cost()
+    on, spent, clock = indexed(known), list[int](), clock_cost()
     unnamed = [
         step._replace(sightings=step.sightings._replace(ids=np.full(len(step.sightings.ids), UNKNOWN)))
         for step in world.drive

@@ -13,7 +13,7 @@ from random_logs import TextbookKalman, random_covariance, random_log
 from slamduel.backends.api import Diverged, Map, Odometry, Prior, RangeBearing, Step
 from slamduel.backends.models import sight
 from slamduel.backends.particles import _ancestry, _particles, resampling
-from slamduel.backends.particles._proposal import propose
+from slamduel.backends.particles._proposal import Motion, propose
 from slamduel.backends.particles.particle_maps import RESERVED, ParticleMaps
 from slamduel.backends.particles.particle_paths import ParticlePaths
 from slamduel.bench.speed.textbook_fastslam import TextbookFastSlam
@@ -116,7 +116,7 @@ def test_a_weight_of_version_two_is_the_integral_over_motion_and_landmark() -> N
         logs.append(float(np.log(share @ likelihood)))
     distance, volume = np.zeros(M), np.ones((1, M))
     noise = rng.standard_normal((3, M))
-    propose(poses, delta, motion, noise, filters, np.array([0]), z[None], R[None], distance, volume)
+    propose(poses, Motion(delta, motion, noise), filters, np.array([0]), z[None], R[None], distance, volume)
     weights = -0.5 * (distance + np.log(volume[0]))
     assert np.ptp(logs) > 0.3  # they do differ
     assert weights - weights[0] == pytest.approx(np.array(logs) - logs[0], abs=0.02)

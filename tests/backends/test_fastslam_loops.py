@@ -12,6 +12,7 @@ from dense_invariant import turning
 from random_logs import random_covariance, random_log
 from slamduel.backends.api import Diverged, Odometry, Prior, Step, Unsuited
 from slamduel.backends.particles import _loops, resampling
+from slamduel.backends.particles._proposal import Motion
 from slamduel.backends.particles.particle_paths import ParticlePaths
 from slamduel.backends.registry import find
 from slamduel.bench.speed.textbook_fastslam import Particle, TextbookFastSlam
@@ -121,7 +122,7 @@ def test_a_weight_of_version_two_is_the_integral_over_the_motion() -> None:
     distance, none = np.zeros(M), np.zeros(0, np.int64)
     noise = rng.standard_normal((3, M))
     _loops.propose(
-        poses, delta, motion, noise, earlier, z, R,
+        poses, Motion(delta, motion, noise), _loops.Loops(earlier, z, R),
         np.zeros((1, 5, M)), none, np.zeros((0, 2)), np.zeros((0, 2, 2)), distance, np.ones((0, M)),
     )  # fmt: skip
     weights = -0.5 * distance

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from random_logs import random_covariance
 from slamduel.backends._assignment import cheapest
-from slamduel.backends._joint_compatibility import search
+from slamduel.backends._joint_compatibility import Frame, Gates, search
 from slamduel.backends._rules import CHEAPEST, JOINT, NEAREST, NEW, OPEN, decide, decide_frame
 from slamduel.backends.association.quantiles import gates, quantile
 from slamduel.core.se2 import Array, Ints, wrap
@@ -18,7 +18,7 @@ FAR, MATCH = quantile(0.9999, 1), quantile(0.999, 1)
 GATES = gates(0.9999, 40)
 
 
-class Frame:
+class Drawn:
     """Sightings, some of them of expected landmarks, with errors that they have in common."""
 
     def __init__(self, rng: np.random.Generator, sightings: int, landmarks: int, steps: int = 1) -> None:
@@ -50,15 +50,19 @@ class Frame:
     def distances(self) -> Array:
         return np.array([[self.distance([(i, a)]) for a in range(len(self.expected))] for i in range(len(self.z))])
 
+    @property
+    def frame(self) -> Frame:
+        return Frame(self.z, self.noise, self.expected, self.cov)
+
     def decided(self, rule: int) -> Ints:
-        return decide(rule, self.z, self.noise, self.of, self.expected, self.cov, MATCH, GATES, FAR, FAR, 10**6)[0]
+        return decide(rule, self.frame, self.of, Gates(FAR, MATCH, GATES, 10**6), FAR)[0]
 
 
 @pytest.mark.parametrize("seed", range(60))
 def test_joint_compatibility_finds_the_best_of_all_hypotheses(seed: int) -> None:
     """Without the bound of a pair's conditional distance, which depends on the order of the pairs."""
     rng = np.random.default_rng(seed)
-    frame = Frame(rng, *((4, 4, 1) if seed % 2 else (2, 4, 2)))
+    frame = Drawn(rng, *((4, 4, 1) if seed % 2 else (2, 4, 2)))
     k, c = len(frame.z), len(frame.expected)
     d2 = frame.distances()
     best: tuple[int, float] = 0, 0.0
@@ -71,7 +75,7 @@ def test_joint_compatibility_finds_the_best_of_all_hypotheses(seed: int) -> None
         if total < GATES[len(pairs)] and (-len(pairs), total) < (-best[0], best[1]):
             best = len(pairs), total
     pair = np.empty(k, np.int64)
-    search(frame.z, frame.noise, frame.of, frame.expected, frame.cov, d2, FAR, np.inf, GATES, 10**7, pair)
+    search(frame.frame, frame.of, d2, Gates(FAR, np.inf, GATES, 10**7), pair)
     found = [(i, a) for i, a in enumerate(pair.tolist()) if a >= 0]
     assert len(found) == best[0]
     assert not found or frame.distance(found) == pytest.approx(best[1], rel=1e-9)
@@ -91,11 +95,11 @@ def test_an_error_that_all_pairs_have_in_common_costs_none_of_them() -> None:
 
 
 def test_a_search_that_is_cut_short_keeps_the_best_so_far() -> None:
-    frame = Frame(np.random.default_rng(3), 6, 6)
+    frame = Drawn(np.random.default_rng(3), 6, 6)
     d2, pair = frame.distances(), np.empty(6, np.int64)
     counts = []
     for most in (1, 7, 10**6):
-        nodes = search(frame.z, frame.noise, frame.of, frame.expected, frame.cov, d2, FAR, MATCH, GATES, most, pair)
+        nodes = search(frame.frame, frame.of, d2, Gates(FAR, MATCH, GATES, most), pair)
         assert nodes <= most + 1
         counts.append(int((pair >= 0).sum()))
     assert counts == sorted(counts)
@@ -115,7 +119,7 @@ def test_the_cheapest_assignment_is_scipys(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_maximum_likelihood_is_the_best_assignment_of_its_costs(seed: int) -> None:
-    frame = Frame(np.random.default_rng(seed), 6, 6)
+    frame = Drawn(np.random.default_rng(seed), 6, 6)
     d2 = frame.distances()
     k, c = d2.shape
     spread = np.empty((k, c))
@@ -133,7 +137,7 @@ def test_maximum_likelihood_is_the_best_assignment_of_its_costs(seed: int) -> No
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_nearest_pair_is_taken_first(seed: int) -> None:
-    frame = Frame(np.random.default_rng(seed), 5, 6, steps=1 + seed % 2)
+    frame = Drawn(np.random.default_rng(seed), 5, 6, steps=1 + seed % 2)
     d2, pair = frame.distances(), {}
     for i, a in sorted(product(*map(range, d2.shape)), key=lambda at: d2[at]):
         if d2[i, a] < MATCH and i not in pair and (a, frame.of[i]) not in {(b, frame.of[j]) for j, b in pair.items()}:
@@ -145,7 +149,7 @@ def test_the_nearest_pair_is_taken_first(seed: int) -> None:
 def test_steps_may_have_any_numbers(rule: int) -> None:
     """Of a step whose sightings all have ids none is decided on: its number does not come up."""
     for seed in range(10):
-        frame = Frame(np.random.default_rng(seed), 4, 5, steps=3)
+        frame = Drawn(np.random.default_rng(seed), 4, 5, steps=3)
         expected = frame.decided(rule).tolist()
         frame.of = 10**12 * frame.of + 7
         assert frame.decided(rule).tolist() == expected

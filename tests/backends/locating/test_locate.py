@@ -9,7 +9,7 @@ import pytest
 import slamduel
 from lost_logs import RING, astray, surveyed, unnamed, window
 from slamduel.backends.locating.locate import LEAST, MARGIN, SIGHTINGS, locate
-from slamduel.backends.locating.map_index import MapIndex
+from slamduel.backends.locating.map_index import indexed
 from slamduel.bench.measure.nees import nees
 from slamduel.core.factors import UNKNOWN, Log, Map, Truth
 from slamduel.core.se2 import Array, act, compose
@@ -28,7 +28,7 @@ def ring(seed: int = 0) -> tuple[Log, Truth, Map]:
 @pytest.mark.parametrize("named", [True, False])
 def test_a_robot_is_found_with_and_without_ids(named: bool) -> None:
     log, truth, known = ring()
-    on = MapIndex.of(known)
+    on = indexed(known)
     for first in STARTS:
         fix = locate(window(log if named else unnamed(log), first, 8), on)
         assert fix is not None
@@ -37,7 +37,7 @@ def test_a_robot_is_found_with_and_without_ids(named: bool) -> None:
 
 def test_its_covariance_is_that_of_its_error() -> None:
     log, truth, known = ring()
-    on = MapIndex.of(known)
+    on = indexed(known)
     lasts = range(7, 397, 10)
     fixes = [(locate(window(unnamed(log), last - 7, 8), on), last) for last in lasts]
     found = [(fix.pose, fix.cov, truth.poses[last]) for fix, last in fixes if fix is not None]
@@ -63,7 +63,7 @@ def test_each_sighting_is_told_its_landmark() -> None:
 def test_a_map_and_its_index_are_the_same() -> None:
     log, _, known = ring()
     steps = window(unnamed(log), 30, 4)
-    one, other = locate(steps, known), locate(steps, MapIndex.of(known))
+    one, other = locate(steps, known), locate(steps, indexed(known))
     assert one is not None
     assert other is not None
     assert one.pose.tobytes() == other.pose.tobytes()
@@ -87,7 +87,7 @@ def test_on_the_map_of_another_world_it_is_silent() -> None:
         _, _, other = ring(seed + 50)
         for first in STARTS[::3]:
             for steps in (1, 4, 16):
-                assert locate(window(unnamed(log), first, steps), MapIndex.of(other)) is None
+                assert locate(window(unnamed(log), first, steps), indexed(other)) is None
 
 
 def test_where_two_places_look_alike_it_is_silent() -> None:
