@@ -28,6 +28,7 @@ from slamduel.datasets.scans.open import open_scans
 from slamduel.frontend.laser.recording import LaserRecording
 from slamduel.frontend.laser.scanner import Scanner
 from slamduel.frontend.maps.occupancy import occupancy
+from tiers import first_quick
 
 FILES = {"log.toml", "odometry.csv", "sightings.csv", "scans.npz", "map.png", "detection.html"}
 
@@ -76,7 +77,7 @@ def test_a_folder_becomes_a_log_that_runs(drive: Path, tmp_path: Path, capsys: p
 
 
 @pytest.mark.usefixtures("no_report")
-@pytest.mark.parametrize("kind", ["ros1", "ros2", "mcap"])
+@pytest.mark.parametrize("kind", first_quick(["ros1", "ros2", "mcap"]))
 def test_a_bare_bag_runs_and_becomes_the_same_log(
     kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

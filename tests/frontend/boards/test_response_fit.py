@@ -28,6 +28,7 @@ DRAWN = 0.02
 """What the drawing's samples, a quarter of a pixel, put in: px of blur, and amounts of sharpening and tone."""
 
 
+@cache
 def views(sensor: Sensor, count: int = 6, blur: float = 0.7, ink: float = 0.0) -> tuple[Calibration, list[Image]]:
     rng = np.random.default_rng(1)
     images = sensed(CAMERA, poses(count, rng, distance=0.36, board=BOARD), sensor, rng, BOARD, blur, ink)
