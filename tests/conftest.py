@@ -6,6 +6,7 @@ import gzip
 import os
 import shutil
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -64,10 +65,11 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
 @pytest.fixture(autouse=True, scope="session")
 def lasting_workers() -> None:
     """Lets runs in this process share their workers; those in processes of their own start them, as users' runs do."""
-    from lasting_workers import local
+    if {"slamduel.bench.cli", "small_run"} & set(sys.modules):
+        from lasting_workers import local
 
-    for module in ("workers.local_executor", "run.result"):
-        pytest.MonkeyPatch().setattr(f"slamduel.bench.{module}.Local", local)
+        for module in ("workers.local_executor", "run.result"):
+            pytest.MonkeyPatch().setattr(f"slamduel.bench.{module}.Local", local)
 
 
 @pytest.fixture
