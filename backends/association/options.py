@@ -86,7 +86,7 @@ def _own_rules(options: Association) -> tuple[str, ...]:
 
 
 @cache
-def options_with(base: type, own: tuple[str, ...] = ()) -> type:
+def options_with(base: type[Any], own: tuple[str, ...] = ()) -> type:
     """The options dataclass `base` with those of data association and of landmarks that move.
 
     `own` are rules that the backend has by itself.
