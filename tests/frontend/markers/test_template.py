@@ -398,9 +398,14 @@ def test_the_greys_derivatives_by_the_curl() -> None:
         checked += int(np.abs(exact).max() > 5)
 
 
+def in_larger(normal: Array) -> Array:
+    """The same numbers as a part of a larger array, as in a fit: kernels are compiled for one kind."""
+    return np.column_stack((normal, np.zeros(len(normal))))[:, :-1]
+
+
 def filled(spots: Array, G: Array, look: Array, active: int, step: Array | None = None) -> tuple[Array, Array, Array]:
     """Normal matrix, gradient, and gradient by edge after the `step` that solves them, or the one given."""
-    normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
+    normal, gradient = in_larger(np.zeros((PARAMETERS, PARAMETERS))), np.zeros(PARAMETERS)
     by_edge = np.zeros((2 * (M + 1) * (M + 2), PARAMETERS + 1))
     rows = np.zeros((len(spots), COLUMNS))
     eye = eye_of(G, M, NOWHERE)
@@ -430,7 +435,7 @@ def test_what_is_at_a_limit_is_held_where_it_would_pass_it(side: int, k: int) ->
     at_limit, inside = look_of(0.0, 0.0, 0.0), look_of(0.0, 0.0, 0.0)
     at_limit[LIMITED[k]] = LIMITS[side, k]
     for look, outwards, held in ((at_limit, True, True), (at_limit, False, False), (inside, True, False)):
-        normal, step = half.T @ half, rng.normal(size=PARAMETERS)
+        normal, step = in_larger(half.T @ half), rng.normal(size=PARAMETERS)
         step[i] = abs(step[i]) * (1 if outwards == bool(side) else -1)
         free = np.arange(PARAMETERS) != i if held else np.ones(PARAMETERS, bool)
         expected = np.zeros(PARAMETERS)
@@ -485,7 +490,7 @@ def test_the_covariance_grows_by_what_edges_share() -> None:
             spots[:, 0] = greys + 2 * residual
             normal, _, by_edge = filled(spots, G, look, PARAMETERS)
             plain = 4.0 * np.linalg.inv(normal)[:8, :8]
-            growth.append(np.trace(np.linalg.solve(plain, spread(normal, by_edge, 2.0))) / 8)
+            growth.append(np.trace(np.linalg.solve(plain, spread(normal.copy(), by_edge, 2.0))) / 8)
         factors.append(np.mean(growth))
     assert 1 <= factors[0] < 1.2
     # the square of a sum over 12 x 112 edges varies by 4 %, what the fit takes up of it is known to 10 %
