@@ -1,6 +1,6 @@
 # make demo                 a first run on data that comes along, and its report
 # make test                 lint, types and all tests that are quick
-# make test-slow            the other tests: browsers, clusters, kills, large samples
+# make test-slow            the strict check of types, and the other tests: browsers, clusters, kills, large samples
 # make test-dist           the source archive and the wheel, and the quick tests of the one on the other
 # make test-older           the quick tests as two older machines would run them
 # make docs                the documentation as a site, build/docs/index.html; its notebook runs
@@ -25,7 +25,7 @@ PYTEST := env OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 # A process that may not keep bytecode compiles all that it imports at each start: three seconds instead of one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow test-dist test-older lint types unit clean docs docs-tables gallery study-city \
+.PHONY: demo test test-slow test-dist test-older lint types types-strict unit clean docs docs-tables gallery study-city \
 	study-statistics study-kills study-mutations study-locating study-noise
 
 demo: $(VENV)/.installed
@@ -39,15 +39,23 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 
 # Tests import the package by its name, and a type checker cannot follow an editable install: a link shows it the way.
-types: $(VENV)/.installed-dev
+LAYERS := $(addprefix slamduel/,core frontend backends datasets bench tests)
+
+build/types/slamduel:
 	mkdir -p build/types
-	ln -sfn ../.. build/types/slamduel
+	ln -sfn ../.. $@
+
+# In some ten seconds; the strict one takes as long as all quick tests together.
+types: $(VENV)/.installed-dev build/types/slamduel
+	cd build/types && $(abspath $(BIN))/ty check --output-format concise --python $(abspath $(VENV)) $(LAYERS)
+
+types-strict: $(VENV)/.installed-dev build/types/slamduel
 	$(BIN)/basedpyright --pythonpath $(BIN)/python --threads 2
 
 unit: $(VENV)/.installed-dev
 	$(PYTEST) -m "not slow"
 
-test-slow: $(VENV)/.installed-dev
+test-slow: types-strict
 	$(PYTEST) -m slow
 
 # What is released, alone: the wheel, built from the source archive and installed, and the tests of that archive.

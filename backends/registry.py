@@ -6,6 +6,7 @@ A backend is named as a built-in, as an entry point in the group `slamduel.backe
 import contextlib
 from collections.abc import Mapping
 from dataclasses import fields
+from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points, packages_distributions, version
 from typing import Any
@@ -29,6 +30,9 @@ BUILTIN = {
     "ukf": "slamduel.backends.gaussian.ukf:build",
 }
 GROUP = "slamduel.backends"
+
+distributions = cache(packages_distributions)
+"""Names of the distributions that provide a top-level module, by its name; the files of all are read, once."""
 
 NOT_STATED = "not stated"
 """Implementation of a backend without declared implementation and without distribution."""
@@ -114,5 +118,5 @@ def _distribution(name: str) -> str:
     if known is not None and known.dist is not None:
         return known.dist.name
     package = target(name).partition(":")[0].partition(".")[0]
-    installed = packages_distributions().get(package, ())
+    installed = distributions().get(package, ())
     return installed[0] if installed else ""

@@ -6,6 +6,7 @@ import gzip
 import os
 import shutil
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,13 @@ from hypothesis import settings
 
 settings.register_profile("untimed", deadline=None)  # no test depends on how fast a machine is
 settings.load_profile("untimed")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leaves modules of slow tests alone unread where those are left out: clusters and browsers import much."""
+    if config.option.markexpr == "not slow" and collection_path.suffix == ".py":
+        return "\npytestmark = pytest.mark.slow\n" in collection_path.read_text(encoding="utf-8") or None
+    return None
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -52,6 +60,16 @@ def own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
                 shutil.copy(at_hand / "lidar" / f"{recording}.relations", made)
                 with contextlib.suppress(FileExistsError):
                     (published / name).symlink_to(made)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def lasting_workers() -> None:
+    """Lets runs in this process share their workers; those in processes of their own start them, as users' runs do."""
+    if {"slamduel.bench.cli", "small_run"} & set(sys.modules):
+        from lasting_workers import local
+
+        for module in ("workers.local_executor", "run.result"):
+            pytest.MonkeyPatch().setattr(f"slamduel.bench.{module}.Local", local)
 
 
 @pytest.fixture

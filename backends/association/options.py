@@ -82,7 +82,7 @@ def _restored(base: type, own: tuple[str, ...], values: dict[str, Any]) -> Any:
 
 
 @cache
-def options_with(base: type, own: tuple[str, ...] = ()) -> type:
+def options_with(base: type[Any], own: tuple[str, ...] = ()) -> type:
     """The options dataclass `base` with those of data association and of landmarks that move.
 
     `own` are rules that the backend has by itself.

@@ -112,7 +112,7 @@ class GtsamFixedLag:
     def _update(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, times: dict[int, float]) -> None:
         """Adds factors."""
         try:
-            self._smoother.update(graph, values, times)  # pyright: ignore[reportArgumentType] - Mapping is invariant
+            self._smoother.update(graph, values, times)  # pyright: ignore[reportArgumentType] - Mapping is invariant  # ty: ignore[invalid-argument-type]
         except FAILURES as error:
             raise Diverged(failure(error)) from None
 

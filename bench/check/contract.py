@@ -18,7 +18,7 @@ BLIND = "makes no use of sightings"
 def options_are_described(candidate: Candidate) -> str:
     """Its options are a frozen dataclass of option(...) fields, and its maker says in a line what it is."""
     options = candidate.builder.options
-    if not dataclasses.is_dataclass(options) or not options.__dataclass_params__.frozen:  # pyright: ignore
+    if not dataclasses.is_dataclass(options) or not options.__dataclass_params__.frozen:  # pyright: ignore  # ty: ignore[missing-attribute]
         raise Failed(f"options is {options!r}, expected a frozen dataclass")
     fields = dataclasses.fields(options)
     for field in fields:

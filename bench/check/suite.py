@@ -47,7 +47,7 @@ def _of(family: Family, function: Callable[[Candidate], str]) -> Check:
 
 def check_name(function: Callable[[Candidate], str]) -> str:
     """The name of the check that a function makes."""
-    return function.__name__.replace("_", "-")
+    return function.__name__.replace("_", "-")  # ty: ignore[missing-attribute]
 
 
 QUICK: tuple[Check, ...] = (

@@ -112,12 +112,12 @@ def _kind(path: str) -> str:
     return "recording" if os.path.isfile(path) or any(map(os.path.isfile, inside)) else "log"
 
 
-def read_options(cls: type, given: Sequence[tuple[str, str]], where: str) -> Any:
+def read_options(cls: type[Any], given: Sequence[tuple[str, str]], where: str) -> Any:
     """Makes the options dataclass `cls`; InputError for a name=value that is unknown, unreadable or out of range."""
     return cls(**read_values(cls, given, where))
 
 
-def read_values(cls: type, given: Sequence[tuple[str, str]], where: str) -> dict[str, Any]:
+def read_values(cls: type[Any], given: Sequence[tuple[str, str]], where: str) -> dict[str, Any]:
     """Reads values of options of the dataclass `cls`, each by itself; InputError as in `read_options`."""
     known = {field.name: field for field in fields(cls)}
     values: dict[str, Any] = {}
@@ -131,7 +131,7 @@ def read_values(cls: type, given: Sequence[tuple[str, str]], where: str) -> dict
     return values
 
 
-def _check_beside(cls: type, given: Sequence[tuple[str, str]], where: str) -> None:
+def _check_beside(cls: type[Any], given: Sequence[tuple[str, str]], where: str) -> None:
     """Refuses an option that has no effect without another one, which is not given."""
     names = [name for name, _ in given]
     for field in fields(cls):
@@ -140,7 +140,7 @@ def _check_beside(cls: type, given: Sequence[tuple[str, str]], where: str) -> No
             raise InputError(f"{where}: option {field.name} has no effect without {beside}, expected both.")
 
 
-def describe(cls: type) -> list[tuple[str, str, str]]:
+def describe(cls: type[Any]) -> list[tuple[str, str, str]]:
     """Lists (name, default, summary with range or choices) of every option of a dataclass."""
     return [(field.name, text_of(field.default), _help(field)) for field in fields(cls)]
 

@@ -7,8 +7,9 @@ from importlib import metadata, util
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 
+from ...backends.registry import distributions
+
 _INSTALLED = ("site-packages", "dist-packages")
-_distributions = functools.cache(metadata.packages_distributions)
 
 
 @functools.cache
@@ -38,7 +39,7 @@ def _provided(name: str) -> Sequence[str]:
         files = metadata.distribution(name).read_text("RECORD") or ""
     except metadata.PackageNotFoundError:
         files = ""
-    return [name] if f"\n{name}/__init__.py," in f"\n{files}" else _distributions().get(name, ())
+    return [name] if f"\n{name}/__init__.py," in f"\n{files}" else distributions().get(name, ())
 
 
 @functools.cache

@@ -42,7 +42,7 @@ class Floors:
         """Times both once more."""
         from scipy.linalg import blas
 
-        dsyrk: Any = blas.dsyrk  # pyright: ignore[reportAttributeAccessIssue] - made when SciPy is built
+        dsyrk: Any = blas.dsyrk  # pyright: ignore[reportAttributeAccessIssue] - made when SciPy is built  # ty: ignore[missing-attribute]
         n = self._n
         covariance = np.zeros((n, n), order="F")
         factor = np.asfortranarray(np.random.default_rng(0).standard_normal((n, self._rank)))

@@ -206,7 +206,7 @@ def _claim(words: TomlTable) -> Claim:
         first, second = _side(words, "less"), _side(words, "than")
         return Claim("crosses", first=first, second=second, low=low, high=high, along=words.text("crosses"), **common)
     along = words.text("grows") if kind == "grows" else ""
-    return Claim(kind, first=_selection(words, "of"), second={}, low=low, high=high, along=along, **common)  # pyright: ignore[reportArgumentType] - value or grows
+    return Claim(kind, first=_selection(words, "of"), second={}, low=low, high=high, along=along, **common)  # pyright: ignore[reportArgumentType] - value or grows  # ty: ignore[invalid-argument-type]
 
 
 def _bounds(words: TomlTable, *, needed: bool) -> tuple[float, float]:

@@ -29,7 +29,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     Division follows IEEE (no exception), and nothing is reassociated: the bits of a result are those of the source,
     whether the code was compiled now or before.
     """
-    file = Path(function.__code__.co_filename)
+    file = Path(function.__code__.co_filename)  # ty: ignore[missing-attribute]
     if not file.name.startswith("_"):
         raise ValueError(f"{file}: expected a file name with a leading underscore, for inner loops")
     from numba import njit

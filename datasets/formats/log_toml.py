@@ -118,7 +118,7 @@ def _scan_prior(file: TomlTable) -> Scan[Prior]:
     cov = yield from _tried(given.numbers, "cov", 3, 3, most=LARGEST_FLOAT)
     known = (yield from _scan_map(given.table("map"))) if given.has("map") else None
     start = (yield from _tried(given.choice, "start", None, STARTS)) or "known"
-    return NOWHERE if pose is None or cov is None else Prior(pose, cov, known, start)
+    return NOWHERE if pose is None or cov is None else Prior(pose, cov, known, start)  # ty: ignore[invalid-argument-type]
 
 
 def _scan_map(known: TomlTable) -> Scan[Map | None]:

@@ -102,10 +102,10 @@ class Lens:
             return None
         low, high = low[:, None, None], high[:, None, None]
         least, most = self._blocks
-        rows, columns = _span(((least <= high) & (most >= low)).all(axis=0))
+        rows, columns = _span(((least <= high) & (most >= low)).all(axis=0))  # ty: ignore[invalid-argument-type]
         rough = slice(rows.start * BLOCK, rows.stop * BLOCK), slice(columns.start * BLOCK, columns.stop * BLOCK)
         rays = self._flat[:2, *rough]
-        rows, columns = _span(((rays >= low) & (rays <= high)).all(axis=0))
+        rows, columns = _span(((rays >= low) & (rays <= high)).all(axis=0))  # ty: ignore[invalid-argument-type]
         if rows.start == rows.stop:
             return None
         # A pixel whose centre just misses the outline may still overlap it.

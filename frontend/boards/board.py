@@ -76,7 +76,7 @@ def read_board(text: str) -> Board:
             values[name] = read(value)
         except (KeyError, ValueError):
             raise InputError(f"--board: {name}: found {value!r}, expected {expected}") from None
-    board = Board(**values)
+    board = Board(**values)  # ty: ignore[invalid-argument-type]
     try:
         _ = board.opencv
     except InputError as error:

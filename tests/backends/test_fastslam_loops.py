@@ -18,6 +18,7 @@ from slamduel.backends.registry import find
 from slamduel.bench.speed.textbook_fastslam import Particle, TextbookFastSlam
 from slamduel.core.factors import Log, RelativePoses
 from slamduel.core.se2 import Array, Ints, between, compose, wrap
+from tiers import first_quick
 
 make = partial(driven.make, "fastslam")
 
@@ -81,7 +82,7 @@ def closed(seed: int, steps: int, landmarks: int, share: float = 0.3) -> Log:
 
 @pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.parametrize("landmarks", [0, 8])
-@pytest.mark.parametrize("resampled", resampling.SCHEMES)
+@pytest.mark.parametrize("resampled", first_quick(resampling.SCHEMES))
 def test_it_is_the_textbook_filter_with_paths(version: int, landmarks: int, resampled: str) -> None:
     log = closed(1, 60, landmarks)
     assert len(log.loop_to) > 20

@@ -24,6 +24,7 @@ from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.outliers import swapped
+from tiers import first_quick
 
 STARTS = ("incremental", "odometry")
 
@@ -60,7 +61,7 @@ def test_it_is_the_dense_optimum_with_all_covariances(seed: int, start: str) -> 
     agrees(log, optimum(log, start=start))
 
 
-@pytest.mark.parametrize("loss", ["huber", "cauchy", "geman-mcclure"])
+@pytest.mark.parametrize("loss", first_quick(["cauchy", "huber", "geman-mcclure"]))
 def test_with_a_loss_it_ends_where_reweighted_least_squares_do(loss: str) -> None:
     log, truth = random_log(np.random.default_rng(5), 60, 8, noise=0.3, blind=0.0)
     assert truth is not None

@@ -8,6 +8,7 @@ import pytest
 from slamduel.backends import registry
 from slamduel.backends.import_trial import death
 from slamduel.bench.cli import main
+from tiers import first_quick
 
 ENDS = {
     "leaves_by_exit": ("raise SystemExit(0)", "cannot be imported: SystemExit: 0"),
@@ -34,7 +35,7 @@ def ending(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.M
     return request.param
 
 
-@pytest.mark.parametrize("ending", ["leaves_by_exit", "leaves_at_once"], indirect=True)
+@pytest.mark.parametrize("ending", first_quick(["leaves_at_once", "leaves_by_exit"]), indirect=True)
 def test_its_run_has_a_row_with_the_reason_and_status_1(ending: str, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["run", "--backend", f"{ending}:build,dead-reckoning", "--dataset", "linear[steps=5]", "--seeds", "1"]
     assert main([*words, "--out", "results"]) == 1

@@ -16,6 +16,7 @@ from slamduel.bench.speed.textbook_ekf import TextbookEkf
 from slamduel.core.factors import Log, Map, Prior, RangeBearing
 from slamduel.core.kernels._blas import routine
 from slamduel.core.se2 import Array, compose, wrap
+from tiers import first_quick
 
 
 def make(prior: Prior) -> InvariantEkf:
@@ -143,7 +144,7 @@ def test_its_belief_is_the_ekfs_where_models_are_straight_enough() -> None:
     assert backend.map().cov == pytest.approx(ekf.cov[3:, 3:], abs=1e-3 * np.abs(ekf.cov).max())
 
 
-@pytest.mark.parametrize(("n", "sighted", "turned"), [(2, 2, 0), (8, 0, 3), (1100, 40, 8), (40, 10, 9)])
+@pytest.mark.parametrize(("n", "sighted", "turned"), first_quick([(2, 2, 0), (8, 0, 3), (40, 10, 9), (1100, 40, 8)], 3))
 def test_what_is_owed_is_added(n: int, sighted: int, turned: int) -> None:
     """Sightings' rows, from the first on, are taken off, turns', up to the last, are added; those between are not."""
     rng = np.random.default_rng(n)

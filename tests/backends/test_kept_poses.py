@@ -16,6 +16,7 @@ from slamduel.backends.gaussian.kept_poses import KeptPoses
 from slamduel.bench.check.small_logs import dead_reckoned
 from slamduel.core.factors import Dataset, Log, RelativePoses
 from slamduel.core.se2 import Array, Ints, between, compose, wrap
+from tiers import first_quick
 
 DENSE, COMPRESSED = 10**6, 0
 GATE, LOOP_GATE = 0.99, 11.344866730144373
@@ -67,8 +68,16 @@ def matched(log: Log, filters: list[Any], dense: DelayedEkf) -> None:
             assert solution.cov[k] == pytest.approx(cov, abs=1e-8 * np.abs(cov).max())
 
 
-@pytest.mark.parametrize("update", ["sequential", "joint"])
-@pytest.mark.parametrize("jacobians", ["standard", "first-estimates", "ideal"])
+@pytest.mark.parametrize(
+    ("update", "jacobians"),
+    first_quick(
+        [
+            ("joint", "ideal"), ("sequential", "standard"), ("sequential", "ideal"), ("joint", "standard"),
+            ("sequential", "first-estimates"), ("joint", "first-estimates"),
+        ],
+        quick=2,
+    ),
+)  # fmt: skip
 def test_it_is_the_delayed_state_filter_of_whole_matrices(update: str, jacobians: str) -> None:
     log, dataset = both(1, 120)
     assert len(log.loop_to) > 50
@@ -244,7 +253,7 @@ def test_the_unobservable_stays_so_with_first_estimates_and_in_the_group() -> No
     assert gained["standard"] > 1e-6
 
 
-@pytest.mark.parametrize("name", ["ekf", "invariant-ekf"])
+@pytest.mark.parametrize("name", first_quick(["ekf", "invariant-ekf"]))
 def test_covariances_stay_positive_definite_through_thousands_of_loops(name: str) -> None:
     rng = np.random.default_rng(13)
     dataset = random_log(rng, 1000, 0)

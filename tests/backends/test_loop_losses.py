@@ -26,6 +26,7 @@ from slamduel.bench.measure.misfit import loop_misfits
 from slamduel.core.factors import Dataset
 from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.false_loops import planted
+from tiers import first_quick
 
 ROBUST = ("huber", "cauchy", "geman-mcclure")
 
@@ -84,7 +85,7 @@ def test_the_cost_is_the_dense_one_and_falls_as_the_normal_equations_say(loss: s
             assert -(own[0] - own[1]) / (4 * h) == pytest.approx(loops.right[3 * k + i], rel=1e-4, abs=1e-3)
 
 
-@pytest.mark.parametrize("loss", ROBUST)
+@pytest.mark.parametrize("loss", first_quick(reversed(ROBUST)))
 @pytest.mark.parametrize("backend", ["graph", "smoother"])
 def test_it_ends_at_the_dense_robust_optimum(backend: str, loss: str) -> None:
     made = laps(np.random.default_rng(5), 2, every=8)
@@ -94,7 +95,7 @@ def test_it_ends_at_the_dense_robust_optimum(backend: str, loss: str) -> None:
     assert found.path == pytest.approx(best.path, abs=1e-6 if backend == "graph" else 1e-5)
 
 
-@pytest.mark.parametrize("loss", ROBUST)
+@pytest.mark.parametrize("loss", first_quick(reversed(ROBUST)))
 def test_gtsam_ends_there_too_with_our_residual(loss: str) -> None:
     """With Huber's loss and false loops its Levenberg-Marquardt stops wherever it starts: there are none then."""
     made = laps(np.random.default_rng(7), 2, every=8)
@@ -143,8 +144,8 @@ def test_in_gtsam_a_loop_has_the_loss_and_odometry_has_none() -> None:
 # --- false loops
 
 
-@pytest.mark.parametrize("share", [0.05, 0.1])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("share", first_quick([0.1, 0.05]))
+@pytest.mark.parametrize("seed", first_quick(range(3)))
 def test_with_false_loops_the_robust_ones_end_as_if_there_were_none(share: float, seed: int) -> None:
     """Under Cauchy's loss a false loop of r sd still pulls with scale^2 / r; under the other two hardly, or not."""
     made = with_false(share, seed)
@@ -160,7 +161,7 @@ def test_with_false_loops_the_robust_ones_end_as_if_there_were_none(share: float
 
 
 @pytest.mark.parametrize(
-    ("backend", "options"), [("graph", {"solver": "gtsam", "gnc": True}), ("isam2", {"loss": "cauchy"})]
+    ("backend", "options"), first_quick([("isam2", {"loss": "cauchy"}), ("graph", {"solver": "gtsam", "gnc": True})])
 )
 def test_gtsam_s_do_so_too(backend: str, options: dict[str, Any]) -> None:
     made = with_false(0.1)

@@ -10,8 +10,7 @@ from random_logs import random_log
 from slamduel.backends.api import Diverged
 from slamduel.backends.smoothing import forest, smoother
 from slamduel.core.factors import Log, Odometry, Prior, RangeBearing, Step
-
-pytestmark = pytest.mark.slow
+from tiers import first_quick
 
 
 def reorganised_at_random(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
@@ -36,7 +35,7 @@ def ends_at_the_optimum(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     agrees(log, final("smoother", log, **often))
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", first_quick(range(20), 6))
 def test_it_ends_at_the_optimum_however_it_was_reorganised(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     ends_at_the_optimum(seed, monkeypatch)
 
@@ -95,6 +94,7 @@ def test_with_a_loss_it_ends_where_reweighted_least_squares_do(loss: str) -> Non
     assert found.map.xy == pytest.approx(np.array([best.xy[i] for i in found.map.ids.tolist()]), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_ten_thousand_steps_without_a_landmark() -> None:
     """The way between two sightings is put together in covariance form: the ends are known as if it were one motion."""
     n, cov = 10_000, np.diag([2e-3, 1e-3, 1e-4]) ** 2

@@ -14,6 +14,7 @@ from slamduel.backends.gaussian.ukf import Options, Ukf
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
 from slamduel.core.factors import Log, Map, Odometry, Prior, Step
 from slamduel.core.se2 import Array, compose, wrap
+from tiers import first_quick
 
 
 class DenseUkf:
@@ -138,7 +139,9 @@ def with_map(log: Log, cov: float, rng: np.random.Generator) -> Log:
 
 @pytest.mark.parametrize(
     "options",
-    [Options(), Options(beta=0.0), Options(alpha=0.5, kappa=1.0), Options(alpha=0.03), Options(alpha=1.4)],
+    first_quick(
+        [Options(), Options(alpha=0.5, kappa=1.0), Options(beta=0.0), Options(alpha=0.03), Options(alpha=1.4)], 2
+    ),
     ids=str,
 )
 @pytest.mark.parametrize("given", [False, True])

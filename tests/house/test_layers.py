@@ -126,32 +126,30 @@ def imports(file: Path, root: Path) -> list[Import]:
 @functools.cache
 def stated(source: str, folder: tuple[str, ...]) -> list[Import]:
     """The imports in a source that lies in `folder`."""
-    return list(_stated(ast.parse(source), list(folder)))
+    return list(_stated(ast.parse(source), list(folder), True))
 
 
-def _stated(tree: ast.Module, folder: list[str]) -> Iterator[Import]:
-    later = {id(inner) for f in ast.walk(tree) if isinstance(f, ast.FunctionDef | ast.Lambda) for inner in ast.walk(f)}
-    later |= {
-        id(inner)
-        for block in ast.walk(tree)
-        if isinstance(block, ast.If) and "TYPE_CHECKING" in ast.dump(block.test)
-        for statement in block.body
-        for inner in ast.walk(statement)
-    }
-    for node in ast.walk(tree):
-        at_once = id(node) not in later
+def _stated(block: ast.AST, folder: list[str], at_once: bool) -> Iterator[Import]:
+    """Those in a block and in the statements of its statements; expressions, which are most of a file, have none."""
+    inside = at_once and not isinstance(block, ast.FunctionDef | ast.AsyncFunctionDef)
+    for node in (
+        one for name in ("body", "handlers", "cases", "orelse", "finalbody") for one in getattr(block, name, [])
+    ):
         if isinstance(node, ast.Import):
-            yield from (Import(node.lineno, name.name, at_once) for name in node.names)
+            yield from (Import(node.lineno, name.name, inside) for name in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
-            yield Import(node.lineno, node.module or "", at_once)
+            yield Import(node.lineno, node.module or "", inside)
         elif isinstance(node, ast.ImportFrom):
             up = node.level - 1
             if up > len(folder):
-                yield Import(node.lineno, "..", at_once)
+                yield Import(node.lineno, "..", inside)
                 continue
             start = folder[: len(folder) - up] + (node.module.split(".") if node.module else [])
             # `from . import x` may name a module as well as something in one: both are looked at
-            yield from (Import(node.lineno, "." + ".".join([*start, name.name]), at_once) for name in node.names)
+            yield from (Import(node.lineno, "." + ".".join([*start, name.name]), inside) for name in node.names)
+        elif not isinstance(node, ast.expr):  # the body of a lambda or of a conditional expression is one
+            checking = isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
+            yield from _stated(node, folder, inside and not checking)
 
 
 def files(root: Path) -> list[Path]:

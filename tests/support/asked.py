@@ -61,3 +61,6 @@ def ordered(found: Expected, ids: list[int]) -> tuple[Array, Array]:
 
 ANYWHERE = RangeBearing(np.array([-1]), np.array([[5.0, 0.0]]), np.array([[[1.0, 0.0], [0.0, 1.0]]]))
 """A sighting that, with a wide gate, may be of any landmark."""
+
+for _column in ANYWHERE:
+    _column.flags.writeable = False  # as a log's: kernels are compiled for one kind

@@ -1,10 +1,10 @@
 """Runs a few cells in this process, and reads their rows."""
 
-import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from lasting_workers import local
 from slamduel.bench.engine.engine import Watcher
 from slamduel.bench.plan.plan import Plan
 from slamduel.bench.plan.work import PlannedCell
@@ -12,7 +12,6 @@ from slamduel.bench.record.schema import Row
 from slamduel.bench.record.store import Store
 from slamduel.bench.run.runner import run
 from slamduel.bench.words.columns import COLUMNS
-from slamduel.bench.workers.local_executor import Local
 
 TIMES = {column.name for column in COLUMNS.values() if column.kind.is_time} | {"peak_mb", "timing_alone"}
 """Columns that may differ between runs of a cell."""
@@ -46,8 +45,7 @@ def go(
 
 def again(plan: Plan, folder: Path, watcher: Watcher, workers: int = 1, *, strict: bool = False) -> dict[str, Row]:
     """Runs a plan, or resumes it."""
-    with contextlib.closing(Local(workers)) as executor:
-        run(plan, folder, executor, ["bench", "run"], watcher, strict=strict)
+    run(plan, folder, local(workers), ["bench", "run"], watcher, strict=strict)
     return rows(folder)
 
 

@@ -3,9 +3,9 @@
 import pytest
 
 from locating_trials import FOUND_AGAIN, MAPS, PARTICLES, WORLDS, another, found_again, search, trial
+from tiers import first_quick
 
-QUICK = ("aruco-robot", "bailey")
-EVERY = [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in MAPS]
+EVERY = first_quick(sorted(MAPS, key="aruco-robot".__ne__))
 LOCATE = "dead-reckoning"
 """The backend behind: what it says is the pose found, and odometry from there."""
 

@@ -18,6 +18,7 @@ from slamduel.core.errors import InputError
 from slamduel.core.se2 import Array
 from slamduel.frontend.markers.aruco import Image
 from slamduel.frontend.markers.markers import Markers, find
+from tiers import first_quick
 
 DPI = 300
 PIXEL = 25.4 / DPI
@@ -153,7 +154,7 @@ def test_outlines_are_the_cells() -> None:
 
 
 @pytest.mark.parametrize(
-    ("size", "square", "marker", "page"), [((5, 7), 0.04, 0.02, "A4"), ((6, 5), 0.03, 0.021, "letter")]
+    ("size", "square", "marker", "page"), first_quick([((6, 5), 0.03, 0.021, "letter"), ((5, 7), 0.04, 0.02, "A4")])
 )
 def test_a_board_is_opencvs(size: tuple[int, int], square: float, marker: float, page: str) -> None:
     charuco = cv2.aruco.CharucoBoard(size, square, marker, find("6X6_250"))

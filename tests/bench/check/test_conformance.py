@@ -227,10 +227,6 @@ def test_distances_are_told_with_their_step() -> None:
         stays_near(path, path + np.array([0, 0, 0.2]), bounds, "it")
 
 
-SLOW = {"smoother": pytest.mark.slow}
-"""Whose kernels take a minute to compile."""
-
-
 def conforms(name: str, checks: Sequence[Check]) -> None:
     outcomes = check(registry.find(name), checks=checks)
     assert [found for found in outcomes if found.status == "failed"] == []
@@ -239,9 +235,13 @@ def conforms(name: str, checks: Sequence[Check]) -> None:
     assert {found.status for found in logs} <= ends
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=SLOW.get(n, ())) for n in sorted(registry.BUILTIN)])
+@pytest.mark.parametrize("name", sorted(registry.BUILTIN))
 def test_what_comes_with_slamduel_conforms(name: str) -> None:
-    """On small logs, and on the adversarial ones on which a broken backend fails."""
+    conforms(name, QUICK)
+
+
+@pytest.mark.parametrize("name", ["ekf", "smoother"])
+def test_it_does_so_on_the_adversarial_logs_on_which_a_broken_backend_fails(name: str) -> None:
     conforms(name, QUICK + chosen(sorted({adversary for _, adversary, _ in ADVERSE})))
 
 

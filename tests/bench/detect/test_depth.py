@@ -27,6 +27,7 @@ from slamduel.frontend.depth.recording import DepthRecording
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.maps.cloud import NOTHING
 from slamduel.frontend.maps.spool import Spool
+from tiers import first_quick
 
 TINT = np.array([1.0, 0.5, 0.25])
 """Of blue, green and red: the rendered frames are grey."""
@@ -54,7 +55,7 @@ def run(path: Path, out: Path, **request: Any) -> DepthFindings:
     return detect(opened, Request("drive", out, **request), lambda _: None)
 
 
-@pytest.mark.parametrize("kind", FORMATS)
+@pytest.mark.parametrize("kind", first_quick(FORMATS))
 def test_every_kind_of_recording_becomes_the_same_log(
     kind: str, folders: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

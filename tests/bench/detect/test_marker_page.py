@@ -18,6 +18,7 @@ from slamduel.bench.detect.sightings import in_log
 from slamduel.core.factors import Truth
 from slamduel.frontend.markers.pipeline import Recording
 from small_recording import sighting, small_recording
+from tiers import first_quick
 
 
 def made(out: Path, recording: Recording, truth: Truth | None, **request: Any) -> tuple[MarkerFindings, str]:
@@ -64,7 +65,9 @@ def test_edges_cover_every_range(top: float) -> None:
     assert len(range_bins(np.zeros(0))) >= 2
 
 
-@pytest.mark.parametrize("case", ["no sightings", "no truth", "one frame", "one sighting", "all far", "many markers"])
+@pytest.mark.parametrize(
+    "case", first_quick(["no sightings", "one sighting", "no truth", "one frame", "all far", "many markers"], 2)
+)
 def test_any_recording_has_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: str) -> None:
     monkeypatch.setattr(detecting, "diagnose", lambda *_: ["Nothing & nowhere."])
     frames = {"one frame": 1, "many markers": 60}.get(case, 30)

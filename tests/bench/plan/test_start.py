@@ -129,8 +129,7 @@ def test_a_run_is_not_continued_from_another_start(
 def test_a_path_from_the_fix_on_is_reported_and_written_beside_one_of_the_whole_log(tmp_path: Path) -> None:
     """One backend is located later than the other, so that their paths are judged at other steps of one truth."""
     dataset = "circle[steps=60,landmarks=80,map=surveyed,start=unknown]"
-    words = ["run", "--backend", "ekf,mcl", "--dataset", dataset, "--seeds", "1", "--out", str(tmp_path / "run")]
-    assert main(words) == 0
+    assert run(tmp_path, tmp_path / "run", "--backend", "ekf,mcl", "--dataset", dataset) == 0
     rows = {row["backend"]: row for row in rows_of(tmp_path / "run")}
     assert {row["status"] for row in rows.values()} == {"done"}
     with (tmp_path / "run" / "metrics.csv").open() as file:

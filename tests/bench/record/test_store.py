@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from slamduel.bench.record.database import FORMER
@@ -173,6 +172,8 @@ def test_arrays_that_are_wanted_later_are_got_later(tmp_path: Path) -> None:
 
 
 def test_other_programs_read_it_while_it_is_written(tmp_path: Path) -> None:
+    import pandas as pd
+
     with Store(tmp_path, writing=True) as store:
         store.put_plan([cell(k, f"k{k}", tags=6) for k in range(3)])
         reader = sqlite3.connect(f"file:{tmp_path / FILE}?mode=ro", uri=True)

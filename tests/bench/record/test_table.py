@@ -7,8 +7,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-import pyarrow.parquet as pq
 import pytest
 
 from slamduel.bench.cli import main
@@ -56,6 +54,8 @@ def export(folder: Path, *words: Any) -> int:
 
 
 def test_both_formats_have_every_cell_exactly(study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import pyarrow.parquet as pq
+
     monkeypatch.setattr(cells_export, "ROWS", 2)  # of five, so that there are several chunks and a rest
     assert export(study, "--csv", tmp_path / "a.csv", "--parquet", tmp_path / "a.parquet") == 0
     table = pq.read_table(tmp_path / "a.parquet")
@@ -91,6 +91,8 @@ def test_both_formats_have_every_cell_exactly(study: Path, tmp_path: Path, monke
 
 
 def test_pandas_reads_either(study: Path, tmp_path: Path) -> None:
+    import pandas as pd
+
     assert export(study, "--csv", tmp_path / "a.csv", "--parquet", tmp_path / "a.parquet") == 0
     exact = pd.read_csv(tmp_path / "a.csv")
     whole = pd.read_parquet(tmp_path / "a.parquet")
@@ -100,6 +102,8 @@ def test_pandas_reads_either(study: Path, tmp_path: Path) -> None:
 
 
 def test_a_run_has_the_columns_of_its_files(tmp_path: Path) -> None:
+    import pyarrow.parquet as pq
+
     record = Record(tmp_path / "run")
     rows = [record.cell("room", "truth", "ekf", seed=seed, ate_m=THIRD, nees=1) for seed in range(2)]
     assert export(tmp_path / "run", "--parquet", tmp_path / "a.parquet") == 0

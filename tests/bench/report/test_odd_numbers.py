@@ -18,12 +18,10 @@ from slamduel.bench.run.document import document
 from slamduel.bench.run.terminal import conclude, status, verdicts
 from slamduel.bench.verdict.summary import lines
 from slamduel.bench.words.console import screen_console
-
-QUICK, WHOLE = 40, 6  # records without a page, and with one
-MORE = 60
+from tiers import first_quick
 
 
-@pytest.mark.parametrize("seed", range(QUICK))
+@pytest.mark.parametrize("seed", first_quick(range(40), 7))
 def test_terminal_and_document_have_a_verdict(tmp_path: Path, seed: int) -> None:
     made = odd_record(tmp_path / "r", seed)
     found = lines(made.store.cells(), {})
@@ -36,9 +34,7 @@ def test_terminal_and_document_have_a_verdict(tmp_path: Path, seed: int) -> None
     assert all(dataset in console.file.getvalue() for dataset in {line.dataset for line in found})
 
 
-@pytest.mark.parametrize(
-    "seed", [*range(WHOLE), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(WHOLE, MORE))]
-)
+@pytest.mark.parametrize("seed", first_quick(range(60)))
 def test_page_files_and_comparison_are_written(tmp_path: Path, seed: int) -> None:
     for name, of in (("one", seed), ("two", seed + 1000)):
         made = odd_record(tmp_path / name, of)

@@ -15,7 +15,9 @@ from small_record import Record
 
 api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: its package drives the browser")
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
-pytestmark = [pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed"), pytest.mark.slow]
+if CHROMIUM is None:
+    pytest.skip("chromium is not installed", allow_module_level=True)
+pytestmark = pytest.mark.slow
 
 BACKENDS = ("ekf", "fastslam", "isam2")
 PLOTS = {"exclude": [["figure .plot > svg"]]}

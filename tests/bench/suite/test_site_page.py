@@ -16,7 +16,9 @@ from slamduel.bench.suite.site_folder import suites
 
 api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: its package drives the browser")
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
-pytestmark = [pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed"), pytest.mark.slow]
+if CHROMIUM is None:
+    pytest.skip("chromium is not installed", allow_module_level=True)
+pytestmark = pytest.mark.slow
 
 PLOTS = {"exclude": [["figure .plot > svg"]]}
 """What axe need not look into: marks of axes, all in the one colour of the page's text."""

@@ -35,6 +35,7 @@ from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import from_rpy, mounting
 from slamduel.frontend.depth.recording import DepthFrame
 from slamduel.frontend.wheels.motion import Track
+from tiers import first_quick
 
 IMAGE, DEPTH, INFO = "/camera/rgb/image_raw", "/camera/depth/image_raw", "/camera/rgb/camera_info"
 TF = bags.transforms(stamp(START - 0.1), mounted(), topic="/tf_static")
@@ -79,7 +80,7 @@ def assert_all(frames: Sequence[DepthFrame], count: int = 6, atol: float = 0.0) 
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("encoding", ["16UC1", "mono16", "32FC1"])
+@pytest.mark.parametrize("encoding", first_quick(["16UC1", "mono16", "32FC1"]))
 def test_every_bag_and_encoding_gives_the_same_frames(tmp_path: Path, kind: str, encoding: str) -> None:
     found = opened(tmp_path, drive(kind=encoding), kind)
     assert_all(frames_of(found))
@@ -352,7 +353,7 @@ def test_the_dataset_recording_reads_a_bag_by_itself(tmp_path: Path) -> None:
     assert truth is None
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", first_quick(KINDS))
 def test_a_damaged_bag_is_read_or_refused_with_a_sentence(tmp_path: Path, kind: str) -> None:
     path = bags.write(tmp_path, kind, drive(frames=3, colour="bgr8"))
     file = next(one for one in [path, *path.glob("*.db3"), *path.glob("*.mcap")] if one.is_file())

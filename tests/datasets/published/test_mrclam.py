@@ -17,6 +17,7 @@ from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published import mrclam
 from slamduel.datasets.published.catalogue import place
 from slamduel.datasets.published.mrclam import Options
+from tiers import first_quick
 
 ODOMETRY, MEASUREMENT, GROUNDTRUTH = (f"Robot1_{name}.dat" for name in ("Odometry", "Measurement", "Groundtruth"))
 
@@ -285,7 +286,7 @@ SET_6 = {
 }
 
 
-@pytest.mark.parametrize("robot", SET_6)
+@pytest.mark.parametrize("robot", first_quick(SET_6))
 def test_set_6_is_read_as_an_independent_reader_reads_it(set_6: Path, robot: int):
     keyframes, sightings, from_start, best = SET_6[robot]
     log, truth = mrclam.read(set_6, dataclasses.replace(Options(), robot=robot))

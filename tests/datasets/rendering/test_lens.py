@@ -12,6 +12,7 @@ from slamduel.datasets.rendering.room import Marker, Room
 from slamduel.datasets.rendering.sensor import Sensor
 from slamduel.datasets.rendering.surfaces import Surfaces
 from slamduel.frontend.camera.camera import Camera
+from tiers import first_quick
 
 FLOOR = np.array([[0.8, -0.6, 0, 0], [0.6, 0.8, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 WALL = np.array([[0, 0, -1.0, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
@@ -71,7 +72,9 @@ def test_a_sheet_covers_its_projected_outline(name: str, marker: Array, side: fl
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-@pytest.mark.parametrize("marker", [at(FLOOR, 0.3, 0.0, 0.0), at(FLOOR, 0.1, 0.1, 0.7), at(WALL, 0.5, 0.3, 0.7)])
+@pytest.mark.parametrize(
+    "marker", first_quick([at(WALL, 0.5, 0.3, 0.7), at(FLOOR, 0.3, 0.0, 0.0), at(FLOOR, 0.1, 0.1, 0.7)])
+)
 def test_a_sheet_that_reaches_behind_the_camera_is_cut(name: str, marker: Array) -> None:
     """A sheet of 4 m around and before the robot, against one ray a pixel."""
     camera = CAMERAS[name]

@@ -20,6 +20,7 @@ from slamduel.datasets.scans.odometry import interpolated
 from slamduel.datasets.scans.open import OpenedScans, ScanTopics, build, open_scans
 from slamduel.frontend.laser.recording import LaserRecording
 from slamduel.frontend.wheels.motion import Poses
+from tiers import first_quick
 
 Streams = Sequence[bags.Said]
 
@@ -49,7 +50,7 @@ def described(folder: Path, laser: str, rest: str = "") -> Path:
     return folder / "robot.toml"
 
 
-@pytest.mark.parametrize("kind", bags.KINDS)
+@pytest.mark.parametrize("kind", first_quick(bags.KINDS, 2))
 def test_the_same_scans_give_the_same_factors_in_every_kind_of_bag(kind: str, tmp_path: Path) -> None:
     expected = build(opened(floor.carmen(tmp_path / "floor.clf", drive()))).log
     path = floor.bag(tmp_path / "bag", kind, floor.scans(drive()), floor.odometry(drive()), floor.mounting())
@@ -444,7 +445,8 @@ def test_scans_received_late_are_put_in_order_and_repeated_ones_left_out(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("kind", "file"), [("ros1", "drive.bag"), ("ros2", "drive/drive.db3"), ("mcap", "drive/drive.mcap")]
+    ("kind", "file"),
+    first_quick([("ros1", "drive.bag"), ("ros2", "drive/drive.db3"), ("mcap", "drive/drive.mcap")]),
 )
 def test_a_damaged_bag_is_read_or_refused_with_a_sentence(kind: str, file: str, tmp_path: Path) -> None:
     path = floor.bag(tmp_path / "bag", kind, floor.scans(short()), floor.odometry(short()), floor.mounting())

@@ -1,6 +1,7 @@
 """The depth camera's room: its pictures and depths belong together, and its noise is as stated."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -20,8 +21,10 @@ from slamduel.datasets.worlds.depth_room import START_SD, WHEELS, Drive, integra
 from slamduel.datasets.worlds.mover import ASIDE
 from slamduel.frontend.depth.recording import DepthFrame
 from slamduel.frontend.wheels.motion import Track
+from tiers import first_quick
 
 
+@lru_cache(2)
 def shots_of(options: Drive, seed: int = 1) -> DepthShots:
     return depth_room.shots_of(record(options, np.random.default_rng(seed))[0])
 
@@ -58,7 +61,7 @@ def off_surfaces(shots: DepthShots, points: Array) -> Array:
     return off
 
 
-@pytest.mark.parametrize("readout", [0.0, 0.06])
+@pytest.mark.parametrize("readout", first_quick([0.06, 0.0]))
 def test_exact_depths_lie_on_the_rooms_surfaces_from_the_true_poses(readout: float) -> None:
     shots = shots_of(replace(SHORT, readout=readout))
     for k in (5, 20):
@@ -161,7 +164,7 @@ def test_the_mover_crosses_the_view_and_meets_nothing() -> None:
     room = shots.renderer.room
     covered = list[float]()
     robot = shots.path(shots.t)
-    for k, visitor in enumerate(shots.visitors):
+    for k, visitor in list(enumerate(shots.visitors))[::2]:
         if visitor is None:
             continue
         place, radius = visitor.box.place[:2], visitor.box.radius
@@ -170,7 +173,7 @@ def test_the_mover_crosses_the_view_and_meets_nothing() -> None:
         assert np.linalg.norm(place - robot[k, :2]) > radius + 0.3
         without = replace(shots, visitors=())
         covered.append(float((shots.exact_depth(k) != without.exact_depth(k)).mean()))
-    assert len(covered) > 15
+    assert len(covered) > 7
     assert max(covered) > 0.4
     sides = [between(robot[k], one.box.place)[1] for k, one in enumerate(shots.visitors) if one is not None]
     assert max(sides) > 0.6 * ASIDE

@@ -28,15 +28,20 @@ DRAWN = 0.02
 """What the drawing's samples, a quarter of a pixel, put in: px of blur, and amounts of sharpening and tone."""
 
 
-def views(sensor: Sensor, count: int = 6, blur: float = 0.7, ink: float = 0.0) -> tuple[Calibration, list[Image]]:
+IDEAL = (Sensor(), 0.7, 0.0)
+"""A camera without effects, the px of its blur, and no ink."""
+
+
+@cache
+def views(sensor: Sensor, blur: float, ink: float) -> tuple[Calibration, list[Image]]:
     rng = np.random.default_rng(1)
-    images = sensed(CAMERA, poses(count, rng, distance=0.36, board=BOARD), sensor, rng, BOARD, blur, ink)
+    images = sensed(CAMERA, poses(6, rng, distance=0.36, board=BOARD), sensor, rng, BOARD, blur, ink)
     found = [find_corners(BOARD, str(k), image) for k, image in enumerate(images)]
     return calibrate([view for view in found if isinstance(view, View)], SIZE, "5"), images
 
 
-def response(sensor: Sensor, count: int = 6, blur: float = 0.7, ink: float = 0.0) -> BoardResponse | str:
-    found, images = views(sensor, count, blur, ink)
+def response(sensor: Sensor, blur: float, ink: float) -> BoardResponse | str:
+    found, images = views(sensor, blur, ink)
     pictures = Pictures(BOARD, found.camera)
     for fit in found.fits:
         pictures.add(fit, images[int(fit.view.name)])
@@ -45,7 +50,7 @@ def response(sensor: Sensor, count: int = 6, blur: float = 0.7, ink: float = 0.0
 
 @cache
 def ideal() -> BoardResponse:
-    found = response(Sensor())
+    found = response(*IDEAL)
     assert isinstance(found, BoardResponse)
     return found
 
@@ -86,7 +91,7 @@ def test_an_ideal_camera() -> None:
 )
 def test_what_a_camera_does_is_found(sensor: Sensor, blur: float, ink: float) -> None:
     """A tenth of the ink is allowed for corners, where two edges meet, both moved; and as much of a gamma above 1."""
-    found = response(sensor, blur=blur, ink=ink)
+    found = response(sensor, blur, ink)
     assert isinstance(found, BoardResponse)
     gamma = 1.0 if isinstance(sensor.tone, str) else sensor.tone
     assert is_right(found.response.gamma, gamma, DRAWN + 0.1 * (gamma - 1))
@@ -101,7 +106,7 @@ def test_what_a_camera_does_is_found(sensor: Sensor, blur: float, ink: float) ->
 
 
 def test_too_few_pictures_and_overexposed_ones_are_told() -> None:
-    found, images = views(Sensor(), 4)
+    found, images = views(*IDEAL)
     for bright, count, sentence in (
         (1.0, FEWEST_PICTURES - 1, f"usable markers in {FEWEST_PICTURES - 1} pictures, expected at least 12 in 4"),
         (1.3, 4, "found 0 usable markers in 0 pictures, expected at least 12 in 4: .* are overexposed"),
@@ -117,7 +122,7 @@ def test_too_few_pictures_and_overexposed_ones_are_told() -> None:
 
 
 def test_markers_that_nearly_touch_black_squares_are_told() -> None:
-    found, images = views(Sensor(), 4)
+    found, images = views(*IDEAL)
     tight = Board(columns=5, rows=4, square=0.05, marker=0.045, dictionary="4X4_50")
     pictures = Pictures(tight, found.camera)
     for fit in found.fits:

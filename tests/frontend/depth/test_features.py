@@ -11,9 +11,10 @@ from slamduel.core.se2 import Array
 from slamduel.datasets.worlds.depth_room import Drive, record, shots_of
 from slamduel.frontend.depth.features import Finder, detector, matched
 from slamduel.frontend.depth.settings import Settings
+from tiers import first_quick
 
 
-@pytest.mark.parametrize("kind", ["orb", "sift"])
+@pytest.mark.parametrize("kind", first_quick(["orb", "sift"]))
 def test_errors_of_places_are_those_stated_on_every_scale(kind: str) -> None:
     """Robustly, by the median: a few matches are wrong. Features of coarse scales err by three times the finest."""
     settings = Settings(features=kind)

@@ -16,6 +16,7 @@ from slamduel.frontend.laser.log import EXACT, build_log, first_scan, scans_of
 from slamduel.frontend.laser.recording import LaserRecording, matched
 from slamduel.frontend.laser.settings import Settings
 from slamduel.frontend.maps.occupancy import FREE, WALL, Occupancy, occupancy, of_states
+from tiers import first_quick
 
 LAPS = 1.1
 
@@ -95,7 +96,7 @@ def test_people_are_no_part_of_a_match_and_are_counted() -> None:
     assert share[1] > share[0] + 0.005
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", first_quick([0, 1]))
 def test_an_unknown_start_is_found_and_no_wrong_one(seed: int) -> None:
     recording, truth = again(seed)
     found = 0

@@ -15,6 +15,7 @@ from slamduel.frontend.camera.mounting import mounting
 from slamduel.frontend.markers.aruco import Detector, Sighting, range_bearing, square
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
+from tiers import first_quick
 
 CAMERA = Camera(
     640, 480, (576.0, 574.0), (321.7, 238.4), (-0.21, 0.06, 8e-4, -6e-4, 0.0), mounting(0.1, 0.05, 0.7, 0.3)
@@ -119,7 +120,7 @@ def errors(distance: float) -> Array:
     return np.array([row for shot in shots for row in errors_in(detector, shot)[0]])
 
 
-@pytest.mark.parametrize("distance", DISTANCES)
+@pytest.mark.parametrize("distance", first_quick(DISTANCES))
 def test_rendered_markers_are_where_they_are(distance: float) -> None:
     farther, turned, _ = errors(distance).T
     assert len(farther) >= 0.9 * COUNT  # 99 % are found: chance loses four of 36 once in a thousand times

@@ -14,6 +14,7 @@ from slamduel.datasets.rendering.sensor import Sensor
 from slamduel.frontend.camera.shutter import CameraMotion, SweptPlane
 from slamduel.frontend.markers.aruco import Detector, Refinement
 from slamduel.frontend.markers.markers import Markers
+from tiers import first_quick
 
 READOUT = 0.03
 CAMERA = replace(CAMERAS["pinhole"], readout=READOUT)
@@ -42,7 +43,7 @@ def honest(found: Array, distance: float, count: int) -> None:
     assert 0.5 < found[:, 2].mean() / 2 < 2
 
 
-@pytest.mark.parametrize(("distance", "skew"), [(1.0, 7.5), (3.0, 7.5), (2.0, 17.0)])
+@pytest.mark.parametrize(("distance", "skew"), first_quick([(2.0, 17.0), (1.0, 7.5), (3.0, 7.5)]))
 def test_sightings_are_as_good_as_stated(distance: float, skew: float) -> None:
     honest(errors(shots(distance, skew, COUNT)), distance, COUNT)
 

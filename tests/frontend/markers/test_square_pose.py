@@ -153,7 +153,7 @@ def test_the_covariance_is_that_of_many_draws() -> None:
 
 def test_corners_in_the_wrong_order_have_no_pose() -> None:
     pose = any_pose(np.random.default_rng(7), 1.0)
-    assert square_poses(rays_of(pose)[::-1], PIXEL**2 * np.eye(8), SIDE) == []  # the square's back
+    assert square_poses(rays_of(pose)[::-1].copy(), PIXEL**2 * np.eye(8), SIDE) == []  # the square's back
 
 
 @pytest.mark.parametrize("rays", [np.zeros((4, 2)), np.full((4, 2), np.nan)], ids=["a point", "not numbers"])
