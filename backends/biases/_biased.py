@@ -17,9 +17,10 @@ from math import cos, sin, sqrt
 
 import numpy as np
 
+from ...core.kernels._planar import add_rotated, moved, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import moved, placed, sighted, wrap
+from .._models import placed, sighted
 
 EACH = 4
 """Entries per landmark."""
@@ -109,16 +110,7 @@ def predict(mean: Array, cov: Array, n: int, motion: Array) -> None:
     x, y, c, s = mean[0], mean[1], cos(mean[2]), sin(mean[2])
     mean[0], mean[1], mean[2] = moved(x, y, mean[2], motion[0, 0], motion[0, 1], motion[0, 2])
     lever(cov, n, 0, mean[0] - x, mean[1] - y)
-    qxx, qxy, qxt = motion[1, 0], motion[1, 1], motion[1, 2]
-    qyy, qyt, qtt = motion[2, 1], motion[2, 2], motion[3, 2]
-    cov[0, 0] += c * c * qxx - 2 * c * s * qxy + s * s * qyy
-    cov[1, 1] += s * s * qxx + 2 * c * s * qxy + c * c * qyy
-    cov[2, 2] += qtt
-    for i, j, more in (
-        (0, 1, c * s * (qxx - qyy) + (c * c - s * s) * qxy), (0, 2, c * qxt - s * qyt), (1, 2, s * qxt + c * qyt)
-    ):  # fmt: skip
-        cov[i, j] += more
-        cov[j, i] += more
+    add_rotated(cov, c, s, motion)
 
 
 @compiled

@@ -17,9 +17,10 @@ from math import cos, exp, sin, sqrt
 import numpy as np
 
 from ...core.kernels._blas import add_product, add_square
+from ...core.kernels._planar import moved, propagate, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import moved, placed, sighted, wrap
+from .._models import placed, sighted
 from ._triangle import REAL, add_square_of, put, take
 
 OWED = 48
@@ -77,22 +78,7 @@ def predict(
     for j in range(m):
         transition[0, j] += gx * transition[2, j]
         transition[1, j] += gy * transition[2, j]
-    for i in range(3):
-        pose[0, i] += gx * pose[2, i]
-        pose[1, i] += gy * pose[2, i]
-    for i in range(3):
-        pose[i, 0] += gx * pose[i, 2]
-        pose[i, 1] += gy * pose[i, 2]
-    c, s = cos(turned), sin(turned)
-    qxx, qxy, qxt = motion[1, 0], motion[1, 1], motion[1, 2]
-    qyy, qyt, qtt = motion[2, 1], motion[2, 2], motion[3, 2]
-    pose[0, 0] += c * c * qxx - 2 * c * s * qxy + s * s * qyy
-    pose[1, 1] += s * s * qxx + 2 * c * s * qxy + c * c * qyy
-    pose[2, 2] += qtt
-    pose[1, 0] += c * s * (qxx - qyy) + (c * c - s * s) * qxy
-    pose[2, 0] += c * qxt - s * qyt
-    pose[2, 1] += s * qxt + c * qyt
-    pose[0, 1], pose[0, 2], pose[1, 2] = pose[1, 0], pose[2, 0], pose[2, 1]
+    propagate(pose, gx, gy, turned, motion)
 
 
 @compiled

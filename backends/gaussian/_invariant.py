@@ -11,9 +11,10 @@ from math import cos, sin, sqrt
 
 import numpy as np
 
+from ...core.kernels._planar import moved, rotated, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import moved, placed, sighted, wrap
+from .._models import placed, sighted
 from ._group import retract, retract_all
 from ._triangle import add_square_of, put, take_less, take_row
 
@@ -75,11 +76,11 @@ def move(
         for j in range(n):
             strip[i, 3 + j] += own[i] * w[j]
     uu, uv, vv = cov[0, 0] - u * u, cov[0, 1] - u * v, cov[1, 1] - v * v
-    across = c * s * (uu - vv) + (c * c - s * s) * uv
-    strip[0, 0] += c * c * uu - 2.0 * c * s * uv + s * s * vv
-    strip[0, 1] += across
-    strip[1, 0] += across
-    strip[1, 1] += s * s * uu + 2.0 * c * s * uv + c * c * vv
+    xx, xy, yy = rotated(c, s, uu, uv, vv)
+    strip[0, 0] += xx
+    strip[0, 1] += xy
+    strip[1, 0] += xy
+    strip[1, 1] += yy
 
 
 @compiled
@@ -182,11 +183,7 @@ def add(pose: Array, mean: Array, strip: Array, flat: Array, n: int, z: Array, R
     r, c, s = z[0], cos(pose[2] + z[1]), sin(pose[2] + z[1])
     mean[n], mean[n + 1] = placed(pose[0], pose[1], pose[2], z[0], z[1])
     a, b, d = R[0, 0], r * R[1, 0], r * r * R[1, 1]
-    own = (
-        c * c * a - 2.0 * c * s * b + s * s * d,
-        c * s * (a - d) + (c * c - s * s) * b,
-        s * s * a + 2.0 * c * s * b + c * c * d,
-    )
+    own = rotated(c, s, a, b, d)
     rows = np.empty((2, n + 2))
     for i in range(2):
         for j in range(n):

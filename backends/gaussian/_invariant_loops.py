@@ -4,12 +4,13 @@ from math import cos, sin
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
+from ...core.kernels._small import cholesky
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import wrap
 from ._group import exponential, logarithm, retract_all
 from ._invariant import RANK, fold, gather, gather_row
-from ._loops import root, whiten
+from ._loops import whiten
 from ._triangle import entry, put, put_row
 
 
@@ -92,7 +93,7 @@ def close(
                 for c in range(3):
                     for d in range(3):
                         S[a, b] += N[a, c] * R[i, c, d] * N[b, d]
-        if not root(S):
+        if not cholesky(S, S, 3, 0.0, 0.0):
             for a in range(3):
                 for j in range(n):
                     rows[a, j] = 0.0

@@ -4,13 +4,14 @@ A kept pose has three entries of the state: x and y, which are a pair as a landm
 another pair. So sightings and motions treat kept poses as any other part of the state.
 """
 
-from math import cos, sin, sqrt
+from math import cos, sin
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
+from ...core.kernels._small import cholesky
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import wrap
 from ._ekf import INDEFINITE, OWED, STANDARD, settle
 from ._triangle import put, put_row, take, take_row
 
@@ -99,23 +100,6 @@ def across(H: Array, i: int, of_pose: Array, of_rest: Array, q: int, at: int, tu
 
 
 @compiled
-def root(S: Array) -> bool:
-    """Replaces S (3, 3) by its lower Cholesky factor; False where it is not positive definite."""
-    for i in range(3):
-        for j in range(i + 1):
-            rest = S[i, j]
-            for k in range(j):
-                rest -= S[i, k] * S[j, k]
-            if i > j:
-                S[i, j] = rest / S[j, j]
-            else:
-                if not 0.0 < rest < np.inf:
-                    return False
-                S[i, i] = sqrt(rest)
-    return True
-
-
-@compiled
 def whiten(L: Array, v: Array, n: int, out: Array, q: int) -> None:
     """L^-1 v, (3, n), into rows q to q + 2 of `out`."""
     for j in range(n):
@@ -199,7 +183,7 @@ def close(
         for a in range(3):
             for b in range(a + 1):
                 S[a, b] = across(H, b, u, v, a, at, turn) + R[i, a, b]
-        if not root(S):
+        if not cholesky(S, S, 3, 0.0, 0.0):
             return i, INDEFINITE, nis, dof, refused
         f[0] = e[0] / S[0, 0]
         f[1] = (e[1] - S[1, 0] * f[0]) / S[1, 1]

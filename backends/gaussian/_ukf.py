@@ -13,11 +13,13 @@ from math import sqrt
 
 import numpy as np
 
+from ...core.kernels._planar import moved, wrap
+from ...core.kernels._small import cholesky
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import moved, placed, sighted, wrap
+from .._models import placed, sighted
 from ._triangle import add_square_of, put, take_less
-from ._unscented import ROUNDING, add_outer, cholesky, regress, unroot
+from ._unscented import ROUNDING, add_outer, regress, unroot
 
 WRONG = ("nothing", "the predicted pose", "an innovation", "a new landmark")
 """The covariance that is not positive definite, by the number that `frame` returns."""
@@ -30,8 +32,8 @@ def move(mean: Array, pose: Array, cross: Array, n: int, motion: Array, scaling:
     `scaling` holds alpha^2, kappa and beta - alpha^2.
     """
     spread, delta = scaling[0] * (6.0 + scaling[1]), motion[0]
-    root, noise = np.empty((3, 3)), np.empty((3, 3))
-    if not (cholesky(pose, root, 3, ROUNDING) and cholesky(motion[1:], noise, 3, 0.0)):
+    root, noise = np.zeros((3, 3)), np.zeros((3, 3))
+    if not (cholesky(pose, root, 3, 0.0, ROUNDING) and cholesky(motion[1:], noise, 3, 0.0, 0.0)):
         return False
     x, y, heading = moved(mean[0], mean[1], mean[2], delta[0], delta[1], delta[2])
     away, p, d = np.empty((2, 6, 3)), np.empty(3), np.empty(3)
@@ -54,7 +56,7 @@ def move(mean: Array, pose: Array, cross: Array, n: int, motion: Array, scaling:
         a, b, c = cross[0, j], cross[1, j], cross[2, j]
         for i in range(3):
             cross[i, j] = slope[i, 0] * a + slope[i, 1] * b + slope[i, 2] * c
-    return cholesky(pose, root, 3, ROUNDING)
+    return cholesky(pose, root, 3, 0.0, ROUNDING)
 
 
 @compiled
@@ -114,14 +116,14 @@ def correct(
     """
     dims = 5 if at >= 0 else 3
     root, noise = np.zeros((5, 5)), np.empty((2, 2))
-    if not cholesky(marginal(pose, cross, rows, at) if at >= 0 else pose, root, dims, ROUNDING):
+    if not cholesky(marginal(pose, cross, rows, at) if at >= 0 else pose, root, dims, 0.0, ROUNDING):
         return -1.0
     r, bearing, slope, rest = expect(mean, x, y, root, dims, scaling)
     for i in range(2):
         for j in range(2):
             rest[i, j] += R[i, j]
     add_outer(slope, rest, 2, 0, dims)
-    if not cholesky(rest, noise, 2, 0.0):
+    if not cholesky(rest, noise, 2, 0.0, 0.0):
         return -1.0
     f0 = (z[0] - r) / noise[0, 0]
     f1 = (wrap(z[1] - bearing) - noise[1, 0] * f0) / noise[1, 1]
@@ -166,8 +168,8 @@ def apply(
 def add(mean: Array, pose: Array, cross: Array, flat: Array, n: int, z: Array, R: Array, scaling: Array) -> bool:
     """Adds the landmark that the pose sees at `z` (2,), after the n entries of the map; False as in `move`."""
     spread = scaling[0] * (5.0 + scaling[1])
-    root, noise = np.empty((3, 3)), np.empty((2, 2))
-    if not (cholesky(pose, root, 3, ROUNDING) and cholesky(R, noise, 2, 0.0)):
+    root, noise = np.zeros((3, 3)), np.zeros((2, 2))
+    if not (cholesky(pose, root, 3, 0.0, ROUNDING) and cholesky(R, noise, 2, 0.0, 0.0)):
         return False
     x, y = placed(mean[0], mean[1], mean[2], z[0], z[1])
     away, p, m = np.empty((2, 5, 2)), np.empty(3), np.empty(2)
@@ -183,7 +185,7 @@ def add(mean: Array, pose: Array, cross: Array, flat: Array, n: int, z: Array, R
     slope, shift, rest = regress(away[0], away[1], 5, 2, spread, scaling[2])
     mean[3 + n], mean[4 + n] = x + shift[0], y + shift[1]
     add_outer(slope, rest, 2, 0, 5)
-    if not cholesky(rest, noise, 2, 0.0):
+    if not cholesky(rest, noise, 2, 0.0, 0.0):
         return False
     unroot(slope, root, 2, 3)
     rows = np.empty((2, n + 2))
