@@ -1,8 +1,8 @@
 """Drives small inputs through every compiled function of the package: of backends, front ends, worlds, noise.
 
 Prints the functions that were not entered. Run with NUMBA_BOUNDSCHECK=1, it ends with an IndexError where an index is
-beyond an end or below zero. NUMBA_CACHE_DIR and SLAMDUEL_CACHE name empty folders: numba's cache does not tell code with checks from
-code without, and a log that is found made enters nothing. `tests/core/kernels/test_bounds.py` does so.
+beyond an end or below zero. NUMBA_CACHE_DIR and SLAMDUEL_CACHE name empty folders: numba's cache does not tell code
+with checks from code without, and a log that is found made enters nothing. `tests/core/kernels/test_bounds.py` does so.
 """
 
 import entered

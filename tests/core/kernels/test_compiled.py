@@ -78,8 +78,8 @@ def test_a_copy_of_the_files_with_their_cache_compiles_nothing(house: Path, tmp_
 
 
 def test_numba_has_the_private_parts_that_are_relied_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    """`_source_stamp`, `_load_index` and `cache_path` of a cache, `get_call_template` and `compile`, `populate_array`."""
-    dispatcher: Any = _models.wrap
+    """`compiled` uses a dispatcher's cache file, `get_call_template` and `compile`; `_arrays` uses `populate_array`."""
+    dispatcher: Any = _planar.wrap
     dispatcher(1.0)
     file = dispatcher._cache._cache_file
     assert file._source_stamp == module.stamp(Path(inspect.getfile(dispatcher.py_func)))
