@@ -34,7 +34,7 @@ from slamduel.frontend.maps.top_view import top_view
 BACKENDS: dict[str, list[dict[str, Any]]] = {
     "bias-ekf": [{"range_share": 0.3, "bearing_share": 0.3, "gate": 0.99}],
     "dead-reckoning": [{}],
-    "ekf": [{"gate": 0.99}, {"compress_above": 3}, {"update": "joint"}, {"jacobians": "first-estimates"}],
+    "ekf": [{"gate": 0.99}, {"compress_above": 3}, {"update": "joint"}, {"jacobians": "first-estimates", "poses": 9}],
     "fastslam": [{"particles": 20}, {"particles": 20, "version": 1}],
     "fixed-lag": [{"lag": 2.0, "relinearize_skip": 2}, {"lag": 2.0, "loss": "huber"}, {"lag": 2.0, "loss": "cauchy"}],
     "graph": [{}, {"loss": "geman-mcclure", "gnc": True}, {"loss": "huber", "start": "odometry"}],
@@ -82,7 +82,6 @@ def random_drives() -> None:
                 drive(name, made.log, **options)
                 if registry.find(name).loops:
                     drive(name, loops, **options)
-    drive("ekf", loops, poses=20)
 
 
 def association() -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from llvmlite import binding, ir
-from numba.core import config, types
+from numba.core import types
 from numba.extending import intrinsic
 
 from places import LAYERS, ROOT
@@ -42,14 +42,14 @@ def note() -> None:
 
     Their code is of no use to others: NUMBA_CACHE_DIR keeps it out of the package.
     """
-    assert config.CACHE_DIR, "expected NUMBA_CACHE_DIR"
+    assert "NUMBA_CACHE_DIR" in os.environ, "expected NUMBA_CACHE_DIR"
     os.cpu_count = lambda: 1  # a second process, which compiles ahead, would know nothing of marks
     binding.add_symbol("slamduel_marks", ctypes.addressof(_marks))
     plain, compiled.compiled = compiled.compiled, lambda function: plain(_marked(function))
     for file in (file for layer in LAYERS for file in sorted((ROOT / layer).rglob("_[!_]*.py"))):
         import_module(".".join(["slamduel", *file.relative_to(ROOT).with_suffix("").parts]))
     compiled.compiled = plain
-    assert len(compiled._dispatchers) == len(_names)
+    assert len(compiled._dispatchers) == len(_names)  # pyright: ignore[reportPrivateUsage]
 
 
 def never() -> list[str]:

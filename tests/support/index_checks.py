@@ -1,8 +1,9 @@
 """Has numba check every index of an array, in a process that was started with NUMBA_BOUNDSCHECK=1."""
 
+import os
 from typing import Any
 
-from numba import config, types
+from numba import types
 from numba.np import arrayobj
 
 
@@ -11,7 +12,7 @@ def begin() -> None:
 
     Numba's own checks let one below zero count from the end, as in Python, which no compiled function means to do.
     """
-    assert config.BOUNDSCHECK, "expected NUMBA_BOUNDSCHECK=1"
+    assert os.environ.get("NUMBA_BOUNDSCHECK") == "1", "expected NUMBA_BOUNDSCHECK=1"
     arrayobj.fix_integer_index = _as_it_is
 
 
