@@ -3,6 +3,8 @@
 # make test-slow            the strict check of types, and the other tests: browsers, clusters, kills, large samples
 # make test-dist           the source archive and the wheel, and the quick tests of the one on the other
 # make test-older           the quick tests as two older machines would run them
+# make test-newest          the quick tests with the newest numba, in an environment of their own
+# make coverage             the quick tests, and how much of the Python that is not compiled they run
 # make docs                the documentation as a site, build/docs/index.html; its notebook runs
 # make docs-tables          the tables of docs/backends.md and docs/datasets.md, from the registries
 # make gallery              the classic studies in their quick size, and one page with all their answers
@@ -25,7 +27,7 @@ PYTEST := env OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 # A process that may not keep bytecode compiles all that it imports at each start: three seconds instead of one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow test-dist test-older lint types types-strict unit clean docs docs-tables gallery study-city \
+.PHONY: demo test test-slow test-dist test-older test-newest coverage lint types types-strict unit clean docs docs-tables gallery study-city \
 	study-statistics study-kills study-mutations study-locating study-noise
 
 demo: $(VENV)/.installed
@@ -74,6 +76,18 @@ test-older: $(VENV)/.installed-dev
 	for kind in haswell nehalem; do \
 		$(BIN)/python tests/support/older_machine.py $$kind $(PYTEST) -m "not slow" || exit 1; \
 	done
+
+test-newest:
+	$(MAKE) VENV=build/newest build/newest/.installed-dev
+	build/newest/bin/python -m pip install --quiet --disable-pip-version-check --upgrade numba
+	$(MAKE) VENV=build/newest unit
+
+# Statements that ran in any process of the quick tests: those that start a process of their own are most of the commands'.
+coverage: $(VENV)/.installed-dev
+	rm -rf build/coverage
+	$(BIN)/coverage run -m pytest -n auto --dist worksteal -m "not slow"
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage report
 
 docs: $(VENV)/.installed-docs
 	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going -b html -d build/docs-doctrees docs build/docs

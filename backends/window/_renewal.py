@@ -84,9 +84,10 @@ def move(w: Window, poses: Array, places: Array) -> None:
             w.places[v, a] += places[v, a]
     m, r, F = 3 + 2 * w.state[KNOWN], row(w), w.prior
     by = np.empty(m)
-    for i in range(m):
-        v = w.slots[(i - 3) // 2, BEFORE]
-        by[i] = poses[w.state[BOTTOM], i] if i < 3 else places[v, (i - 3) % 2]
+    for a in range(3):
+        by[a] = poses[w.state[BOTTOM], a]
+    for i in range(3, m):
+        by[i] = places[w.slots[(i - 3) // 2, BEFORE], (i - 3) % 2]
     for i in range(m):
         if by[i] != 0.0:
             for j in range(m):

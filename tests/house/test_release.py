@@ -11,9 +11,11 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from places import ROOT
+from places import LAYERS, ROOT
 from sources import kept
 from sources import source as copied
+
+WORKFLOWS = ("tests", "publish")
 
 
 def loaded(name: str) -> Any:
@@ -75,15 +77,59 @@ def test_the_workflow_tests_every_python_that_the_package_names(project: dict[st
     assert {one.split("-")[0] for one in matrix["os"]} == {"ubuntu", "macos"}
 
 
-def test_the_workflow_and_the_hooks_run_what_exists(targets: set[str]) -> None:
-    jobs = loaded(".github/workflows/tests.yml")["jobs"].values()
-    runs = [step["run"] for job in jobs for step in job["steps"] if "run" in step]
+def test_the_workflows_and_the_hooks_run_what_exists(targets: set[str]) -> None:
+    jobs = [job for name in WORKFLOWS for job in loaded(f".github/workflows/{name}.yml")["jobs"].values()]
+    runs = [step["run"] for job in jobs for step in job["steps"] if "run" in step and "name" not in step]
     hooks = [hook["entry"] for repository in loaded(".pre-commit-config.yaml")["repos"] for hook in repository["hooks"]]
     assert runs
     assert hooks
     for command in (*runs, *hooks):
         tool, _, target = command.partition(" ")
         assert target in targets if tool == "make" else (ROOT / tool).is_file(), command
+
+
+def test_a_tag_publishes_the_archives_that_were_tested() -> None:
+    publish = loaded(".github/workflows/publish.yml")
+    assert publish[True] == {"push": {"tags": ["v*"]}}  # YAML 1.1 reads `on` as true
+    archives, published = publish["jobs"]["archives"], publish["jobs"]["publish"]
+    assert published["needs"] == "archives"
+    assert "permissions" not in archives
+    assert published["permissions"] == {"id-token": "write"}
+    steps = [step.get("run") or step["uses"].partition("@")[0] for step in archives["steps"]]
+    assert steps.index("make test-dist") < steps.index("actions/upload-artifact")
+    used = [step["uses"].partition("@")[0] for step in published["steps"]]
+    assert used == ["actions/download-artifact", "pypa/gh-action-pypi-publish"]
+    assert archives["steps"][-1]["with"]["name"] == published["steps"][0]["with"]["name"]
+
+
+def test_numba_is_bounded_by_what_the_tests_run_with(project: dict[str, Any]) -> None:
+    (bounds,) = (one.removeprefix("numba") for one in project["dependencies"] if one.startswith("numba"))
+    (minor,) = re.findall(r"^numba==0\.(\d+)\.", (ROOT / "constraints.txt").read_text(), re.MULTILINE)
+    assert re.fullmatch(rf">=0\.\d+,<0\.{int(minor) + 1}", bounds)
+
+
+def test_the_workflow_keeps_the_kernels_of_every_layer() -> None:
+    (kept,) = (
+        step["with"]
+        for step in loaded(".github/workflows/tests.yml")["jobs"]["quick"]["steps"]
+        if step.get("uses", "").startswith("actions/cache@")
+    )
+    assert kept["path"].split() == [f"{layer}/**/*.nb[ic]" for layer in sorted(LAYERS)]
+    assert kept["key"].startswith(kept["restore-keys"])
+    assert "core/kernels/compiled.py" in kept["restore-keys"]  # no stamp has it: another one compiles otherwise
+
+
+def test_an_entry_of_the_changelog_is_one_line_whose_links_lead_somewhere() -> None:
+    entries = [line for line in (ROOT / "CHANGELOG.md").read_text().partition("\n## ")[2].splitlines() if line]
+    assert entries
+    for entry in entries:
+        assert entry.startswith(("- ", "## [", "### ")) or entry[0] == "[", entry
+        assert len(entry) < 160, entry
+        for name, _, place in (link.partition("#") for link in re.findall(r"\]\(([^):]+)\)", entry)):
+            headings = re.findall(r"^#+ (.*)$", (ROOT / name).read_text(), re.MULTILINE)
+            assert not place or place in {re.sub(r"[^\w -]", "", one.lower()).replace(" ", "-") for one in headings}, (
+                entry
+            )
 
 
 def test_the_image_installs_what_the_package_offers(project: dict[str, Any]) -> None:

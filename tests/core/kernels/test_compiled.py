@@ -1,6 +1,7 @@
 """Compiled inner loops are made anew when a file that they call into has changed, and only then."""
 
 import importlib
+import inspect
 import shutil
 import subprocess
 import sys
@@ -9,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
+from numba.np.arrayobj import populate_array
 
 import slamduel.core.kernels.compiled as module
 from places import LAYERS, ROOT
@@ -62,6 +65,32 @@ def test_a_changed_callee_is_noticed_and_what_does_not_call_it_is_not_compiled_a
     apart = house / "other" / "_apart.py"
     apart.write_text(apart.read_text().replace("x + 1", "x + 5"))
     assert answer(house) == "3.0 6.0 1 0 1"
+
+
+@pytest.mark.slow
+def test_a_copy_of_the_files_with_their_cache_compiles_nothing(house: Path, tmp_path: Path) -> None:
+    """As a checkout with a cache that was kept: all files have another place and time."""
+    assert answer(house) == "2.0 2.0 0 0 4"
+    copy = shutil.copytree(house, tmp_path / "elsewhere" / "house", copy_function=shutil.copyfile)
+    assert (copy / "other" / "_inner.py").stat().st_mtime_ns != (house / "other" / "_inner.py").stat().st_mtime_ns
+    shutil.rmtree(house)
+    assert answer(copy) == "2.0 2.0 1 1 0"
+
+
+def test_numba_has_the_private_parts_that_are_relied_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`compiled` uses a dispatcher's cache file, `get_call_template` and `compile`; `_arrays` uses `populate_array`."""
+    dispatcher: Any = _planar.wrap
+    dispatcher(1.0)
+    file = dispatcher._cache._cache_file
+    assert file._source_stamp == module.stamp(Path(inspect.getfile(dispatcher.py_func)))
+    assert file._load_index()
+    monkeypatch.setattr(file, "_source_stamp", "of another source")
+    assert not file._load_index()
+    assert Path(dispatcher._cache.cache_path).is_dir()
+    assert list(inspect.signature(Dispatcher.get_call_template).parameters) == ["self", "args", "kws"]
+    assert list(inspect.signature(Dispatcher.compile).parameters) == ["self", "sig"]
+    given = {"array", "data", "shape", "strides", "itemsize", "meminfo"}
+    assert given <= set(inspect.signature(populate_array).parameters)
 
 
 @pytest.mark.parametrize("edited", FILES)
