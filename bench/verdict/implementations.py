@@ -6,7 +6,7 @@ from ...backends.api import COMPILED_HERE
 from ..words.numerals import listed
 from .summary import Line
 
-CAUTION = "Costs compare implementations, not algorithms alone"
+CAUTION = "Costs compare implementations, not algorithms alone."
 
 
 def sentence(lines: Sequence[Line]) -> str:
@@ -24,7 +24,7 @@ def sentence(lines: Sequence[Line]) -> str:
     most = max(by_kind, key=lambda kind: (len(by_kind[kind]), kind == COMPILED_HERE))
     told = [f"{kind}: {listed(names)}" for kind, names in by_kind.items() if kind != most]
     told.append(f"{most}: {'the others' if len(by_kind[most]) > 1 else by_kind[most][0]}")
-    return f"{CAUTION}: {'; '.join(told)}."
+    return f"{'; '.join(told)}. {CAUTION}"
 
 
 def foreign(lines: Sequence[Line]) -> set[str]:
