@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from ._joint_arrays import belief_at
+from ._beliefs import belief_at
 from ._triangle import entry, put, row, take
 
 

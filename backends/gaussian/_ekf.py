@@ -21,7 +21,7 @@ from ...core.kernels._planar import moved, propagate, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
 from .._models import placed, sighted
-from ._joint_arrays import JointArrays, belief_at, frame_at
+from ._beliefs import JointArrays, belief_at, frame_at
 from ._triangle import REAL, add_square_of, put, take
 
 OWED = 48

@@ -11,8 +11,8 @@ from .._answer import answer_at
 from .._expected import ROUNDING, cross_block, spread, within
 from .._rules import conclude
 from .._vicinity import learn, note, places_at
+from ._beliefs import belief_at
 from ._ekf import ODOMETRY, POSE
-from ._joint_arrays import belief_at
 from ._triangle import row
 
 

@@ -8,8 +8,8 @@ from ...core.kernels._planar import wrap
 from ...core.kernels._small import cholesky
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
+from ._beliefs import group_at
 from ._group import exponential, logarithm, retract_all
-from ._group_arrays import group_at
 from ._invariant import RANK, fold, gather, gather_row
 from ._loops import whiten
 from ._triangle import entry, put, put_row

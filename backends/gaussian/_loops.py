@@ -12,8 +12,8 @@ from ...core.kernels._planar import wrap
 from ...core.kernels._small import cholesky
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
+from ._beliefs import belief_at
 from ._ekf import INDEFINITE, OWED, STANDARD, settle
-from ._joint_arrays import belief_at
 from ._triangle import put, put_row, take, take_row
 
 

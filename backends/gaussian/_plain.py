@@ -7,7 +7,7 @@ from ...core.se2 import Array, Ints
 from .._answer import answer_at
 from .._rules import conclude
 from .._vicinity import choose, expect, places_at
-from ._group_arrays import group_at
+from ._beliefs import group_at
 from ._invariant import RANK
 from ._triangle import row
 

@@ -18,7 +18,7 @@ from ...core.kernels._small import cholesky
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from .._models import placed, sighted
-from ._joint_arrays import JointArrays, belief_at
+from ._beliefs import JointArrays, belief_at
 from ._triangle import add_square_of, put, take_less
 from ._unscented import ROUNDING, add_outer, regress, unroot
 

@@ -29,9 +29,9 @@ from ...core.se2 import Array
 from .._answer import Answer
 from ..answers import answer, as_expected, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution, TruthWanted
+from ._beliefs import Frame
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, POSE, STANDARD, frame
 from ._expecting import expect
-from ._joint_arrays import Frame
 from ._loops import close, keep
 from .compressed import Active
 from .joint import Joint

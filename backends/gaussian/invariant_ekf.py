@@ -38,7 +38,7 @@ from ..answers import answer, as_expected, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..vicinity import Vicinity
 from . import _invariant, _invariant_loops, _plain, _triangle
-from ._group_arrays import GroupArrays
+from ._beliefs import GroupArrays
 from .kept_poses import NOWHERE, SUMMARY, KeptPoses
 
 SPACE = 64

@@ -9,8 +9,8 @@ from ...core.kernels._arrays import layout
 from ...core.kernels._blas import routine
 from ...core.se2 import Array, Ints, wrap
 from . import _triangle
+from ._beliefs import JointArrays
 from ._ekf import OWED
-from ._joint_arrays import JointArrays
 
 SPACE = 64
 """Landmarks the vectors have space for at first, doubled when exhausted. The matrix grows by panels."""

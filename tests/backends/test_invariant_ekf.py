@@ -10,7 +10,7 @@ from driven import asking_changes_nothing
 from random_logs import random_log
 from slamduel.backends.api import Diverged
 from slamduel.backends.gaussian import _invariant, _triangle
-from slamduel.backends.gaussian._group_arrays import GroupArrays
+from slamduel.backends.gaussian._beliefs import GroupArrays
 from slamduel.backends.gaussian.invariant_ekf import InvariantEkf, Options
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
 from slamduel.core.factors import Log, Map, Prior, RangeBearing

@@ -1,4 +1,4 @@
-"""The arrays of a joint Gaussian belief and of a frame, for compiled code to receive by one address."""
+"""The arrays of the filters' beliefs and of a step, for compiled code to receive by one address."""
 
 from ...core.kernels._arrays import Arrays, Integers, Numbers, Table, at
 
@@ -23,6 +23,20 @@ class JointArrays(Arrays):
     blas: Integers  # (2,) addresses of dgemm and dsyrk
 
 
+class GroupArrays(Arrays):
+    """Those of the invariant filter: see `_invariant`."""
+
+    pose: Numbers
+    mean: Numbers
+    strip: Table
+    flat: Numbers
+    owed: Table
+    owing: Integers
+    known: Table  # (., 2) landmarks held fixed, m from the origin
+    origin: Numbers  # (2,) m, in the world
+    blas: Integers  # (2,) addresses of dgemm and dsyrk
+
+
 class Frame(Arrays):
     """The measurements of a step."""
 
@@ -34,7 +48,10 @@ class Frame(Arrays):
 
 
 belief_at = at(JointArrays)
-"""The belief at an address."""
+"""The joint belief at an address."""
+
+group_at = at(GroupArrays)
+"""The invariant filter's belief at an address."""
 
 frame_at = at(Frame)
 """The frame at an address."""
