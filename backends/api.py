@@ -222,7 +222,7 @@ class Builder:
     """
 
     expects: bool = False
-    """What `make` makes has the method of `Expects`; of a class that is known without."""
+    """The backends of a `make` that is a function have the method of `Expects`; of a class this is known."""
 
     rules: Mapping[str, Callable[[Prior, Any, np.random.Generator], Backend]] = field(default_factory=dict, hash=False)
     """Further values of its option `association`, each with what makes the backend that carries it out by itself."""

@@ -57,7 +57,7 @@ class Sightings(NamedTuple):
 
 
 class Records(NamedTuple):
-    """What is known of n landmarks, f sums of displacements among it."""
+    """The records of n landmarks, f sums of displacements among them."""
 
     xy: Array  # (n, 2) m, as estimated when last sighted
     agreed: Ints  # (n,) sightings that agree

@@ -1,1 +1,1 @@
-"""What a camera needs before its recordings: printed markers and boards, and a calibration's picture and words."""
+"""Things that a camera needs before its recordings: printed markers and boards, and the page of a calibration."""
