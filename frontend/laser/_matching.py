@@ -45,8 +45,8 @@ def match(
 
     Minimises the sum of squared distances in units of `sd` (m), under Geman and McClure's loss, and the squared
     distance of the pose from the one of `hold`, by its information, from `start` (3,) on. A point belongs to the line
-    through the cells around the nearest one, within `reach` cells at first, and fewer later. The information is
-    that of the points alone, in the submap's axes; along a corridor it is zero. Point to line: Censi, ICRA 2008.
+    through the cells around the nearest one, within `reach` cells at first, and fewer later. The information is that of
+    the points alone, in the submap's axes; along a corridor it is zero. Point to line: Censi, ICRA 2008.
     """
     pose, step = start.copy(), np.empty(3)
     H, g, A = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
