@@ -13,7 +13,7 @@ FIRST = -1.0
 
 @compiled
 def information(scale: Array, keep: Array, share: float) -> Array:
-    """What each error of a chain adds to the information about the value measured, (n,).
+    """The information (n,) about the value measured that each error of a chain adds.
 
     Error i is `scale_i (sqrt(share) g + sqrt(1 - share) w)`: g a first-order Gauss-Markov process of unit variance with
     the correlation `keep_i` to the error before, w white. The value is a constant; the sum over a chain's first errors

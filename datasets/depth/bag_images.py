@@ -73,7 +73,7 @@ def shots(bag: Bag, topic: Topic, load: Callable[[Any], Pixels | Flaw]) -> Itera
 
 
 def picture(topic: Topic) -> Callable[[Any], Pixels | Flaw]:
-    """How images of a topic are decoded."""
+    """Returns the decoder of a topic's images."""
     decode = images.raw if topic.type == IMAGE else images.compressed
 
     def load(content: Any) -> Pixels | Flaw:
@@ -87,7 +87,7 @@ def picture(topic: Topic) -> Callable[[Any], Pixels | Flaw]:
 
 
 def measured(topic: Topic, units: float | None) -> Callable[[Any], Pixels | Flaw]:
-    """How depth images of a topic become depths, m; `units` of integers are a metre, None: 1,000."""
+    """Returns the decoder of a topic's depth images to depths, m; `units` of integers are a metre, None: 1,000."""
     decode = _raw if topic.type == IMAGE else _compressed
 
     def load(content: Any) -> Pixels | Flaw:

@@ -149,7 +149,7 @@ def _frames(path: Path) -> tuple[list[Listed], list[Listed]]:
 
 
 def _list(path: Path) -> list[Listed]:
-    """The files in a list of TUM's."""
+    """Reads a list of files in the format of the TUM RGB-D benchmark."""
     found = list[Listed]()
     for number, words in _rows(path):
         t = finite(words[0])

@@ -1,4 +1,4 @@
-"""What a depth camera's recording has, whatever its kind: images, cameras and odometry."""
+"""The contents of a depth camera's recording, whatever its kind: images, cameras and odometry."""
 
 from collections.abc import Callable, Iterable
 from typing import NamedTuple

@@ -74,7 +74,7 @@ class Options(HiddenIds):
 
 @dataclass(frozen=True)
 class AllSets(Options):
-    """The same, with all datasets and robots where none is named."""
+    """Options of all logs: without a dataset or a robot, every one."""
 
     dataset: int | str = option(ALL, "number of the dataset; all: every one", minimum=1, maximum=SETS, choices=(ALL,))
     robot: int | str = option(ALL, "whose log; all: every robot's", minimum=1, maximum=LAST_ROBOT, choices=(ALL,))

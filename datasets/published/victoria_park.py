@@ -24,7 +24,7 @@ _NOTES = {
 
 @dataclass(frozen=True)
 class Options(HiddenIds):
-    """How far the file's noise is trusted, and the ids."""
+    """Factors on the file's noise, and the ids."""
 
     odometry_sd: float = option(
         1.0, "standard deviation of odometry, times what the file states: it is off by more than that", minimum=1e-3

@@ -100,7 +100,7 @@ class Sheet:
         return (column - middle) * module, (middle - row) * module
 
     def _unrolled(self, column: Singles, row: Singles, eye: Array) -> tuple[Singles, Singles]:
-        """Where rays that meet the plane there meet the bent sheet, unrolled: columns and rows along the paper.
+        """Columns and rows along the unrolled paper at which rays that meet the plane there meet the bent sheet.
 
         On the ray p + t d through the plane's point p the cylinder x^2 + z^2 = 2 z / k is met where
         (dx^2 + dz^2) t^2 + 2 (x dx - dz / k) t + x^2 = 0; the root next to the plane, without cancellation.

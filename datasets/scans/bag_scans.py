@@ -171,7 +171,7 @@ def _check_fan(where: str, fan: Fan) -> None:
 
 
 def _odd(bag: Bag, topic: Topic, scan: Any, fan: Fan, unreadable: int, twice: int, slow: int) -> Sequence[str]:
-    """What is legal yet odd in the scans."""
+    """Remarks on the scans that are legal yet odd."""
     said = list[str]()
     if unreadable:
         said.append(f"{bag.path}: {unreadable} of {topic.messages} scans of topic {topic.name} cannot be read")

@@ -1,4 +1,4 @@
-"""Where the laser scanner sits on the robot: by robot.toml, else by tf, else at the robot's origin."""
+"""The laser scanner's pose on the robot: by robot.toml, else by tf, else the robot's origin."""
 
 from typing import NamedTuple
 

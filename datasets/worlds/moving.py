@@ -64,5 +64,5 @@ def _first(t: Array, row: Ints, landmarks: int) -> Array:
 
 
 def _folded(way: Array, roaming: float) -> Array:
-    """Where a way along a line ends that turns back at `roaming` m on either side."""
+    """The end of a way along a line that turns back at `roaming` m on either side."""
     return roaming - np.abs(np.mod(way + roaming, 4 * roaming) - 2 * roaming)

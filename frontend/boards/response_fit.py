@@ -189,7 +189,7 @@ def _is_optimum(fit: template.Fit) -> bool:
 
 
 def _share_of(fit: template.Fit, prior: Array) -> _Shared:
-    """What one marker says of the common parameters, without the prior: the rest is marginalised out."""
+    """One marker's information on the common parameters, without the prior: the rest is marginalised out."""
     normal = fit.normal / max(fit.residual**2, 0.25)
     taken = 1 / prior[1, SHARED - 8 - A] ** 2
     rest = np.setdiff1d(np.arange(len(normal)), SHARED)

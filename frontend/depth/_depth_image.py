@@ -15,7 +15,7 @@ ROUNDS, WIDEST, NARROWER = 8, 0.02, 0.75
 """Of robust least squares; m, the width of the first one's loss, and of the next one's by this one's."""
 
 BELOW = 4.0
-"""What a point below a plane counts against its being the floor, by one above it: nothing is below the floor."""
+"""Weight of a point below a plane against its being the floor, one above it being 1: nothing is below the floor."""
 
 FOOT = 0.5
 """m a metre, from a point of the floor to the one above it in the image: half-way between a floor and a wall."""

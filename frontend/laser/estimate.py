@@ -1,4 +1,4 @@
-"""Where the steps are by the front end's own pose graph, which says where to look for loops.
+"""The steps' poses by the front end's own pose graph, which says where to look for loops.
 
 Moving all steps to the optimum costs more the longer the log is, so that is done each time their number has grown by a
 tenth: all of these together cost some ten times the last. In between only the last steps move.

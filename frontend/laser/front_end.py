@@ -118,7 +118,7 @@ class FrontEnd:
 
     @property
     def shift(self) -> int:
-        """How many more a step of the log is than one of these: on a map, the log begins with the map's frame."""
+        """The number of a step in the log minus that here: on a map, the log begins with the map's frame."""
         return 0 if self.localiser is None else 1 - self.first
 
     def finish(self) -> None:
@@ -233,7 +233,7 @@ class FrontEnd:
             self._corrected, self._loops_then = self._way, len(self.loops)
 
     def _stale(self, k: int) -> Array:
-        """What a scan that was swept on the move, or a stamp that is off, adds to a covariance."""
+        """The covariance that a scan swept on the move, or a stamp that is off, adds to a step's."""
         v, w = self.settings.stamp_sd * self._rates.array[k]
         return np.diag([v * v, v * v, w * w])
 
@@ -265,7 +265,7 @@ class FrontEnd:
             self._take(loop_of(found, submap, k, poses, s, self._stale(k)), off, since)
 
     def _seen(self, k: int) -> Array:
-        """What the last scans saw, (n, 2), in the frame of step k."""
+        """The points (n, 2) of the last scans in the frame of step k."""
         poses, scans = [pose for pose, _ in self._drawn], [scan for _, scan in self._drawn]
         return cloud(self._poses.array[k], poses, scans, self.settings.cloud_cell)
 

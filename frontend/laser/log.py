@@ -181,7 +181,7 @@ def _on_map(recording: LaserRecording, front_end: FrontEnd, localiser: Localiser
 
 
 def _told(localiser: Localiser) -> dict[str, Any]:
-    """What the log's notes say of a localisation."""
+    """The part of a log's notes that is about a localisation."""
     return {
         ON_MAP: localiser.first,
         "fixes": len(localiser.fixes),

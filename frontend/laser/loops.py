@@ -176,5 +176,5 @@ class Surprises:
 
 
 def _corrected(loop: Loop, now: Array, estimate: Array) -> Array:
-    """Where a loop would have the pose `now`."""
+    """The pose `now` as a loop would have it."""
     return compose(compose(estimate[loop.to], loop.delta), between(estimate[loop.step], now))

@@ -14,7 +14,7 @@ CODES = (81.825, 81.915)
 
 @dataclass(frozen=True, eq=False)
 class Scanner:
-    """What is the same for all scans."""
+    """Properties of a scanner, the same for all of its scans."""
 
     angles: Array  # (b,) rad, counter-clockwise from straight ahead
     pose: Array  # (3,) of the scanner on the robot

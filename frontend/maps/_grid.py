@@ -103,7 +103,7 @@ def is_wall(cells: Cells, i: int, j: int, share: float) -> bool:
 
 @compiled
 def walls(cells: Cells, share: float) -> Mask:
-    """Which cells are walls."""
+    """Marks the cells that are walls, (n, m)."""
     out = np.empty(cells.shape[:2], np.bool_)
     for i in range(cells.shape[0]):
         for j in range(cells.shape[1]):

@@ -34,7 +34,7 @@ class Obstacles(NamedTuple):
 
     @property
     def at(self) -> Anchors:
-        """Where the clouds were taken."""
+        """The poses at which the clouds were taken."""
         return self.clouds.at
 
     def beams(self, k: int) -> Beams:

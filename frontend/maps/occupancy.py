@@ -35,7 +35,7 @@ class Seen(Protocol):
 
     @property
     def at(self) -> Anchors:
-        """Where they were seen from, (k,)."""
+        """The poses from which they were seen, (k,)."""
         ...
 
     def beams(self, k: int) -> Beams:

@@ -49,7 +49,7 @@ TRUSTED = 0.1
 """Share of the blur that a step which is not evaluated changes, about: further away greys are not linear in it."""
 
 CHANCE, AGAIN = 6.0, 4
-"""How many times what chance explains a step may gain that is not evaluated, and how often a fit is settled for that.
+"""Largest gain of a step that is not evaluated, by what chance explains, and how often a fit is settled for more.
 
 A fit to half of a sample is by chance off that to all of it by as much as it is off the truth: the step from one to the
 other gains the residuals' variance for each parameter. Of frames of an ideal camera 5 % gain more than five times that

@@ -34,7 +34,7 @@ PARAMETERS, STIFF = 24, 10
 """All parameters, and the first of them, without the camera's, the printer's and the paper's."""
 
 BLACK, WHITE, A, B, C, INK, TONE, SHARP, LIGHT, CURL = *range(9), 13
-"""Where a look has them."""
+"""Their places in a look."""
 
 SHARED = 17
 """Numbers that all pixels share."""

@@ -126,7 +126,7 @@ def gather(
 
 @compiled
 def worst_module(image: NDArray[np.uint8], rays: Array, pattern: Array, G: Array, look: Array, corners: Array) -> float:
-    """How far the middle of the worst module, border included, is from black or white: a share of the contrast.
+    """The distance from black or white of the worst module's middle, border included, as a share of the contrast.
 
     The mean over the middle averages noise out and excludes edge effects: only a different print remains.
     """

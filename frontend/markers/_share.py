@@ -14,7 +14,7 @@ CUT_OFF = 4.5
 """Standard deviations beyond which an edge is a step."""
 
 VALUE, BY_U, BY_V, BY_UV, BY_SIGMA_U, BY_SIGMA_V, BY_INK = range(7)
-"""Where `share` leaves the share and its derivatives."""
+"""Places of the share and its derivatives in the result of `share`."""
 
 KNOTS = 32
 """Of the normal distribution's table, to a standard deviation. Hermite's cubics between them err by 4e-9 at most."""

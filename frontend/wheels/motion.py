@@ -29,7 +29,7 @@ class Motion(Protocol):
 
     @property
     def readings(self) -> str:
-        """What the readings are called."""
+        """The readings' name in messages."""
         ...
 
     def check(self) -> None:
@@ -80,7 +80,7 @@ class Wheels:
 
     @property
     def readings(self) -> str:
-        """What the readings are called."""
+        """The readings' name in messages."""
         return "encoder readings"
 
     def check(self) -> None:
@@ -150,7 +150,7 @@ class Track:
 
     @property
     def readings(self) -> str:
-        """What the readings are called."""
+        """The readings' name in messages."""
         return "odometry"
 
     def check(self) -> None:
@@ -229,7 +229,7 @@ class Drift:
 
     @property
     def readings(self) -> str:
-        """What the readings are called."""
+        """The readings' name in messages."""
         return "odometry"
 
     @property
@@ -246,7 +246,7 @@ class Drift:
         return []
 
     def odometry(self, start: float, end: float) -> Odometry:
-        """No motion from `start` to `end`, s."""
+        """Returns a motion of zero from `start` to `end`, s, whose covariance grows with the time."""
         growth = np.array([self.position, self.position, self.turning]) ** 2 * (end - start)
         return Odometry(np.zeros(3), np.diag(growth) + self.floors.cov)
 

@@ -32,6 +32,20 @@ ASK = (
     "print(outer(1.0), apart(1.0), *(sum(f.stats.cache_hits.values()) for f in (outer, apart)), compiled.made())"
 )
 
+PAIR = """
+from typing import NamedTuple
+from ..floor.compiled import compiled
+
+class {name}(NamedTuple):
+    x: float
+
+@compiled
+def first(pair):
+    return pair.x
+
+print(first({name}(1.0)), sum(first.stats.cache_hits.values()))
+"""
+
 
 @pytest.fixture
 def house(tmp_path: Path) -> Path:
@@ -62,6 +76,19 @@ def test_a_changed_callee_is_noticed_and_what_does_not_call_it_is_not_compiled_a
     apart = house / "other" / "_apart.py"
     apart.write_text(apart.read_text().replace("x + 1", "x + 5"))
     assert answer(house) == "3.0 6.0 1 0 1"
+
+
+@pytest.mark.slow
+def test_an_index_that_is_damaged_or_names_a_type_that_is_gone_is_as_good_as_none(house: Path) -> None:
+    def said(name: str) -> str:
+        (house / "other" / "_pair.py").write_text(PAIR.format(name=name))
+        ask = [sys.executable, "-c", "import house.other._pair"]
+        return subprocess.run(ask, cwd=house.parent, check=True, capture_output=True, text=True).stdout
+
+    assert [said("Pair"), said("Pair"), said("Couple")] == ["1.0 0\n", "1.0 1\n", "1.0 0\n"]
+    (index,) = (house / "other" / "__pycache__").glob("_pair.first-*.nbi")
+    index.write_bytes(index.read_bytes()[:-20])
+    assert [said("Couple"), said("Couple")] == ["1.0 0\n", "1.0 1\n"]
 
 
 @pytest.mark.parametrize("edited", FILES)
