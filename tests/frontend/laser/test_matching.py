@@ -38,10 +38,6 @@ def drawn(points: Array, poses: list[Array]) -> Grid:
     cells = np.zeros((200, 160, 4), np.float32)
     for pose in poses:
         insert(cells, ORIGIN, CELL, pose, HERE, act(inverse(pose), points))
-    return grid(cells)
-
-
-def grid(cells: Cells) -> Grid:
     return Grid(cells, ORIGIN, CELL, SHARE)
 
 
@@ -90,8 +86,8 @@ def test_the_gradient_is_that_of_the_cost() -> None:
     normal_equations(submap, scan, pose, 10.0, 4, 0.04, True, H, g)  # so wide that the loss is 1
     held = []
     for x, y in act(pose, scan) - ORIGIN:
-        i, j, d2 = nearest(submap, x, y, 4)
-        held.append(line(submap, i, j) if i >= 0 and d2 <= 0.04 else None)
+        i, j, d2 = nearest(submap.cells, CELL, SHARE, x, y, 4)
+        held.append(line(submap.cells, CELL, SHARE, i, j) if i >= 0 and d2 <= 0.04 else None)
 
     def cost(at: Array) -> float:
         total = 0.0
@@ -131,7 +127,7 @@ def test_the_nearest_wall_is_the_nearest_of_all() -> None:
         at = np.argwhere(cells[:, :, 0] > 0)
         means = CELL * at + cells[at[:, 0], at[:, 1], 2:]
         near = np.abs(at - np.floor(np.array([x, y]) / CELL)).max(axis=1) <= 5
-        i, j, d2 = nearest(grid(cells), x, y, 5)
+        i, j, d2 = nearest(cells, CELL, SHARE, x, y, 5)
         if not near.any():
             assert (i, j) == (-1, -1)
             continue
