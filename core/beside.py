@@ -5,7 +5,7 @@ they can be drawn along any path of the steps, and both are kept in files and re
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +74,13 @@ class Clouds(NamedTuple):
     colours: NDArray[np.uint8]  # (n, 3) red, green, blue
     camera: Array  # (3,) m, the camera's place on the robot
 
+    def taken(self, rows: NDArray[np.bool]) -> "Clouds":
+        """Some of them."""
+        counts = np.diff(self.first)
+        points = np.repeat(rows, counts)
+        first = np.concatenate(([0], np.cumsum(counts[rows])))
+        return Clouds(self.at.taken(rows), first, self.points[points], self.colours[points], self.camera)
+
     def xyz(self, k: int) -> Array:
         """The points of cloud k (m, 3), m."""
         return UNIT * self.points[self.first[k] : self.first[k + 1]].astype(np.float64)
@@ -108,6 +115,16 @@ def returns(ranges: Array, angles: Array, scanner: Array, valid: NDArray[np.bool
     """Those `ranges` (b,), m, that are `valid` (b,) as points (k, 2) in the robot's frame."""
     r, a = ranges[valid], angles[valid]
     return act(scanner, np.stack((r * np.cos(a), r * np.sin(a)), axis=-1))
+
+
+Beside = TypeVar("Beside", Scans, Clouds)
+
+
+def head_of(beside: Beside | None, steps: int) -> Beside | None:
+    """Those at a log's first `steps` steps and up to the next one; None for none."""
+    if beside is None or not (rows := beside.at.step < steps).any():
+        return None
+    return beside.taken(rows)._replace(at=beside.at.head(steps))
 
 
 def names(kind: str) -> tuple[str, ...]:

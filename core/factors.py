@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from .beside import Clouds, Scans
+from .beside import Clouds, Scans, head_of
 from .errors import InputError
 from .relations import Relations
 from .se2 import Array, Ints
@@ -156,6 +156,7 @@ class Log:
         ids: Ints,
         z: Array,
         z_cov: Array,
+        *,
         loop_step: Ints | None = None,
         loop_to: Ints | None = None,
         loop_delta: Array | None = None,
@@ -309,9 +310,9 @@ class Log:
         )
 
     def head(self, steps: int) -> "Log":
-        """The log's first `steps` steps."""
+        """The log's first `steps` steps, with the scans and clouds that were taken up to the next one."""
         n, seen, loops = steps, self.sighting_first[steps], self.loop_first[steps]
-        return Log.from_arrays(
+        log = Log.from_arrays(
             self.name,
             self.prior,
             self.t[:n],
@@ -321,12 +322,13 @@ class Log:
             self.ids[:seen],
             self.z[:seen],
             self.z_cov[:seen],
-            self.loop_step[:loops],
-            self.loop_to[:loops],
-            self.loop_delta[:loops],
-            self.loop_cov[:loops],
-            self.notes,
+            loop_step=self.loop_step[:loops],
+            loop_to=self.loop_to[:loops],
+            loop_delta=self.loop_delta[:loops],
+            loop_cov=self.loop_cov[:loops],
+            notes=self.notes,
         )
+        return replace(log, scans=head_of(self.scans, steps), clouds=head_of(self.clouds, steps))
 
 
 def digest_of(columns: Mapping[str, Array | Ints | None]) -> str:

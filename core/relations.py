@@ -31,6 +31,11 @@ class Anchors(NamedTuple):
         """Some of them."""
         return Anchors(self.step[rows], self.since[rows], self.until[rows], self.share[rows])
 
+    def head(self, steps: int) -> "Anchors":
+        """Those of a log's first `steps` steps, which ends there: from the last step on they are seen from it alone."""
+        some = self.taken(self.step < steps)
+        return some._replace(until=np.where(some.step[:, None] == steps - 1, some.since, some.until))
+
     def along(self, path: Array) -> Array:
         """The poses (m, 3) where the steps are those of `path` (n, 3): from one step on, and bent to reach the next."""
         after = np.minimum(self.step + 1, len(path) - 1)

@@ -17,6 +17,23 @@ from ..frontend.wheels.motion import TrackNoise
 TRACK = ("forward", "turning", "turning_by_turn")
 """Keys of the noise of integrated odometry."""
 
+FRONT_ENDS = ("markers", "laser", "depth")
+"""The tables of which a robot.toml has one."""
+
+
+def robot_of(path: Path, front_end: str, tables: Collection[str]) -> TomlTable | None:
+    """The robot.toml at `path`, with a table of that front end and others among `tables`; None without the first.
+
+    InputError for another front end's table beside it, and for an unknown one.
+    """
+    file = TomlTable.read(path)
+    if not file.has(front_end):
+        return None
+    for other in FRONT_ENDS:
+        if other != front_end and file.has(other):
+            raise file.refused(front_end, f"is given beside [{other}], expected one robot.toml for each front end.")
+    return file.only(("name", front_end, "prior", *tables))
+
 
 def pose_in(camera: TomlTable, key: str) -> Array:
     """(4, 4) the pose of a camera from the table `key`, of xyz and rpy or of a matrix; without it, straight ahead."""

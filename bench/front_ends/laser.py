@@ -16,9 +16,10 @@ from ...datasets.published.catalogue import place
 from ...datasets.published.installed import here
 from ...datasets.published.laser_logs import log_file
 from ...datasets.worlds.laser_floor import Options, record
+from ...frontend.laser._search import Search
 from ...frontend.laser.estimate import ScanStep, StepPoses
 from ...frontend.laser.front_end import FrontEnd
-from ...frontend.laser.loops import ScanLoop, Search, cloud, search_of
+from ...frontend.laser.loops import ScanLoop, cloud, search_of
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.scanner import Scan
 from ...frontend.laser.settings import Settings
@@ -172,7 +173,7 @@ class LaserStudy:
             submap, search = search_case(drives[number % len(drives)], self._rng(1, number))
             submap.pyramid  # noqa: B018 - made before the clock starts
             start = time.thread_time_ns()
-            _, score = search.best_in(submap)
+            _, score = submap.best(search, submap.settings.score)
             spent.append(1e-6 * (time.thread_time_ns() - start))
             poses.append(_poses(search, submap.settings.cell))
             if number < self.extent.exhaustive:

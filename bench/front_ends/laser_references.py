@@ -3,8 +3,7 @@
 import numpy as np
 
 from ...core.se2 import Array
-from ...frontend.laser._search import FULL
-from ...frontend.laser.loops import Search
+from ...frontend.laser._search import FULL, Search
 from ...frontend.laser.submap import Submap
 
 ROUNDS, CLOSE = 20, 0.3

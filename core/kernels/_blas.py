@@ -39,6 +39,7 @@ def _array(builder: Any, address: Any) -> Any:
     return builder.inttoptr(address, ir.DoubleType().as_pointer())
 
 
+# As many parameters as dgemm has, and in its order: who knows that one can read a call of this one.
 @intrinsic
 def add_product(
     typing: Any,

@@ -35,11 +35,24 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     from numba import njit
 
     dispatcher: Any = njit(**_OPTIONS)(function)
-    dispatcher._cache._cache_file._source_stamp = stamp(file)
+    index = dispatcher._cache._cache_file
+    index._source_stamp, index._load_index = stamp(file), _or_empty(index._load_index)
     dispatcher.get_call_template = _without_literals(dispatcher.get_call_template)
     dispatcher.compile = _in_turn(dispatcher, dispatcher.compile)
     _dispatchers.append(dispatcher)
     return cast(Callable[P, R], dispatcher)
+
+
+def _or_empty(load: Callable[[], Any]) -> Callable[[], Any]:
+    """Takes an index that cannot be read for an empty one: it is damaged, or names types of an earlier version."""
+
+    def found() -> Any:
+        try:
+            return load()
+        except Exception:  # a damaged pickle raises almost any exception
+            return {}
+
+    return found
 
 
 def _without_literals(template: Callable[..., Any]) -> Callable[..., Any]:
@@ -108,7 +121,7 @@ def made() -> int:
 
 @cache
 def stamp(file: Path) -> str:
-    """Digest of a file with inner loops and of all such files that it imports, directly or indirectly."""
+    """Digest of the files in the `closure` of one with inner loops."""
     total = hashlib.sha256()
     for one in sorted(closure(file)):
         total.update(one.name.encode() + one.read_bytes())

@@ -87,6 +87,10 @@ class TomlTable:
             raise self.fault(key, "a text in quotes")
         return found
 
+    def text_or_none(self, key: str) -> str | None:
+        """A string that is not empty; None if it is not given."""
+        return self.text(key) if self.has(key) else None
+
     def choice(self, key: str, default: D, known: Collection[T]) -> T | D:
         """One of the strings or integers `known`, or the default."""
         if key not in self.entries:

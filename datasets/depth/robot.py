@@ -26,7 +26,6 @@ from ...core.errors import InputError
 from ...core.factors import Prior
 from ...core.files import write_whole
 from ...core.se2 import Array
-from ...core.toml.table import TomlTable
 from ...frontend.camera.calibration import write_opencv
 from ...frontend.camera.camera import Camera
 from ...frontend.camera.mounting import mounting as ahead
@@ -36,7 +35,7 @@ from ...frontend.wheels.counters import MAX_SPEED
 from ...frontend.wheels.motion import Track, TrackNoise
 from ..bags.odometry import FRAME
 from ..prior import read_prior
-from ..robot_tables import TRACK, calibrated, names_of, pose_in, settings_in, track_noise, without_none
+from ..robot_tables import TRACK, calibrated, names_of, pose_in, robot_of, settings_in, track_noise, without_none
 from .frames import WITHIN
 
 ROBOT, CALIBRATION = "robot.toml", "calibration.yaml"
@@ -46,7 +45,7 @@ FLOORS = ("floor", "turn_floor", "floor_share")
 _OWN = ("source", "units", "within", "calibration", "size", "pose", "registered", "odom_frame", "truth_frame")
 
 
-class Topics(NamedTuple):
+class DepthTopics(NamedTuple):
     """Topics of a bag; None: the only one of a fitting type."""
 
     image: str | None = None
@@ -76,51 +75,47 @@ class DepthRobot:
     truth_frame: str | None = None  # tf's frame in which the camera's true poses are; None: no truth in the bag
     max_speed: float = MAX_SPEED  # m/s; a faster robot is a misreading
     noise: TrackNoise = field(default_factory=TrackNoise)
-    topics: Topics = field(default_factory=Topics)
+    topics: DepthTopics = field(default_factory=DepthTopics)
     settings: Settings = field(default_factory=RecordedSettings)
     prior: Prior | None = None  # None: the first pose of the odometry
 
 
 def read_depth_robot(path: Path) -> DepthRobot | None:
     """Reads the robot in `path`, a robot.toml; None if it has no [depth]. InputError names a fault's line and key."""
-    file = TomlTable.read(path)
-    if not file.has("depth"):
+    file = robot_of(path, "depth", ("camera", "odometry", "topics"))
+    if file is None:
         return None
-    for other in ("markers", "laser"):
-        if file.has(other):
-            raise file.refused("depth", f"is given beside [{other}], expected one robot.toml for each front end.")
-    file = file.only(("name", "camera", "depth", "odometry", "prior", "topics"))
     camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure"))
     depth = file.table("depth").only((*_OWN, *names_of(RecordedSettings)))
     odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))
-    topics = file.table("topics").only(Topics._fields)
+    topics = file.table("topics").only(DepthTopics._fields)
     placed = pose_in(camera, "mounting") if camera.has("mounting") else None
     beside = _in_camera(pose_in(depth, "pose")) if depth.has("pose") else None
     if depth.has("calibration") and depth.has("registered") and depth.switch("registered", False):
         raise depth.refused("registered", "is true beside a calibration, expected one or the other.")
     return DepthRobot(
-        name=file.text("name") if file.has("name") else None,
+        name=file.text_or_none("name"),
         camera=calibrated(camera, ahead(0, 0, 0, 0) if placed is None else placed),
         mounting=placed,
         time_offset=camera.number("time_offset", 0.0),
         exposure=camera.number("exposure", 0.0, least=0),
-        source=depth.text("source") if depth.has("source") else None,
+        source=depth.text_or_none("source"),
         units=depth.number("units", above=0) if depth.has("units") else None,
         within=depth.number("within", WITHIN, least=0),
         depth_camera=calibrated(depth, np.eye(4)),
         pose=beside,
         registered=depth.switch("registered", False) if depth.has("registered") else None,
-        odom_frame=depth.text("odom_frame") if depth.has("odom_frame") else FRAME,
-        truth_frame=depth.text("truth_frame") if depth.has("truth_frame") else None,
+        odom_frame=depth.text_or_none("odom_frame") or FRAME,
+        truth_frame=depth.text_or_none("truth_frame"),
         max_speed=odometry.number("max_speed", MAX_SPEED, above=0),
         noise=track_noise(odometry),
-        topics=Topics(**{key: topics.text(key) for key in topics.entries}),
+        topics=DepthTopics(**{key: topics.text(key) for key in topics.entries}),
         settings=settings_in(depth, RecordedSettings, path.parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
     )
 
 
-def write_depth_robot(path: Path, recording: DepthRecording, topics: Topics | None = None) -> None:
+def write_depth_robot(path: Path, recording: DepthRecording, topics: DepthTopics | None = None) -> None:
     """Writes a robot.toml for a rendered `recording`, whose errors have no floors, with its camera's calibration.
 
     InputError if it cannot be written, and for a motion that is not a `Track`.

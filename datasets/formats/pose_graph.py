@@ -93,10 +93,10 @@ def log_of(graph: PoseGraph, name: str, prior: Prior | None = None, notes: Mappi
         graph.sightings.whole("id")[order],
         graph.z[order],
         graph.z_cov[order],
-        edges.later[loops],
-        edges.earlier[loops],
-        edges.delta[loops],
-        edges.cov[loops],
+        loop_step=edges.later[loops],
+        loop_to=edges.earlier[loops],
+        loop_delta=edges.delta[loops],
+        loop_cov=edges.cov[loops],
         notes={**(notes or {}), **counted},
     )
     for table, row, message in problems(log):

@@ -110,7 +110,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
     motion = _motion(streams.readings, robot, path)
     recording = Recording(
         name=robot.name,
-        frames=_Frames(streams.frames, motion, robot, camera, path),
+        frames=_FramesOnClock(streams.frames, motion, robot, camera, path),
         motion=motion,
         detector=Detector(robot.markers, camera),
         noise=robot.noise,
@@ -156,7 +156,7 @@ def _motion(readings: Ticks | Poses | None, robot: Robot, path: Path) -> Motion:
 
 
 @dataclass(frozen=True, eq=False)
-class _Frames:
+class _FramesOnClock:
     """The frames on the motion's clock; InputError, while iterating, if they do not fit the rest."""
 
     frames: Iterable[Frame]

@@ -101,7 +101,7 @@ def read_robot(path: Path) -> Robot:
     placed, readout = pose_in(camera, "mounting"), _readout(camera)
     lens = calibrated(camera, placed)
     return Robot(
-        name=file.text("name") if file.has("name") else path.absolute().parent.name,
+        name=file.text_or_none("name") or path.absolute().parent.name,
         markers=_markers(markers),
         camera=None if lens is None else replace(lens, readout=readout),
         mounting=placed,
@@ -118,7 +118,7 @@ def read_robot(path: Path) -> Robot:
         prior=read_prior(file.table("prior")),
         topics=Topics(**{key: topics.text(key) for key in topics.entries}),
         frames=FrameSource(
-            source=frames.text("source") if frames.has("source") else None,
+            source=frames.text_or_none("source"),
             fps=frames.number("fps", above=0) if frames.has("fps") else None,
             start=frames.number("start", 0.0),
         ),

@@ -54,7 +54,7 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
     info = info_beside(path, listed, topics.camera_info, "[topics] camera_info", image)
     remarks = list[str]()
     return Streams(
-        frames=_Frames(bag, image, remarks),
+        frames=_Images(bag, image, remarks),
         length=image.messages,
         readings=_readings(bag, listed, topics, counter_bits, remarks),
         camera=None if info is None else camera_of(bag, info),
@@ -64,7 +64,7 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
 
 
 @dataclass(frozen=True)
-class _Frames:
+class _Images:
     """The images of a topic, sorted by their headers' times."""
 
     bag: Bag

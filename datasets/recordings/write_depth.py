@@ -18,7 +18,7 @@ from ...core.se2 import Array
 from ...frontend.depth.recording import DepthFrame, DepthRecording
 from ...frontend.wheels.motion import Track
 from ..depth.folder import MM, TRUTH, TUM_UNITS
-from ..depth.robot import Topics, write_depth_robot
+from ..depth.robot import DepthTopics, write_depth_robot
 from ..truth import write_truth
 from .new_folders import new_folders
 from .write import write_rows, write_track
@@ -34,7 +34,7 @@ FORMATS = {
 """Formats of a drive."""
 
 ENCODINGS: dict[Kind, Encoding] = {"ros1": "32FC1", "ros2": "16UC1", "mcap": "compressedDepth"}
-"""How depth images are written to a kind of bag: a different way in each."""
+"""Encoding of depth images by the kind of bag: a different one in each."""
 
 _Add = Callable[[DepthFrame], None]
 
@@ -58,10 +58,8 @@ def write_depth(places: Mapping[Path, str], recording: DepthRecording, truth: Tr
         for place, kind in places.items():
             folder = beside[place]
             bag = kind not in ("tum", "frames")
-            topics = (
-                Topics(odometry=TOPICS.odometry, image=TOPICS.image, camera_info=TOPICS.camera_info) if bag else None
-            )
-            write_depth_robot(folder / "robot.toml", recording, topics)
+            topics = DepthTopics(odometry=TOPICS.odometry, image=TOPICS.image, camera_info=TOPICS.camera_info)
+            write_depth_robot(folder / "robot.toml", recording, topics if bag else None)
             if isinstance(recording.motion, Track) and not bag:
                 write_track(folder, recording.motion)
             if truth is not None and kind == "tum":

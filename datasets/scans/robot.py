@@ -16,11 +16,10 @@ import numpy as np
 
 from ...core.factors import Prior
 from ...core.se2 import Array
-from ...core.toml.table import TomlTable
 from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
 from ..prior import read_prior
-from ..robot_tables import names_of, settings_in
+from ..robot_tables import names_of, robot_of, settings_in
 
 ROBOT = "robot.toml"
 
@@ -50,12 +49,9 @@ class LaserRobot:
 
 def read_laser_robot(path: Path) -> LaserRobot | None:
     """Reads the robot in `path`, a robot.toml; None if it has no [laser]. InputError names a fault's line and key."""
-    file = TomlTable.read(path)
-    if not file.has("laser"):
+    file = robot_of(path, "laser", ("topics",))
+    if file is None:
         return None
-    if file.has("markers"):
-        raise file.refused("laser", "is given beside [markers], expected one robot.toml for each front end.")
-    file = file.only(("name", "laser", "topics", "prior"))
     laser = file.table("laser").only((*_OWN, *names_of(Settings)))
     topics = file.table("topics").only(("odometry",))
     least = laser.number("min_range", Scanner.least, least=0)
@@ -70,16 +66,16 @@ def read_laser_robot(path: Path) -> LaserRobot | None:
     if pose is not None and abs(pose[2]) > np.pi:
         raise laser.fault("pose", "x, y and a heading from -pi to pi, in radians")
     return LaserRobot(
-        name=file.text("name") if file.has("name") else None,
-        topic=laser.text("topic") if laser.has("topic") else None,
-        odometry_topic=topics.text("odometry") if topics.has("odometry") else None,
-        source=laser.text("source") if laser.has("source") else None,
+        name=file.text_or_none("name"),
+        topic=laser.text_or_none("topic"),
+        odometry_topic=topics.text_or_none("odometry"),
+        source=laser.text_or_none("source"),
         pose=pose,
         min_range=least,
         max_range=most,
         odometry=laser.choice("odometry", "auto", ("auto", "wheels", "none")),
         max_gap=laser.number("max_gap", LaserRobot.max_gap, above=0),
-        odom_frame=laser.text("odom_frame") if laser.has("odom_frame") else LaserRobot.odom_frame,
+        odom_frame=laser.text_or_none("odom_frame") or LaserRobot.odom_frame,
         settings=settings_in(laser, Settings, path.parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
     )

@@ -12,7 +12,7 @@ BRIGHTEST = 255.0
 """Grey levels, of white."""
 
 GAMMAS, SHARPENINGS, BLURS = (0.3, 5.0), (-1.0, 5.0), (0.05, 50.0)
-"""What a camera may have: smallest and largest values; blurs in px."""
+"""Smallest and largest values that a camera may have; blurs in px."""
 
 
 class Measured(NamedTuple):

@@ -1,6 +1,7 @@
 """Inner loops over depth images: features' depths, the plane of the floor, and two frames' surfaces."""
 
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,14 +9,13 @@ from numpy.typing import NDArray
 from ...core.kernels._small import inverse
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-
-AGREE, AGAINST, HIDDEN = range(3)
+from ..maps._clouds import DepthLimits, Depths
 
 ROUNDS, WIDEST, NARROWER = 8, 0.02, 0.75
 """Of robust least squares; m, the width of the first one's loss, and of the next one's by this one's."""
 
 BELOW = 4.0
-"""What a point below a plane counts against its being the floor, by one above it: nothing is below the floor."""
+"""Weight of a point below a plane against its being the floor, one above it being 1: nothing is below the floor."""
 
 FOOT = 0.5
 """m a metre, from a point of the floor to the one above it in the image: half-way between a floor and a wall."""
@@ -24,10 +24,16 @@ LEAST_AREA = 0.02
 """m^2, twice that of the triangle that tells a plane."""
 
 
+class RayGrid(NamedTuple):
+    """Rays on which depths are compared: ray (i, j) meets the plane z = 1 at (left + j step, top + i step)."""
+
+    left: float
+    top: float
+    step: float
+
+
 @compiled
-def depths_at(
-    depth: NDArray[np.float32], pixels: Array, near: float, far: float, jump: float, jump_by_depth: float
-) -> Array:
+def depths_at(depth: Depths, pixels: Array, limits: DepthLimits) -> Array:
     """The depths (n,), m, at `pixels` (n, 2); NaN where the nine pixels around one are not all of one surface.
 
     The inverse depth of a plane is linear in the pixel: nine of them, by least squares, give it between pixels.
@@ -47,7 +53,8 @@ def depths_at(
                     total += 1.0 / z
                     by_u += j / z
                     by_v += i / z
-        if not (least > near and most < far and most - least < jump + jump_by_depth * least):
+        one_surface = most - least < limits.jump + limits.jump_by_depth * least
+        if not (least > limits.near and most < limits.far and one_surface):
             continue
         out[k] = 1.0 / (total / 9.0 + by_u / 6.0 * (pixels[k, 0] - u) + by_v / 6.0 * (pixels[k, 1] - v))
     return out
@@ -86,7 +93,7 @@ def apart(pixels: Array, taken: NDArray[np.bool_], rows: Ints, near: float) -> N
 
 @compiled
 def floor_points(
-    depth: NDArray[np.float32],
+    depth: Depths,
     rays: Array,
     mounting: Array,
     every: int,
@@ -126,9 +133,7 @@ def floor_points(
 
 
 @compiled
-def lifted(
-    depth: NDArray[np.float32], rays: Array, mounting: Array, v: int, u: int, near: float, far: float, x: Array
-) -> bool:
+def lifted(depth: Depths, rays: Array, mounting: Array, v: int, u: int, near: float, far: float, x: Array) -> bool:
     """Writes the point of a pixel in the robot's frame to `x`, of three or more; False for one without a depth."""
     z, a, b = float(depth[v, u]), rays[v, u, 0], rays[v, u, 1]
     if not (z > near and z < far and a == a):
@@ -213,25 +218,23 @@ def floor_plane(
 
 @compiled
 def compared(
-    seen: NDArray[np.float32],
-    other: NDArray[np.float32],
-    left: float,
-    top: float,
-    step: float,
+    seen: Depths,
+    other: Depths,
+    grid: RayGrid,
     R: Array,
     t: Array,
     constant_sd: float,
     sd: float,
     gate: float,
     jump: float,
-    counts: Ints,
-) -> None:
-    """Counts the points of `other` (h, w) that `seen` (h, w) shows, contradicts and hides, in `counts` (3,).
+) -> tuple[int, int]:
+    """The numbers of points of `other` (h, w) that `seen` (h, w) shows, and that it contradicts; others are hidden.
 
-    Both are depths, m, on a grid of rays from (`left`, `top`) on, `step` apart; R, t takes points of `other` to `seen`.
+    Both are depths, m, on the rays of `grid`; R, t takes points of `other` to `seen`.
     """
+    left, top, step = grid
     rows, columns = seen.shape
-    counts[:] = 0
+    agree, against = 0, 0
     for v in range(rows):
         for u in range(columns):
             d = float(other[v, u])
@@ -256,8 +259,7 @@ def compared(
             one, two = constant_sd + sd * d * d, constant_sd + sd * there * there
             off = (z - there) / np.sqrt(one * one + two * two)
             if abs(off) < gate:
-                counts[AGREE] += 1
+                agree += 1
             elif off < 0.0:
-                counts[AGAINST] += 1
-            else:
-                counts[HIDDEN] += 1
+                against += 1
+    return agree, against

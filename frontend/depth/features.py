@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...core.se2 import Array, Ints
 from ..camera.camera import Camera
+from ..maps._clouds import DepthLimits
 from ._bits import Bits, two_nearest
 from ._depth_image import depths_at
 from .points import Points, points_of
@@ -57,7 +58,7 @@ class Finder:
             descriptors = np.zeros((0, LENGTHS[s.features]), kind)
         pixels, scales = self._places(keypoints, grey.shape)
         sd = s.pixel_sd * scales
-        z = depths_at(depth, pixels, s.near, s.far, s.jump, s.jump_by_depth)
+        z = depths_at(depth, pixels, DepthLimits(s.near, s.far, s.jump, s.jump_by_depth))
         kept = np.flatnonzero(np.isfinite(z))
         points = points_of(self._camera, pixels[kept], z[kept], sd[kept], s)
         seen = np.isfinite(points.rays).all(axis=1)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...core.se2 import Array
 from ..camera.camera import Camera
-from ._depth_image import AGAINST, AGREE, compared
+from ._depth_image import RayGrid, compared
 from .settings import Settings
 
 EVERY = 8
@@ -26,11 +26,9 @@ Coarse = NDArray[np.float32]
 """(h, w) depths, m, on the grid of rays; 0 where there is none."""
 
 
-class _Grid(NamedTuple):
-    pixels: NDArray[np.intp]  # (h, w) row-major index of the pixel of each ray; -1: outside the image
-    left: float
-    top: float
-    step: float
+class _Pixels(NamedTuple):
+    at: NDArray[np.intp]  # (h, w) row-major index of the pixel of each ray; -1: outside the image
+    grid: RayGrid
 
 
 class Surfaces:
@@ -41,7 +39,7 @@ class Surfaces:
 
     def coarse(self, depth: NDArray[np.float32]) -> Coarse:
         """The depths of `depth` (h, w) on a grid of rays."""
-        pixels = self._grid.pixels
+        pixels = self._pixels.at
         taken = np.where(pixels < 0, np.float32(0), depth.ravel()[pixels])
         return np.where((taken > self._settings.near) & (taken < self._settings.far), taken, np.float32(0))
 
@@ -50,16 +48,15 @@ class Surfaces:
         return self._shown(first, second, R, t) and self._shown(second, first, R.T, -R.T @ t)
 
     def _shown(self, seen: Coarse, other: Coarse, R: Array, t: Array) -> bool:
-        s, grid, counts = self._settings, self._grid, np.zeros(3, np.int64)
-        compared(
-            seen, other, grid.left, grid.top, grid.step, np.ascontiguousarray(R), t, s.constant_sd, s.depth_sd,
-            s.surface_gate, ONE_SURFACE, counts,
+        s = self._settings
+        agree, against = compared(
+            seen, other, self._pixels.grid, np.ascontiguousarray(R), t, s.constant_sd, s.depth_sd, s.surface_gate,
+            ONE_SURFACE,
         )  # fmt: skip
-        agree, against = counts[AGREE], counts[AGAINST]
         return bool(agree >= s.agree * (agree + against) and agree >= s.seen * np.count_nonzero(other))
 
     @cached_property
-    def _grid(self) -> _Grid:
+    def _pixels(self) -> _Pixels:
         """The rays that the camera's image spans, as far apart as EVERY pixels in its middle."""
         camera, step = self._camera, EVERY / float(np.mean(self._camera.focal))
         rays = camera.rays.reshape(-1, 2)
@@ -71,7 +68,7 @@ class Surfaces:
         inside = ((at >= 0) & (at < [camera.width, camera.height])).all(axis=1)
         inside &= np.hypot(*grid.reshape(-1, 3)[:, :2].T) < camera.reach
         pixels = np.where(inside, at[:, 1] * camera.width + at[:, 0], -1)
-        return _Grid(pixels.reshape(len(y), len(x)), float(x[0]), float(y[0]), step)
+        return _Pixels(pixels.reshape(len(y), len(x)), RayGrid(float(x[0]), float(y[0]), step))
 
 
 WIDEST = 1.5

@@ -6,6 +6,7 @@ the field's maximum over 2^h x 2^h cells, so that its score bounds those of all 
 """
 
 from math import ceil, cos, exp, floor, sin, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,16 @@ BLOCK = 16
 
 ANYWHERE = np.zeros(5)
 """No pose is left out of a search."""
+
+
+class Search(NamedTuple):
+    """The poses that are compared: those of a window, in steps of a cell and of a turn."""
+
+    points: Array  # (k, 2) in the robot's frame
+    centre: Array  # (3,)
+    window: float  # m
+    turn: float  # rad
+    turn_step: float  # rad
 
 
 @compiled
@@ -93,15 +104,11 @@ def branch_and_bound(
     pyramid: tuple[Bytes, ...],
     origin: Array,
     size: float,
-    points: Array,
-    centre: Array,
-    window: float,
-    turn: float,
-    turn_step: float,
+    search: Search,
     least: float,
     apart: Array,
 ) -> tuple[Array, float, int]:
-    """The best pose within `window` (m) and `turn` (rad) of `centre` (3,), in steps of a cell and of `turn_step`.
+    """The best pose of a search in a field with that corner (2,), m, and size of cells, m.
 
     Returns it, its score from 0 to 1, and the number of sums computed; the score is 0 where none is above `least`. Of
     equally good poses the first found is taken. `apart` is ANYWHERE, or x, y, heading of a pose with the distance (m)
@@ -110,8 +117,9 @@ def branch_and_bound(
     Headings are bounded together, too: turned by some steps no point moves by more than half a square, so that a
     square twice as large, at the heading in the middle, bounds its group.
     """
-    count, turns = len(points), ceil(turn / turn_step)
-    half, width = ceil(window / size), 1 << (LEVELS - 2)
+    points, centre, turn_step = search.points, search.centre, search.turn_step
+    count, turns = len(points), ceil(search.turn / turn_step)
+    half, width = ceil(search.window / size), 1 << (LEVELS - 2)
     across, headings = 2 * half // width + 1, 2 * turns + 1
     limit = int(least * FULL * count)
     farthest = 0.0
@@ -232,25 +240,16 @@ def best_in_square(
 
 @compiled
 def correlated(
-    field: Bytes,
-    origin: Array,
-    size: float,
-    points: Array,
-    centre: Array,
-    window: float,
-    turn: float,
-    step: float,
-    turn_step: float,
-    sd: float,
-    turn_sd: float,
+    field: Bytes, origin: Array, size: float, search: Search, step: float, sd: float, turn_sd: float
 ) -> Array:
-    """The best pose of a small window, every one tried; those far from `centre` (3,) have to be better.
+    """The best pose of a small search, each tried in steps of `step` (m); those far from the centre must be better.
 
     A score is multiplied by a Gaussian of standard deviations `sd` (m) and `turn_sd` (rad), as Cartographer's real-time
     matcher does.
     """
     rows, columns = field.shape
-    turns, half = ceil(turn / turn_step), ceil(window / step)
+    points, centre, turn_step = search.points, search.centre, search.turn_step
+    turns, half = ceil(search.turn / turn_step), ceil(search.window / step)
     best, found = -1.0, centre.copy()
     rotated = np.empty((len(points), 2))
     for a in range(-turns, turns + 1):

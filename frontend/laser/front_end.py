@@ -11,8 +11,8 @@ import numpy as np
 
 from ...core.se2 import Array, between, compose, rotation, wrap
 from ...core.small_matrices import inverse
-from ._matching import match
-from ._search import correlated
+from ._matching import Hold, match
+from ._search import Search, correlated
 from .estimate import ScanStep, StepPoses
 from .finished import Finished
 from .localising import Localiser
@@ -152,22 +152,18 @@ class FrontEnd:
             self.lost += 1
             return predicted, np.zeros((3, 3))
         R = rotation(float(last[2]))
-        prior = inverse(R @ cov @ R.T)
-        grid = (submap.cells, submap.origin, s.cell, s.share, scan.few)
-        pose, information, inside = match(*grid, predicted, predicted, prior, s.sd, AT_FIRST, ITERATIONS)
+        grid, hold = submap.grid, Hold(predicted, inverse(R @ cov @ R.T))
+        pose, information, inside = match(grid, scan.few, predicted, hold, s.sd, AT_FIRST, ITERATIONS)
         if inside >= s.lost:
             return pose, information
         self.lost += 1
         way = float(np.hypot(delta[0], delta[1]))
         field, origin = submap.field_around(predicted, REACH, FIELD_SD)
-        guess = correlated(
-            field, origin, s.cell, scan.few[:: max(1, len(scan.few) // FEW)], predicted, SEARCH + way,
-            SEARCH_TURN + abs(delta[2]), STEP, TURN_STEP, TRUST + way, TRUST_TURN + abs(delta[2]),
-        )  # fmt: skip
-        other, its, others_inside = match(*grid, guess, predicted, prior, s.sd, AGAIN, ITERATIONS)
-        if others_inside - COST * _distance(other, predicted, prior) > (
-            inside - COST * _distance(pose, predicted, prior) + BETTER
-        ):
+        few, turned = scan.few[:: max(1, len(scan.few) // FEW)], abs(delta[2])
+        search = Search(few, predicted, SEARCH + way, SEARCH_TURN + turned, TURN_STEP)
+        guess = correlated(field, origin, s.cell, search, STEP, TRUST + way, TRUST_TURN + turned)
+        other, its, others_inside = match(grid, scan.few, guess, hold, s.sd, AGAIN, ITERATIONS)
+        if others_inside - COST * _distance(other, hold) > inside - COST * _distance(pose, hold) + BETTER:
             self.found_again += 1
             return other, its
         return pose, information
@@ -179,10 +175,10 @@ class FrontEnd:
         information = inverse(_wheels_cov(moved, s))
         if not contradicts(between(start, pose), moved, information) or not len(scan.few):
             return pose
-        grid = (submap.cells, submap.origin, s.cell, s.share, scan.few)
-        by_wheels, R = compose(start, moved), rotation(float(start[2]))
-        other, _, explained = match(*grid, by_wheels, by_wheels, HELD * R @ information @ R.T, s.sd, AGAIN, ITERATIONS)
-        if explained < match(*grid, pose, pose, np.zeros((3, 3)), s.sd, AGAIN, ITERATIONS)[2] + BETTER:
+        grid, by_wheels, R = submap.grid, compose(start, moved), rotation(float(start[2]))
+        hold, free = Hold(by_wheels, HELD * R @ information @ R.T), Hold(pose, np.zeros((3, 3)))
+        other, _, explained = match(grid, scan.few, by_wheels, hold, s.sd, AGAIN, ITERATIONS)
+        if explained < match(grid, scan.few, pose, free, s.sd, AGAIN, ITERATIONS)[2] + BETTER:
             return pose
         self._wheels_check.forget()
         self.by_wheels += 1
@@ -300,8 +296,8 @@ def _wheels_cov(motion: Array, s: Settings) -> Array:
     return np.diag([sd**2, sd**2, turn_sd**2])
 
 
-def _distance(pose: Array, predicted: Array, information: Array) -> float:
-    """Squared Mahalanobis distance of a pose from the prediction."""
-    off = pose - predicted
+def _distance(pose: Array, hold: Hold) -> float:
+    """Squared Mahalanobis distance of a pose from the one it is held to."""
+    off = pose - hold.pose
     off[2] = wrap(off[2])
-    return float(off @ information @ off)
+    return float(off @ hold.information @ off)

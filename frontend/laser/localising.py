@@ -13,8 +13,8 @@ import numpy as np
 from ...core.se2 import Array, compose, compose_jacobians
 from ...core.small_matrices import inverse
 from ..maps.occupancy import Occupancy
-from ._matching import match
-from ._search import ANYWHERE, branch_and_bound
+from ._matching import Hold, match
+from ._search import Search
 from .loops import FARTHEST, WEAK, searched
 from .scanner import Scan, Scanner
 from .settings import Settings
@@ -115,11 +115,8 @@ class Localiser:
         """The scan on the map, held near a pose; None where too few of its points are on walls."""
         if not len(scan.few):
             return None
-        submap, s = self.map, self._settings
-        pose, information, inside = match(
-            submap.cells, submap.origin, submap.settings.cell, s.share, scan.few, near, near,
-            inverse(cov), s.sd, AT_FIRST, ITERATIONS,
-        )  # fmt: skip
+        hold = Hold(near, inverse(cov))
+        pose, information, inside = match(self.map.grid, scan.few, near, hold, self._settings.sd, AT_FIRST, ITERATIONS)
         return (pose, information, inside) if inside >= ENOUGH else None
 
     def _find(self, k: int, delta: Array, scan: Scan, cloud: Array) -> None:
@@ -153,12 +150,12 @@ class Localiser:
         centre = np.array([*(self._known.origin + 0.5 * self._known.size * np.array(shape)), 0.0])
         window = 0.5 * self._known.size * max(shape)
         step = 1.5 * self._known.size / far
-        everywhere = (submap.pyramid, submap.origin, self._known.size, points, centre, window, np.pi, step)
-        pose, score, _ = branch_and_bound(*everywhere, s.score, ANYWHERE)
+        everywhere = Search(points, centre, window, np.pi, step)
+        pose, score = submap.best(everywhere, s.score)
         if score <= 0:
             self.why["no place"] += 1
             return None
-        _, other, _ = branch_and_bound(*everywhere, RIVAL * score, np.array([*pose, APART, TURNED]))
+        _, other = submap.best(everywhere, RIVAL * score, np.array([*pose, APART, TURNED]))
         if other > 0:
             self.why["several places"] += 1
             return None

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from ...core.se2 import Array, between, compose, rotation, wrap
 from ...core.small_matrices import inverse
 from ..maps._grid import one_a_cell, seen_through
-from ._matching import match
-from ._search import ANYWHERE, branch_and_bound
+from ._matching import Hold, match
+from ._search import Search
 from .scanner import Scan
 from .settings import Settings
 from .submap import Submap
@@ -32,7 +32,7 @@ SLACK = 0.25
 WEAK = np.diag([4.0, 4.0, 25.0])
 """Information that a match has at least, of x, y (1/m²) and heading (1/rad²): along a corridor the points have none."""
 
-HOLD = np.diag([100.0, 100.0, 400.0])
+HELD = np.diag([100.0, 100.0, 400.0])
 """Information with which the single scan is held where the cloud was matched."""
 
 NOTHING = np.zeros((3, 3))
@@ -62,22 +62,6 @@ class Match(NamedTuple):
     score: float
 
 
-class Search(NamedTuple):
-    """The poses that are compared: those of a window, in steps of a cell and of a turn."""
-
-    points: Array  # (k, 2) in the robot's frame
-    centre: Array  # (3,)
-    window: float  # m
-    turn: float  # rad
-    turn_step: float  # rad
-
-    def best_in(self, submap: Submap) -> tuple[Array, float]:
-        """The pose (3,) at which most points are on walls, and its score; the score is 0 where it is too low."""
-        s = submap.settings
-        pose, score, _ = branch_and_bound(submap.pyramid, submap.origin, s.cell, *self, s.score, ANYWHERE)
-        return pose, score
-
-
 def search_of(cloud: Array, guess: Array, window: float, turn: float, settings: Settings) -> Search:
     """The search for a cloud (k, 2) around `guess`; a turn's step moves all but the farthest points by 1.5 cells."""
     far = min(float(np.percentile(np.hypot(*cloud.T), 90)), FARTHEST)
@@ -97,23 +81,23 @@ def searched(
     if len(scan.few) < LEAST_POINTS:
         why["too few points"] += 1
         return None
-    pose, score = search_of(cloud, guess, window, turn, s).best_in(submap)
+    pose, score = submap.best(search_of(cloud, guess, window, turn, s), s.score)
     if score <= 0:
         why["no place"] += 1
         return None
-    grid = (submap.cells, submap.origin, s.cell)
-    pose, _, inside = match(*grid, s.share, cloud, pose, pose, NOTHING, s.sd, REFINED, 25)
+    grid = submap.grid
+    pose, _, inside = match(grid, cloud, pose, Hold(pose, NOTHING), s.sd, REFINED, 25)
     if inside < s.inside:
         why["too few points on walls"] += 1
         return None
-    through, free = seen_through(*grid, pose, submap.scanner.pose[:2], scan.few, SLACK)
+    through, free = seen_through(grid, pose, submap.scanner.pose[:2], scan.few, SLACK)
     if through > s.through:
         why["beams through walls"] += 1
         return None
     if free > s.free:
         why["ends in free space"] += 1
         return None
-    alone, information, inside = match(*grid, s.share, scan.few, pose, pose, HOLD, s.sd, ALONE, 25)
+    alone, information, inside = match(grid, scan.few, pose, Hold(pose, HELD), s.sd, ALONE, 25)
     off = between(pose, alone)
     if inside < s.inside or np.hypot(off[0], off[1]) > s.alone or abs(off[2]) > s.alone_turn:
         why["the scan alone disagrees"] += 1

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 
 from ...core.se2 import Array
-from ..maps._grid import Box, Cells, Mask, insert, walls, walls_within
-from ._search import FULL, LEVELS, Bytes, coarser
+from ..maps._grid import Box, Cells, Grid, Mask, insert, walls, walls_within
+from ._search import ANYWHERE, FULL, LEVELS, Bytes, Search, branch_and_bound, coarser
 from .packed import Packed
 from .scanner import Scan, Scanner
 from .settings import Settings
@@ -79,6 +79,11 @@ class Submap:
         return self._cells
 
     @property
+    def grid(self) -> Grid:
+        """The grid with its place and its walls."""
+        return Grid(self.cells, self.origin, self.settings.cell, self.settings.share)
+
+    @property
     def walls(self) -> Mask:
         """(n, m) which cells are walls."""
         return walls(self.cells, self.settings.share)
@@ -92,6 +97,11 @@ class Submap:
                 levels.append(coarser(levels[-1], 1 << (level - 1)))
             self._pyramid = tuple(levels)
         return self._pyramid
+
+    def best(self, search: Search, least: float, apart: Array = ANYWHERE) -> tuple[Array, float]:
+        """The pose (3,) at which most points are on walls, and its score; see `branch_and_bound`."""
+        pose, score, _ = branch_and_bound(self.pyramid, self.origin, self.settings.cell, search, least, apart)
+        return pose, score
 
     def field_around(self, pose: Array, reach: float, sd: float) -> tuple[Bytes, Array]:
         """The field within `reach` (m) of a pose, and its origin (2,)."""

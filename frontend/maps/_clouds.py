@@ -1,6 +1,7 @@
 """Inner loops on clouds of points: thinning of a depth image, the free floor around a camera, and merging."""
 
 from math import asin, atan2, floor, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,21 +10,22 @@ from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 
 Bytes = NDArray[np.uint8]
+Depths = NDArray[np.float32]
+"""(h, w) m; 0 where there is none."""
+
+
+class DepthLimits(NamedTuple):
+    """The depths that are used: those in reach of which all around are of one surface."""
+
+    near: float  # m
+    far: float  # m
+    jump: float  # m between neighbours on one surface, at most
+    jump_by_depth: float  # and m more for each metre of depth
 
 
 @compiled
 def lifted(
-    depth: NDArray[np.float32],
-    colours: Bytes,
-    rays: Array,
-    T: Array,
-    every: int,
-    near: float,
-    far: float,
-    jump: float,
-    jump_by_depth: float,
-    points: Array,
-    found: Bytes,
+    depth: Depths, colours: Bytes, rays: Array, T: Array, every: int, limits: DepthLimits, points: Array, found: Bytes
 ) -> int:
     """Writes every `every`-th pixel of `depth` (h, w), m, as a point; returns their number.
 
@@ -36,9 +38,9 @@ def lifted(
         for u in range(every // 2, columns, every):
             z = float(depth[v, u])
             a, b = rays[v, u, 0], rays[v, u, 1]
-            if not (z > near and z < far and a == a):
+            if not (z > limits.near and z < limits.far and a == a):
                 continue
-            edge, most = False, jump + jump_by_depth * z
+            edge, most = False, limits.jump + limits.jump_by_depth * z
             for k in range(4):
                 i, j = v + (k == 0) - (k == 1), u + (k == 2) - (k == 3)
                 if 0 <= i < rows and 0 <= j < columns:

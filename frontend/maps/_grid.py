@@ -6,6 +6,7 @@ x and y. So a cell knows the mean of what was hit in it, to a fraction of its si
 """
 
 from math import cos, floor, sin
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,15 @@ Box = tuple[int, int, int, int]
 
 HIT, THROUGH, DX, DY = 0, 1, 2, 3
 """Columns of a cell."""
+
+
+class Grid(NamedTuple):
+    """Cells, their place, and the walls among them."""
+
+    cells: Cells  # (n, m, 4)
+    origin: Array  # (2,) m, the corner of cell (0, 0)
+    size: float  # m, of a cell
+    share: float  # of the beams that came to a wall, those that were reflected there at least
 
 
 @compiled
@@ -93,7 +103,7 @@ def is_wall(cells: Cells, i: int, j: int, share: float) -> bool:
 
 @compiled
 def walls(cells: Cells, share: float) -> Mask:
-    """Which cells are walls."""
+    """Marks the cells that are walls, (n, m)."""
     out = np.empty(cells.shape[:2], np.bool_)
     for i in range(cells.shape[0]):
         for j in range(cells.shape[1]):
@@ -147,14 +157,13 @@ def one_a_cell(points: Array, size: float) -> Array:
 
 
 @compiled
-def seen_through(
-    cells: Cells, origin: Array, size: float, pose: Array, scanner: Array, points: Array, slack: float
-) -> tuple[float, float]:
-    """The contradictions of a scan at `pose` and a submap, as two shares of its beams.
+def seen_through(grid: Grid, pose: Array, scanner: Array, points: Array, slack: float) -> tuple[float, float]:
+    """Two shares of the beams of a scan at `pose`: those that the walls and those that the free space contradict.
 
     Of the beams over ground that the submap has seen: those that pass through a wall more than `slack` (m) before they
     end. Of the beams that end in ground it has seen: those that end where it has seen nothing but free space.
     """
+    cells, origin, size = grid.cells, grid.origin, grid.size
     rows, columns = cells.shape[0], cells.shape[1]
     c, s = cos(pose[2]), sin(pose[2])
     start_i = (pose[0] + c * scanner[0] - s * scanner[1] - origin[0]) / size

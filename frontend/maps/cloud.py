@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...core.beside import Clouds
 from ...core.se2 import Array, act
 from ..camera.camera import Camera
-from ._clouds import lifted, one_a_voxel
+from ._clouds import DepthLimits, Depths, lifted, one_a_voxel
 
 EVERY = 2
 """Pixels from one that becomes a point to the next, in rows and columns."""
@@ -35,19 +35,16 @@ class Cloud(NamedTuple):
 NOTHING = Cloud(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), np.zeros(0))
 
 
-def cloud_of(
-    camera: Camera, T: Array, depth: NDArray[np.float32], colour: NDArray[np.uint8], limits: tuple[float, float]
-) -> Cloud:
-    """The points of `depth` (h, w), m, within `limits`, thinned; T (4, 4) takes those of the camera to the robot.
+def cloud_of(camera: Camera, T: Array, depth: Depths, colour: NDArray[np.uint8], reach: tuple[float, float]) -> Cloud:
+    """The points of `depth` (h, w) from `reach[0]` to `reach[1]`, m, thinned, in the robot's frame.
 
-    `colour` is the image, (h, w) grey or (h, w, 3) blue, green, red.
+    T (4, 4) takes points of the camera to it, `colour` is the image, (h, w) grey or (h, w, 3) blue, green, red.
     """
     shown = np.dstack([colour] * 3) if colour.ndim == 2 else np.ascontiguousarray(colour[:, :, ::-1])
     most = -(-depth.shape[0] // EVERY) * -(-depth.shape[1] // EVERY)
     points, colours = np.empty((most, 3)), np.empty((most, 3), np.uint8)
-    count = lifted(
-        depth, shown, camera.rays, np.ascontiguousarray(T), EVERY, *limits, JUMP, JUMP_BY_DEPTH, points, colours
-    )
+    limits = DepthLimits(*reach, JUMP, JUMP_BY_DEPTH)
+    count = lifted(depth, shown, camera.rays, np.ascontiguousarray(T), EVERY, limits, points, colours)
     return thinned(Cloud(points[:count], colours[:count], np.ones(count)), VOXEL)
 
 

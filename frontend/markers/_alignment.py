@@ -4,6 +4,7 @@
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,22 @@ from ...core.kernels._small import cholesky, dot, solve
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
 from ._edges import COLUMNS, EDGE, RESIDUAL, WEIGHT, edge_of, sum_edges
-from ._grey import BLACK, BLACKEST, INK, PARAMETERS, SHARED, STIFF, WHITE, A, C, curve_of, eye_of, predict
+from ._grey import (
+    BLACK,
+    BLACKEST,
+    INK,
+    PARAMETERS,
+    SHARED,
+    STIFF,
+    WHITE,
+    A,
+    C,
+    Model,
+    Scratch,
+    curve_of,
+    eye_of,
+    predict,
+)
 from ._pixels import box_of, extremes, gather
 from ._share import RIM
 from ._step import hold, moved
@@ -33,7 +49,7 @@ TRUSTED = 0.1
 """Share of the blur that a step which is not evaluated changes, about: further away greys are not linear in it."""
 
 CHANCE, AGAIN = 6.0, 4
-"""How many times what chance explains a step may gain that is not evaluated, and how often a fit is settled for that.
+"""Largest gain of a step that is not evaluated, by what chance explains, and how often a fit is settled for more.
 
 A fit to half of a sample is by chance off that to all of it by as much as it is off the truth: the step from one to the
 other gains the residuals' variance for each parameter. Of frames of an ideal camera 5 % gain more than five times that
@@ -51,6 +67,13 @@ SINGULAR = 1e-12
 
 OUTLIER = 2.5
 """Standard deviations from which a residual counts linearly (Huber)."""
+
+
+class Equations(NamedTuple):
+    """Normal equations of all parameters."""
+
+    normal: Array  # (24, 24)
+    gradient: Array  # (24,)
 
 
 @compiled
@@ -76,153 +99,128 @@ def align(
     look[BLACK], look[WHITE] = max(darkest, BLACKEST), max(brightest, BLACKEST + 1.0)
     for k in range(INK, len(look)):
         look[k] = prior[0, k - A]
-    normal, gradient = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
+    equations = Equations(np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS))
+    normal, gradient = equations
     by_edge = np.zeros((2 * (m + 1) * (m + 2), PARAMETERS + 1))
     places = np.empty((2 * ENOUGH, 7))
     rows = np.zeros((2 * ENOUGH, COLUMNS))
-    residual, eye = np.inf, np.zeros(3)
+    residual, model = np.inf, Model(pattern, homography, look, np.zeros(3))
     for everything in (False, True):
         most, active, least = (ENOUGH, PARAMETERS, 6) if everything else (ENOUGH // 2, STIFF, 4)
         cut = OUTLIER * max(residual, GRAIN)
-        eye = eye_of(homography, m, np.zeros(3))
-        count = gather(image, rays, homography, look, m, box, most, places)
+        model = Model(pattern, model.homography, model.look, eye_of(model.homography, m, np.zeros(3)))
+        count = gather(image, rays, model.homography, model.look, m, box, most, places)
         if count < PARAMETERS * least:
-            return homography, normal, np.inf, look, by_edge
+            return model.homography, normal, np.inf, model.look, by_edge
         stride, enough = min(4, count // (2 * PARAMETERS)), SHORT / module
-        homography, look, residual = _settled(
-            places[:count], stride, pattern, homography, eye, look, prior, active, cut, enough, rows
-        )
+        model, residual = _settled(places[:count], stride, model, prior, active, cut, enough, rows)
         if not residual < np.inf:
-            return homography, normal, np.inf, look, by_edge
+            return model.homography, normal, np.inf, model.look, by_edge
     variance, seen, step = 0.0, 0, np.zeros(PARAMETERS)
     for stride in (2, 1):
         for times in range(AGAIN + 1):
             cut = OUTLIER * max(residual, GRAIN)
-            eye = eye_of(homography, m, eye)
-            _, chi, total, seen = _accumulate(
-                places[:count], stride, pattern, homography, eye, look, prior, cut, PARAMETERS, rows, normal, gradient
-            )
+            model = Model(pattern, model.homography, model.look, eye_of(model.homography, m, model.eye))
+            _, chi, total, seen = _accumulate(places[:count], stride, model, prior, cut, PARAMETERS, rows, equations)
             variance = chi / max(total - PARAMETERS, 1.0)
             factor, step = normal.copy(), gradient.copy()
-            hold(look, factor, step)
+            hold(model.look, factor, step)
             for i in range(8 + A, 8 + C + 1):
                 factor[i, i] += max(variance, LEAST_VARIANCE) / TRUSTED**2
             if not cholesky(factor, factor, PARAMETERS, SINGULAR, 0.0):
-                return homography, normal, np.inf, look, by_edge
+                return model.homography, normal, np.inf, model.look, by_edge
             solve(factor, step, step, PARAMETERS)
             least = max(min(variance, residual * residual), LEAST_VARIANCE)
             if dot(step, gradient) < CHANCE * PARAMETERS * least or times == AGAIN:
                 break
-            homography, look, residual = _settled(
-                places[:count], stride, pattern, homography, eye, look, prior, PARAMETERS, cut, 0.0, rows
-            )
+            model, residual = _settled(places[:count], stride, model, prior, PARAMETERS, cut, 0.0, rows)
             if not residual < np.inf:
-                return homography, normal, np.inf, look, by_edge
+                return model.homography, normal, np.inf, model.look, by_edge
         if stride == 1:
             sum_edges(rows[:seen], step, by_edge)
-        homography, look, _ = moved(homography, look, step, PARAMETERS, m)
-    return homography, normal, math.sqrt(variance), look, by_edge
+        homography, look, _ = moved(model.homography, model.look, step, PARAMETERS, m)
+        model = Model(pattern, homography, look, model.eye)
+    return model.homography, normal, math.sqrt(variance), model.look, by_edge
 
 
 @compiled
 def _settled(
     places: Array,
     stride: int,
-    pattern: Array,
-    homography: Array,
-    eye: Array,
-    look: Array,
+    model: Model,
     prior: Array,
     active: int,
     cut: float,
     tolerance: float,
     rows: Array,
-) -> tuple[Array, Array, float]:
-    """The homography and the look that fit best, and the residuals' standard deviation; infinite if there are none.
+) -> tuple[Model, float]:
+    """The model that fits best, and the residuals' standard deviation; infinite if there is none.
 
     Uses every `stride`-th of the `places` and changes the first `active` parameters. It ends with a step that by the
     normal equations gains little or changes the homography by less than `tolerance`, modules: that step is made and not
     evaluated. `rows` is overwritten.
     """
-    m = pattern.shape[0] - 2 * RIM
-    step, trial_gradient = np.zeros(PARAMETERS), np.zeros(PARAMETERS)
-    gradient = np.zeros(PARAMETERS)
-    normal, trial_normal, factor = np.zeros((3, PARAMETERS, PARAMETERS))
-    loss, chi, total, _ = _accumulate(
-        places, stride, pattern, homography, eye, look, prior, cut, active, rows, normal, gradient
-    )
+    m = model.pattern.shape[0] - 2 * RIM
+    step, factor = np.zeros(PARAMETERS), np.zeros((PARAMETERS, PARAMETERS))
+    equations = Equations(np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS))
+    others = Equations(np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS))
+    loss, chi, total, _ = _accumulate(places, stride, model, prior, cut, active, rows, equations)
     damping = 1e-4
     for _ in range(ROUNDS):
+        normal, gradient = equations
         for i in range(active):
             step[i] = gradient[i]
             for j in range(active):
                 factor[i, j] = normal[i, j]
             factor[i, i] += damping * normal[i, i] + 1e-9
         if active == PARAMETERS:
-            hold(look, factor, step)
+            hold(model.look, factor, step)
         if not cholesky(factor, factor, active, SINGULAR, 0.0):
-            return homography, look, np.inf
+            return model, np.inf
         solve(factor, step, step, active)
         gain = dot(step[:active], gradient[:active])
-        trial_homography, trial_look, largest = moved(homography, look, step, active, m)
+        homography, look, largest = moved(model.homography, model.look, step, active, m)
+        trial = Model(model.pattern, homography, look, model.eye)
         if largest < tolerance or gain < LITTLE * loss:
-            homography, look = trial_homography, trial_look
+            model = trial
             break
-        trial_loss, trial_chi, trial_total, _ = _accumulate(
-            places,
-            stride,
-            pattern,
-            trial_homography,
-            eye,
-            trial_look,
-            prior,
-            cut,
-            active,
-            rows,
-            trial_normal,
-            trial_gradient,
-        )
+        trial_loss, trial_chi, trial_total, _ = _accumulate(places, stride, trial, prior, cut, active, rows, others)
         poor = not loss - trial_loss > POOR * gain
         if poor:
             damping = max(damping * 10.0, FELT)
             if damping > 1e4:
                 break
         if trial_loss < loss * (1.0 + 1e-9):
-            homography, look, loss, chi, total = trial_homography, trial_look, trial_loss, trial_chi, trial_total
-            gradient, trial_gradient, normal, trial_normal = trial_gradient, gradient, trial_normal, normal
+            model, loss, chi, total = trial, trial_loss, trial_chi, trial_total
+            equations, others = others, equations
         if not poor:
             damping = max(damping * 0.1, 1e-7)
-    return homography, look, math.sqrt(chi / max(total - active, 1.0))
+    return model, math.sqrt(chi / max(total - active, 1.0))
 
 
 @compiled
 def _accumulate(
     places: Array,
     stride: int,
-    pattern: Array,
-    G: Array,
-    eye: Array,
-    look: Array,
+    model: Model,
     prior: Array,
     cut: float,
     active: int,
     rows: Array,
-    normal: Array,
-    gradient: Array,
+    equations: Equations,
 ) -> tuple[float, float, float, int]:
     """Fills the normal equations; returns the robust loss, the weighted sum of squares, the sum of weights and a count.
 
     Only the first `active` parameters may change. As many of the `rows` as that count get a pixel each: its
     derivatives, residual, weight and nearest edge, see `edge_of`.
     """
-    m = pattern.shape[0] - 2 * RIM
-    table, seen, paper = np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(12)
-    place_in, curve = np.empty(2), np.empty(SHARED)
-    curve_of(look, m, eye, curve)
+    m = model.pattern.shape[0] - 2 * RIM
+    scratch, curve = Scratch(np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(12), np.empty(2)), np.empty(SHARED)
+    curve_of(model, curve)
     loss, chi, total, count = 0.0, 0.0, 0.0, 0
     for index in range(0, len(places), stride):
         place, row = places[index], rows[count]
-        grey = predict(place, pattern, G, look, curve, active > STIFF, table, seen, paper, place_in, row)
+        grey = predict(place, model, curve, active > STIFF, scratch, row)
         if math.isnan(grey):
             continue
         residual = place[0] - grey
@@ -233,13 +231,14 @@ def _accumulate(
             loss += cut * (2.0 * size - cut)
         else:
             loss += size * size
-        row[RESIDUAL], row[WEIGHT], row[EDGE] = residual, weight, edge_of(place_in[0], place_in[1], m)
+        row[RESIDUAL], row[WEIGHT], row[EDGE] = residual, weight, edge_of(scratch.uv[0], scratch.uv[1], m)
         chi += weight * residual * residual
         total += weight
         count += 1
     product = np.zeros((PARAMETERS, COLUMNS))
     _multiply(rows[:count], active, product)
     variance = max(chi / max(total - active, 1.0), LEAST_VARIANCE)
+    normal, gradient = equations
     for i in range(active):
         gradient[i] = product[i, RESIDUAL]
         for j in range(active):
@@ -247,7 +246,7 @@ def _accumulate(
     for i in range(STIFF, active):
         information = variance / (prior[1, i - STIFF] * prior[1, i - STIFF])
         normal[i, i] += information
-        gradient[i] -= information * (look[i - 8] - prior[0, i - STIFF])
+        gradient[i] -= information * (model.look[i - 8] - prior[0, i - STIFF])
     return loss, chi, total, count
 
 

@@ -21,6 +21,7 @@ own curve is straight, which is what a wide blur makes of it.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,7 +34,7 @@ PARAMETERS, STIFF = 24, 10
 """All parameters, and the first of them, without the camera's, the printer's and the paper's."""
 
 BLACK, WHITE, A, B, C, INK, TONE, SHARP, LIGHT, CURL = *range(9), 13
-"""Where a look has them."""
+"""Their places in a look."""
 
 SHARED = 17
 """Numbers that all pixels share."""
@@ -50,6 +51,24 @@ BUMP = 1 / math.sqrt(math.pi)
 """Integral of F (1 - F), where F is the normal distribution function."""
 
 
+class Model(NamedTuple):
+    """A printed pattern as a camera sees it."""
+
+    pattern: Array  # (m + 2 RIM, m + 2 RIM), 1 is white
+    homography: Array  # (3, 3) from rays to (u, v)
+    look: Array  # (16,)
+    eye: Array  # (3,) the camera's place, see `eye_of`
+
+
+class Scratch(NamedTuple):
+    """Arrays that `predict` overwrites at every pixel."""
+
+    table: Array  # (2, 3, 7) see `share`
+    seen: Array  # (2, 7) the shares of white under the blur and under the wider one
+    paper: Array  # (12,) see `unroll`
+    uv: Array  # (2,) the place on the paper, modules
+
+
 @compiled
 def covariance(look: Array) -> tuple[float, float, float]:
     """xx, xy, yy of the blur, px^2."""
@@ -58,13 +77,14 @@ def covariance(look: Array) -> tuple[float, float, float]:
 
 
 @compiled
-def curve_of(look: Array, m: int, eye: Array, curve: Array) -> None:
+def curve_of(model: Model, curve: Array) -> None:
     """Fills `curve` (SHARED,) with what all pixels share: the blur's xx, xy, yy, gamma, the logs of black and white.
 
     Then the light of black and of white, the bend, which is four times how far the curve is above a line in its middle,
     as a share of the contrast, and the bend's derivative by the tone. Then the light of black over its grey level, that
-    of white over its, one over the modules `m` and one over gamma. Last the `eye` (3,), see `eye_of`.
+    of white over its, one over the modules m and one over gamma. Last the eye (3,).
     """
+    look = model.look
     curve[0], curve[1], curve[2] = covariance(look)
     gamma = math.exp(look[TONE])
     log_black, log_white = math.log(look[BLACK]), math.log(look[WHITE])
@@ -76,8 +96,8 @@ def curve_of(look: Array, m: int, eye: Array, curve: Array) -> None:
     steeper = (dark * log_black + bright * log_white) / (dark + bright) - math.log(middle)
     curve[9] = 4.0 * middle * steeper / contrast
     curve[10], curve[11] = dark / look[BLACK], bright / look[WHITE]
-    curve[12], curve[13] = 1.0 / m, 1.0 / gamma
-    curve[14], curve[15], curve[16] = eye
+    curve[12], curve[13] = 1.0 / (len(model.pattern) - 2 * RIM), 1.0 / gamma
+    curve[14], curve[15], curve[16] = model.eye
 
 
 @compiled
@@ -163,25 +183,15 @@ def slopes(
 
 
 @compiled
-def predict(
-    place: Array,
-    pattern: Array,
-    G: Array,
-    look: Array,
-    curve: Array,
-    whole: bool,
-    table: Array,
-    seen: Array,
-    paper: Array,
-    uv: Array,
-    J: Array,
-) -> float:
+def predict(place: Array, model: Model, curve: Array, whole: bool, scratch: Scratch, J: Array) -> float:
     """The grey level at a `place` (7,), and in `J` (24,) its derivatives; NaN outside the pattern and its rim.
 
-    With `whole` False sharpening and curl are taken for 0 and have no derivatives. `table` (2, 3, 7), `seen` (2, 7) and
-    `paper` (12,) are overwritten; `uv` (2,) gets the place on the paper.
+    `curve` is the model's, see `curve_of`. With `whole` False sharpening and curl are taken for 0 and have no
+    derivatives. The place on the paper is left in `scratch`.
     """
-    m = len(pattern) - 2 * RIM
+    G, look = model.homography, model.look
+    table, seen, paper, uv = scratch
+    m = len(model.pattern) - 2 * RIM
     w = 1.0 / (G[2, 0] * place[1] + G[2, 1] * place[2] + G[2, 2])
     u = (G[0, 0] * place[1] + G[0, 1] * place[2] + G[0, 2]) * w
     v = (G[1, 0] * place[1] + G[1, 1] * place[2] + G[1, 2]) * w
@@ -203,7 +213,7 @@ def predict(
     sigma_v = math.sqrt(s00 * vx * vx + 2.0 * s01 * vx * vy + s11 * vy * vy)
     askew = s00 * ux * vx + s01 * (ux * vy + uy * vx) + s11 * uy * vy
     near = seen[0]
-    share(u, v, sigma_u, sigma_v, askew, ink, ink, pattern, table, near)
+    share(u, v, sigma_u, sigma_v, askew, ink, model.pattern, table, near)
     # light of black and white, and of the pixel
     light = max(dark + (bright - dark) * near[VALUE], 0.05 * dark)
     log_light = math.log(light)
@@ -226,7 +236,7 @@ def predict(
         wide_u = math.sqrt(sigma_u * sigma_u + ring * (ux * ux + uy * uy))
         wide_v = math.sqrt(sigma_v * sigma_v + ring * (vx * vx + vy * vy))
         far = seen[1]
-        share(u, v, wide_u, wide_v, askew + ring * (ux * vx + uy * vy), 0.0, 0.0, pattern, table, far)
+        share(u, v, wide_u, wide_v, askew + ring * (ux * vx + uy * vy), 0.0, model.pattern, table, far)
         # its edges are so much blurred that they move in proportion
         shift = ink - bend * BUMP * 0.5 * (sigma_u + sigma_v)
         far[VALUE] += shift * far[BY_INK]

@@ -14,7 +14,7 @@ CUT_OFF = 4.5
 """Standard deviations beyond which an edge is a step."""
 
 VALUE, BY_U, BY_V, BY_UV, BY_SIGMA_U, BY_SIGMA_V, BY_INK = range(7)
-"""Where `share` leaves the share and its derivatives."""
+"""Places of the share and its derivatives in the result of `share`."""
 
 KNOTS = 32
 """Of the normal distribution's table, to a standard deviation. Hermite's cubics between them err by 4e-9 at most."""
@@ -46,8 +46,7 @@ def share(
     sigma_u: float,
     sigma_v: float,
     askew: float,
-    ink_u: float,
-    ink_v: float,
+    ink: float,
     pattern: Array,
     table: Array,
     seen: Array,
@@ -55,8 +54,7 @@ def share(
     """Fills `seen` (7,) with the share of white at (u, v), modules, and its derivatives.
 
     `pattern` (m + 2 RIM, m + 2 RIM), 1 is white. The blur has standard deviations `sigma_u` and `sigma_v`, modules,
-    and covariance `askew`. Black is grown by `ink_u` modules at edges across u and by `ink_v` across v. `table` (2, 3,
-    7) is overwritten.
+    and covariance `askew`. Black is grown by `ink` modules at every edge. `table` (2, 3, 7) is overwritten.
 
     A blur along the pattern's own axes sees the sum of products of `_weigh`'s shares. Of a tilted one Mehler's series
     is taken: the product of two normal distribution functions, plus their covariance times the mixed second derivative.
@@ -64,8 +62,8 @@ def share(
     out is the square of the ink, where two edges meet.
     """
     wu, wv = table[0], table[1]
-    first_u = _weigh(u, sigma_u, ink_u, wu) + RIM
-    first_v = _weigh(v, sigma_v, ink_v, wv) + RIM
+    first_u = _weigh(u, sigma_u, ink, wu) + RIM
+    first_v = _weigh(v, sigma_v, ink, wv) + RIM
     value, by_u, by_v, by_uv, by_sigma_u, by_sigma_v, by_ink = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(4):
         if wv[0, j] == 0.0 and wv[1, j] == 0.0:

@@ -7,8 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from slamduel.core.beside import KINDS, Clouds, Scans, columns_of, misfit
 from slamduel.core.errors import InputError
 from slamduel.core.factors import REMARKS, UNKNOWN, Dataset, Log, Map, Prior
+from slamduel.core.relations import Anchors
+from slamduel.core.se2 import compose
 from slamduel.datasets import archive
 from small_log import columns, positive_definite, small_log
 
@@ -165,6 +168,35 @@ def test_head_is_the_first_steps(steps: int):
     assert len(head) == steps
     assert head.digest == Log.from_steps(log.name, log.prior, list(log)[:steps]).digest
     assert (head.digest == log.digest) == (steps == 6)
+
+
+def test_head_keeps_what_was_seen_up_to_the_next_step_where_it_lies() -> None:
+    """Along the head's path the scans and clouds are where they were; after its last step they are seen from there."""
+    rng = np.random.default_rng(4)
+    step = np.array([0, 1, 1, 3, 5])
+    since, until = rng.normal(size=(2, 5, 3))
+    at = Anchors(step, since, np.where(step[:, None] == 5, since, until), rng.uniform(size=5))
+    scans = Scans(at, np.arange(10, dtype=np.float32).reshape(5, 2), np.zeros(2), np.zeros(3))
+    points = rng.integers(-9, 9, (8, 3)).astype(np.int16)
+    clouds = Clouds(at, np.array([0, 2, 2, 5, 7, 8]), points, points.astype(np.uint8), np.zeros(3))
+    log = dataclasses.replace(small_log(), scans=scans, clouds=clouds)
+    whole = log.head(6)
+    for kind in KINDS:
+        assert misfit(kind, columns_of(kind, getattr(whole, kind)), 6) == ""
+        for name, column in columns_of(kind, getattr(log, kind)).items():
+            np.testing.assert_array_equal(columns_of(kind, getattr(whole, kind))[name], column)
+    head, path = log.head(2), rng.normal(size=(6, 3))
+    assert head.scans is not None
+    assert head.clouds is not None
+    np.testing.assert_array_equal(head.scans.ranges, scans.ranges[:3])
+    assert [head.clouds.xyz(k).tolist() for k in range(3)] == [clouds.xyz(k).tolist() for k in range(3)]
+    np.testing.assert_array_equal(head.clouds.colours, clouds.colours[:5])
+    placed = head.scans.at.along(path[:2])
+    np.testing.assert_allclose(placed[0], at.along(path)[0])
+    np.testing.assert_allclose(placed[1:], compose(path[1], since[1:3]))
+    one = dataclasses.replace(log, scans=scans.taken(step > 0), clouds=None).head(1)
+    assert one.scans is None
+    assert one.clouds is None
 
 
 def test_a_log_needs_neither_sightings_nor_loops():

@@ -34,6 +34,6 @@ def laps(rng: np.random.Generator, count: int = 3, every: int = 2, noise: float 
     t, no = np.arange(n, dtype=float), np.zeros(0, np.int64)
     log = Log.from_arrays(
         "laps", Prior(path[0], 1e-6 * np.eye(3)), t, delta, motion_cov,
-        no, no, np.zeros((0, 2)), np.zeros((0, 2, 2)), step, to, found, cov,
+        no, no, np.zeros((0, 2)), np.zeros((0, 2, 2)), loop_step=step, loop_to=to, loop_delta=found, loop_cov=cov,
     )  # fmt: skip
     return Dataset(log, Truth(t, path))

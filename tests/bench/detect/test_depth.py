@@ -134,8 +134,8 @@ def made_up(counts: dict[str, int], **others: Any) -> DepthFindings:
     motion = np.tile([0.15, 0.0, 0.0], (n, 1))
     log = Log.from_arrays(
         "<cart>", recording.prior, np.arange(4.0), motion, np.tile(1e-4 * np.eye(3), (n, 1, 1)), none, none,
-        np.zeros((0, 2)), np.zeros((0, 2, 2)), np.array([3]), np.array([0]), motion[:1],
-        np.tile(1e-4 * np.eye(3), (1, 1, 1)), {"depth": notes},
+        np.zeros((0, 2)), np.zeros((0, 2, 2)), loop_step=np.array([3]), loop_to=np.array([0]), loop_delta=motion[:1],
+        loop_cov=np.tile(1e-4 * np.eye(3), (1, 1, 1)), notes={"depth": notes},
     )  # fmt: skip
     recording.left_out.update(others.get("left_out", {}))
     levels = Levels(others.get("tilts", np.zeros((n, 3))), others.get("found", np.ones(n, bool)))

@@ -41,8 +41,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     delta = np.concatenate((np.zeros((1, 3)), between(room.PATH[:-1], room.PATH[1:])))
     log = Log.from_arrays(
         "room", Prior(room.PATH[0], 1e-6 * np.eye(3)), np.arange(float(n)), delta, np.tile(1e-6 * np.eye(3), (n, 1, 1)),
-        none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)), np.array([5]), np.array([0]),
-        between(room.PATH[:1], room.PATH[5:6]), 1e-6 * np.eye(3)[None],
+        none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)), loop_step=np.array([5]), loop_to=np.array([0]),
+        loop_delta=between(room.PATH[:1], room.PATH[5:6]), loop_cov=1e-6 * np.eye(3)[None],
     )  # fmt: skip
     object.__setattr__(log, "clouds", room.room_clouds())
     log_folder.write(home / "log", log, None)

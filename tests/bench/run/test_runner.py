@@ -152,7 +152,7 @@ def test_a_log_with_loop_closures_is_skipped_where_they_are_not_taken(tmp_path: 
     assert truth is not None
     closed = type(log).from_arrays(
         "closed", log.prior, log.t, log.delta, log.delta_cov, log.sighting_step, log.ids, log.z, log.z_cov,
-        np.array([9]), np.array([0]), (np.zeros((1, 3))), 10 * np.eye(3)[None],
+        loop_step=np.array([9]), loop_to=np.array([0]), loop_delta=np.zeros((1, 3)), loop_cov=10 * np.eye(3)[None],
     )  # fmt: skip
     logfile.write(tmp_path / "log", closed, truth)
     found = go(tmp_path / "run", "dead-reckoning,kf,ekf,ekf[poses=1],fixed-lag,isam2", tmp_path / "log")

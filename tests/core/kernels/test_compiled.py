@@ -35,6 +35,20 @@ ASK = (
     "print(outer(1.0), apart(1.0), *(sum(f.stats.cache_hits.values()) for f in (outer, apart)), compiled.made())"
 )
 
+PAIR = """
+from typing import NamedTuple
+from ..floor.compiled import compiled
+
+class {name}(NamedTuple):
+    x: float
+
+@compiled
+def first(pair):
+    return pair.x
+
+print(first({name}(1.0)), sum(first.stats.cache_hits.values()))
+"""
+
 
 @pytest.fixture
 def house(tmp_path: Path) -> Path:
@@ -91,6 +105,19 @@ def test_numba_has_the_private_parts_that_are_relied_on(monkeypatch: pytest.Monk
     assert list(inspect.signature(Dispatcher.compile).parameters) == ["self", "sig"]
     given = {"array", "data", "shape", "strides", "itemsize", "meminfo"}
     assert given <= set(inspect.signature(populate_array).parameters)
+
+
+@pytest.mark.slow
+def test_an_index_that_is_damaged_or_names_a_type_that_is_gone_is_as_good_as_none(house: Path) -> None:
+    def said(name: str) -> str:
+        (house / "other" / "_pair.py").write_text(PAIR.format(name=name))
+        ask = [sys.executable, "-c", "import house.other._pair"]
+        return subprocess.run(ask, cwd=house.parent, check=True, capture_output=True, text=True).stdout
+
+    assert [said("Pair"), said("Pair"), said("Couple")] == ["1.0 0\n", "1.0 1\n", "1.0 0\n"]
+    (index,) = (house / "other" / "__pycache__").glob("_pair.first-*.nbi")
+    index.write_bytes(index.read_bytes()[:-20])
+    assert [said("Couple"), said("Couple")] == ["1.0 0\n", "1.0 1\n"]
 
 
 @pytest.mark.parametrize("edited", FILES)

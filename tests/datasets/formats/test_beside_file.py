@@ -160,7 +160,7 @@ def standing(beside: Clouds) -> Log:
     n, none = STEPS, np.zeros(0, np.int64)
     log = Log.from_arrays(
         "depth", Prior(np.zeros(3), np.eye(3)), np.arange(3.0), np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1)),
-        none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)), none, none, np.zeros((0, 3)), np.zeros((0, 3, 3)),
+        none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)),
     )  # fmt: skip
     return replace(log, clouds=beside)
 

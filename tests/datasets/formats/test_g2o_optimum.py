@@ -35,8 +35,9 @@ def with_loops() -> Log:
     delta = between(truth.poses[to], truth.poses[step]) + 0.01 * rng.normal(size=(7, 3))
     delta[:, 2] = wrap(delta[:, 2])
     ids = np.where(rng.random(len(log.ids)) < 0.05, UNKNOWN, log.ids)
+    cov = 0.01 * positive_definite(rng, 7, 3)
     columns = (log.t, log.delta, log.delta_cov, log.sighting_step, ids, log.z, log.z_cov)
-    return Log.from_arrays("loops", log.prior, *columns, step, to, delta, 0.01 * positive_definite(rng, 7, 3))
+    return Log.from_arrays("loops", log.prior, *columns, loop_step=step, loop_to=to, loop_delta=delta, loop_cov=cov)
 
 
 def localisation() -> Log:

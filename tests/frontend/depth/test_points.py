@@ -8,6 +8,7 @@ from slamduel.datasets.rendering.depth import kinect
 from slamduel.frontend.depth._depth_image import depths_at
 from slamduel.frontend.depth.points import SHARED, points_of, sharing
 from slamduel.frontend.depth.settings import Settings
+from slamduel.frontend.maps._clouds import DepthLimits
 
 
 def test_depth_between_pixels_of_a_plane_is_that_of_the_plane() -> None:
@@ -15,7 +16,7 @@ def test_depth_between_pixels_of_a_plane_is_that_of_the_plane() -> None:
     plane = np.array([[0.0, 0.0, 1.0, 0.0]])
     depth = on_planes(CAMERA, T, plane).astype(np.float32)
     pixels = np.random.default_rng(0).uniform([5, 120], [310, 230], (200, 2))
-    z = depths_at(depth, pixels, 0.4, 4.5, 0.05, 0.05)
+    z = depths_at(depth, pixels, DepthLimits(0.4, 4.5, 0.05, 0.05))
     rays = np.column_stack((CAMERA.undistort(pixels), np.ones(200)))
     exact = -T[2, 3] / (rays @ T[2, :3])
     assert np.isfinite(z).all()
@@ -27,10 +28,10 @@ def test_a_feature_at_an_edge_a_hole_or_the_border_has_no_depth() -> None:
     depth[:, 30:] = 3.0
     depth[10, 10] = 0.0
     pixels = np.array([[29.6, 20.0], [28.4, 20.0], [9.0, 9.0], [0.0, 20.0], [40.0, 39.0], [40.0, 20.0]])
-    z = depths_at(depth, pixels, 0.4, 4.5, 0.02, 0.02)
+    z = depths_at(depth, pixels, DepthLimits(0.4, 4.5, 0.02, 0.02))
     assert np.isnan(z[[0, 2, 3, 4]]).all()
     np.testing.assert_allclose(z[[1, 5]], [2.0, 3.0], rtol=1e-6)
-    assert np.isnan(depths_at(depth, pixels[[1, 5]], 2.5, 2.9, 0.02, 0.02)).all()
+    assert np.isnan(depths_at(depth, pixels[[1, 5]], DepthLimits(2.5, 2.9, 0.02, 0.02))).all()
 
 
 def test_covariance_of_points_is_that_of_drawn_errors() -> None:
@@ -50,10 +51,10 @@ def test_the_depth_of_a_feature_errs_as_stated_on_a_kinect_s_image() -> None:
     rng, settings, T = np.random.default_rng(5), Settings(), CAMERA.mounting
     exact = on_planes(CAMERA, T, np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, -4.0]])).astype(np.float32)
     pixels = rng.uniform([5, 5], [314, 234], (4000, 2))
-    true = depths_at(exact, pixels, 0.5, 4.4, 0.02, 0.02)
+    true = depths_at(exact, pixels, DepthLimits(0.5, 4.4, 0.02, 0.02))
     off, sd = list[np.ndarray](), list[np.ndarray]()
     for _ in range(5):
-        z = depths_at(kinect(exact, rng), pixels, 0.5, 4.4, 0.02, 0.02)
+        z = depths_at(kinect(exact, rng), pixels, DepthLimits(0.5, 4.4, 0.02, 0.02))
         known = np.isfinite(z) & np.isfinite(true)
         off.append(z[known] - true[known])
         sd.append(points_of(CAMERA, pixels[known], true[known], np.ones(known.sum()), settings).z_sd)
@@ -83,9 +84,8 @@ def test_depths_of_neighbours_err_alike_as_far_as_is_stated() -> None:
     images = [kinect(exact, np.random.default_rng(k)) for k in range(12)]
 
     def errors(shift: float) -> Array:
-        return (
-            np.concatenate([depths_at(one, middle + np.array([shift, 0.0]), 0.5, 4.0, 0.1, 0.1) for one in images]) - z
-        )
+        pixels, limits = middle + np.array([shift, 0.0]), DepthLimits(0.5, 4.0, 0.1, 0.1)
+        return np.concatenate([depths_at(one, pixels, limits) for one in images]) - z
 
     def alike(away: float) -> float:
         e = np.vstack((errors(0.0), errors(away)))

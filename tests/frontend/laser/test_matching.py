@@ -5,8 +5,18 @@ import pytest
 from numpy.typing import NDArray
 
 from slamduel.core.se2 import Array, act, between, compose, inverse
-from slamduel.frontend.laser._matching import line, match, nearest, normal_equations
-from slamduel.frontend.maps._grid import HIT, Cells, insert, one_a_cell, seen_through, thinned, walls, walls_within
+from slamduel.frontend.laser._matching import Hold, line, match, nearest, normal_equations
+from slamduel.frontend.maps._grid import (
+    HIT,
+    Cells,
+    Grid,
+    insert,
+    one_a_cell,
+    seen_through,
+    thinned,
+    walls,
+    walls_within,
+)
 
 CELL, SHARE, SD = 0.05, 0.25, 0.03
 ORIGIN = np.array([-5.0, -4.0])
@@ -23,12 +33,12 @@ def room(width: float = 4.0, height: float = 3.0, spacing: float = 0.03) -> Arra
     return np.concatenate([np.stack(side, axis=-1) for side in sides])
 
 
-def drawn(points: Array, poses: list[Array]) -> Cells:
-    """Cells with the points as seen from each pose."""
+def drawn(points: Array, poses: list[Array]) -> Grid:
+    """A grid with the points as seen from each pose."""
     cells = np.zeros((200, 160, 4), np.float32)
     for pose in poses:
         insert(cells, ORIGIN, CELL, pose, HERE, act(inverse(pose), points))
-    return cells
+    return Grid(cells, ORIGIN, CELL, SHARE)
 
 
 POSES = [np.array([0.1 * k, 0.05 * k, 0.2 * k]) for k in range(-3, 4)]
@@ -56,11 +66,11 @@ def test_the_boxes_of_hits_and_walls(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_a_scan_is_put_where_it_was_taken(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    cells = drawn(room(), POSES)
+    submap = drawn(room(), POSES)
     true = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-3, 3)])
     scan = act(inverse(true), room(spacing=0.05)) + rng.normal(0, 0.01, (len(room(spacing=0.05)), 2))
     start = compose(true, np.array([*rng.uniform(-0.1, 0.1, 2), rng.uniform(-0.05, 0.05)]))
-    pose, information, explained = match(cells, ORIGIN, CELL, SHARE, scan, start, start, NOTHING, SD, 6, 25)
+    pose, information, explained = match(submap, scan, start, Hold(start, NOTHING), SD, 6, 25)
     off = between(true, pose)
     assert np.hypot(off[0], off[1]) < 0.006
     assert abs(off[2]) < 0.004
@@ -70,14 +80,14 @@ def test_a_scan_is_put_where_it_was_taken(seed: int) -> None:
 
 def test_the_gradient_is_that_of_the_cost() -> None:
     """Of the points that are on lines, with the associations held: by central differences of r² / variance."""
-    cells, scan = drawn(room(), POSES), room(spacing=0.11)
+    submap, scan = drawn(room(), POSES), room(spacing=0.11)
     pose = np.array([0.02, -0.015, 0.01])
     H, g = np.empty((3, 3)), np.empty(3)
-    normal_equations(cells, ORIGIN, CELL, SHARE, scan, pose, 10.0, 4, 0.04, True, H, g)  # so wide that the loss is 1
+    normal_equations(submap, scan, pose, 10.0, 4, 0.04, True, H, g)  # so wide that the loss is 1
     held = []
     for x, y in act(pose, scan) - ORIGIN:
-        i, j, d2 = nearest(cells, CELL, SHARE, x, y, 4)
-        held.append(line(cells, CELL, SHARE, i, j) if i >= 0 and d2 <= 0.04 else None)
+        i, j, d2 = nearest(submap.cells, CELL, SHARE, x, y, 4)
+        held.append(line(submap.cells, CELL, SHARE, i, j) if i >= 0 and d2 <= 0.04 else None)
 
     def cost(at: Array) -> float:
         total = 0.0
@@ -97,12 +107,11 @@ def test_the_gradient_is_that_of_the_cost() -> None:
 def test_along_a_corridor_the_points_say_nothing_and_the_prior_decides() -> None:
     x = np.arange(-4, 4, 0.03)
     corridor = np.concatenate((np.stack((x, np.full(len(x), 1.0)), -1), np.stack((x, np.full(len(x), -1.0)), -1)))
-    cells = drawn(corridor, [np.array([0.1 * k, 0.0, 0.0]) for k in range(-3, 4)])
+    submap = drawn(corridor, [np.array([0.1 * k, 0.0, 0.0]) for k in range(-3, 4)])
     scan = corridor[np.abs(corridor[:, 0]) < 2]
     prior = np.array([0.2, 0.05, 0.02])
-    pose, information, _ = match(
-        cells, ORIGIN, CELL, SHARE, scan, prior, prior, np.diag([100.0, 100.0, 100.0]), SD, 6, 25
-    )
+    hold = Hold(prior, np.diag([100.0, 100.0, 100.0]))
+    pose, information, _ = match(submap, scan, prior, hold, SD, 6, 25)
     assert abs(pose[0] - 0.2) < 0.01
     assert np.abs(pose[1:]).max() < 0.005
     assert information[0, 0] < 0.02 * information[1, 1]
@@ -142,14 +151,14 @@ def test_a_cell_knows_the_mean_of_its_hits_and_what_passed_through() -> None:
 
 
 def test_a_scan_behind_walls_is_seen_through_them_and_one_in_the_open_ends_in_free_space() -> None:
-    cells = drawn(room(), POSES)
+    submap = drawn(room(), POSES)
     here, scan = np.zeros(3), room(spacing=0.05)
-    through, free = seen_through(cells, ORIGIN, CELL, here, HERE, scan, 0.25)
+    through, free = seen_through(submap, here, HERE, scan, 0.25)
     assert through < 0.02
     assert free < 0.02
-    through, _ = seen_through(cells, ORIGIN, CELL, here, HERE, 1.4 * scan, 0.25)
+    through, _ = seen_through(submap, here, HERE, 1.4 * scan, 0.25)
     assert through > 0.8
-    _, free = seen_through(cells, ORIGIN, CELL, here, HERE, 0.5 * scan, 0.25)
+    _, free = seen_through(submap, here, HERE, 0.5 * scan, 0.25)
     assert free > 0.8
 
 

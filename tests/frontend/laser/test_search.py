@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from slamduel.core.se2 import Array
-from slamduel.frontend.laser._search import ANYWHERE, FULL, LEVELS, Bytes, branch_and_bound, coarser, correlated
+from slamduel.frontend.laser._search import (
+    ANYWHERE,
+    FULL,
+    LEVELS,
+    Bytes,
+    Search,
+    branch_and_bound,
+    coarser,
+    correlated,
+)
 from slamduel.frontend.laser.submap import likelihoods
 
 CELL = 0.05
@@ -62,7 +71,7 @@ def test_branch_and_bound_finds_the_best_pose_of_all(block: int) -> None:
         window = 2.0 if seed % 10 == 0 else rng.uniform(0.1, 0.8)
         turn, step = 0.6 if seed % 10 == 1 else 0.06, 0.03
         pose, found, _ = branch_and_bound(
-            pyramid(field), origin, CELL, points, centre, window, turn, step, 0.0, ANYWHERE
+            pyramid(field), origin, CELL, Search(points, centre, window, turn, step), 0.0, ANYWHERE
         )
         assert found == brute_force(field, origin, points, centre, window, turn, step)
         if found:
@@ -75,13 +84,10 @@ def test_what_is_not_above_the_least_score_is_not_found() -> None:
     rng = np.random.default_rng(0)
     field, points = room(rng), thinned(rng.uniform(-1, 1, (20, 2)))
     centre, origin = np.array([1.0, 1.0, 0.0]), np.zeros(2)
-    best = branch_and_bound(pyramid(field), origin, CELL, points, centre, 0.5, 0.1, 0.05, 0.0, ANYWHERE)[1]
-    assert (
-        branch_and_bound(pyramid(field), origin, CELL, points, centre, 0.5, 0.1, 0.05, best - 1e-6, ANYWHERE)[1] == best
-    )
-    pose, found, _ = branch_and_bound(
-        pyramid(field), origin, CELL, points, centre, 0.5, 0.1, 0.05, best + 1e-6, ANYWHERE
-    )
+    search = Search(points, centre, 0.5, 0.1, 0.05)
+    best = branch_and_bound(pyramid(field), origin, CELL, search, 0.0, ANYWHERE)[1]
+    assert branch_and_bound(pyramid(field), origin, CELL, search, best - 1e-6, ANYWHERE)[1] == best
+    pose, found, _ = branch_and_bound(pyramid(field), origin, CELL, search, best + 1e-6, ANYWHERE)
     assert found == 0
     assert (pose == centre).all()
 
@@ -106,7 +112,6 @@ def test_the_small_search_prefers_what_is_near_to_what_is_as_good() -> None:
     x = np.linspace(-2, 2, 41)
     points = thinned(np.concatenate((np.stack((x, np.full(41, 1.0)), -1), np.stack((x, np.full(41, -1.0)), -1))))
     true = np.array([5.025, 1.525, 0.0])
-    found = correlated(
-        field, np.zeros(2), CELL, points, np.add(true, (0.0, 0.16, 0.09)), 0.3, 0.35, 0.08, 0.03, 0.6, 0.6
-    )
+    search = Search(points, np.add(true, (0.0, 0.16, 0.09)), 0.3, 0.35, 0.03)
+    found = correlated(field, np.zeros(2), CELL, search, 0.08, 0.6, 0.6)
     assert np.abs(found - true).max() < 0.05

@@ -18,7 +18,7 @@ from slamduel.datasets.rendering.clutter import drawn
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.response import Measured, Response
 from slamduel.frontend.markers import template
-from slamduel.frontend.markers._alignment import _accumulate  # pyright: ignore[reportPrivateUsage]
+from slamduel.frontend.markers._alignment import Equations, _accumulate  # pyright: ignore[reportPrivateUsage]
 from slamduel.frontend.markers._edges import COLUMNS, spread, sum_edges
 from slamduel.frontend.markers._grey import (
     BUMP,
@@ -27,6 +27,8 @@ from slamduel.frontend.markers._grey import (
     PARAMETERS,
     SHARED,
     STIFF,
+    Model,
+    Scratch,
     curve_of,
     eye_of,
     predict,
@@ -46,18 +48,19 @@ NOWHERE = np.zeros(3)
 """In place of a camera that is known to be on one side."""
 
 
-class Model(NamedTuple):
+class Predicted(NamedTuple):
     """The compiled model at one pixel."""
 
     grey: float
     jacobian: Array  # (24,)
 
 
-def at_pixel(place: Array, G: Array, look: Array, whole: bool = True, eye: Array | None = None) -> Model:
+def at_pixel(place: Array, G: Array, look: Array, whole: bool = True, eye: Array | None = None) -> Predicted:
     curve, jacobian = np.empty(SHARED), np.zeros(PARAMETERS)
-    curve_of(look, M, eye_of(G, M, NOWHERE) if eye is None else eye, curve)
-    scratch = np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(12), np.empty(2)
-    return Model(predict(place, PATTERN, G, look, curve, whole, *scratch, jacobian), jacobian)
+    model = Model(PATTERN, G, look, eye_of(G, M, NOWHERE) if eye is None else eye)
+    curve_of(model, curve)
+    scratch = Scratch(np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(12), np.empty(2))
+    return Predicted(predict(place, model, curve, whole, scratch, jacobian), jacobian)
 
 
 def tilted(turn: float, stretch: float, tilt: tuple[float, float], scale: float) -> Array:
@@ -408,8 +411,8 @@ def filled(spots: Array, G: Array, look: Array, active: int, step: Array | None 
     normal, gradient = in_larger(np.zeros((PARAMETERS, PARAMETERS))), np.zeros(PARAMETERS)
     by_edge = np.zeros((2 * (M + 1) * (M + 2), PARAMETERS + 1))
     rows = np.zeros((len(spots), COLUMNS))
-    eye = eye_of(G, M, NOWHERE)
-    count = _accumulate(spots, 1, PATTERN, G, eye, look, UNKNOWN_CAMERA, np.inf, active, rows, normal, gradient)[3]
+    model, equations = Model(PATTERN, G, look, eye_of(G, M, NOWHERE)), Equations(normal, gradient)
+    count = _accumulate(spots, 1, model, UNKNOWN_CAMERA, np.inf, active, rows, equations)[3]
     if active == PARAMETERS:
         sum_edges(rows[:count], np.asarray(np.linalg.solve(normal, gradient), float) if step is None else step, by_edge)
     return normal, gradient, by_edge
