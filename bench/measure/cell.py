@@ -22,6 +22,8 @@ from .drive import drive, path_digest, timed_again, warm_up
 from .memory import Peak, limited
 from .score import score
 
+NOT_CONVERGED = "the smoothing ended without converging"  # the remark on a cell whose backend says so
+
 TOLD = "was given the ground truth: linearised there"  # the remark on a cell whose backend made use of it
 
 
@@ -115,6 +117,7 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     judged = score(log, outcome, read_truth())
     loops += outcome.left_out
     said = [TOLD] * outcome.told + [left_out(loops)] * bool(loops)
+    said += [NOT_CONVERGED] * (outcome.solution is not None and outcome.solution.converged is False)
     said += [judged.remark] * bool(judged.remark)
     row |= {"told": int(outcome.told)} | judged.row
     return Result("done", "; ".join(said), row, judged.arrays, path=path_digest(outcome))

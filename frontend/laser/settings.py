@@ -1,4 +1,8 @@
-"""Settings of the laser front end, each measured on recorded logs and on made-up floors."""
+"""Settings of the laser front end.
+
+Chosen on the logs of Intel and CSAIL and on made-up floors, and kept as they are on others. What changes where one is
+halved or doubled, on a made-up floor and on Intel, is in docs/settings.md (`make study-settings`).
+"""
 
 from dataclasses import dataclass
 
@@ -51,7 +55,7 @@ class Settings:
     window, window_start, window_by_path = 7.0, 0.5, 0.05  # search window: at most, at first, and for a metre of path
     turn_window, turn_start, turn_by_path = 0.5, 0.15, 0.01
     field_sd = 0.1  # of the field that is searched on
-    score, inside, through, free = 0.55, 0.7, 0.10, 0.15  # see `verify`
+    score, inside, through, free = 0.55, 0.7, 0.10, 0.15  # see `loops.searched`
     cloud, cloud_cell, searched = 14, 0.1, 160  # insertions that are searched with together; thinned; points searched
     alone, alone_turn = 0.15, 0.03  # how far the scan alone may disagree
     loop_floor, loop_turn_floor = 0.004, 0.001
