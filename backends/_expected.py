@@ -1,12 +1,12 @@
 """Expected sightings with their joint covariance, for any belief that can state a few joint covariances."""
 
-from math import atan2, cos, sin, sqrt
+from math import atan2, sqrt
 
 import numpy as np
 
+from ..core.kernels._planar import moved, propagate, wrap
 from ..core.kernels.compiled import compiled
 from ..core.se2 import Array, Ints
-from ._models import moved, wrap
 
 LEAST_RANGE = 1e-6
 """m; a landmark that is closer to the robot has no bearing, and is not expected."""
@@ -216,29 +216,8 @@ def carried(pose: Array, P: Array, motion: Array) -> tuple[float, float]:
     x, y, turned = pose[0], pose[1], pose[2]
     pose[0], pose[1], pose[2] = moved(x, y, turned, motion[0, 0], motion[0, 1], motion[0, 2])
     gx, gy = y - pose[1], pose[0] - x
-    spread_on(P, gx, gy, turned, motion)
+    propagate(P, gx, gy, turned, motion)
     return gx, gy
-
-
-@compiled
-def spread_on(P: Array, gx: float, gy: float, turned: float, motion: Array) -> None:
-    """Propagates a pose's covariance P (3, 3), in place, by a motion from heading `turned`."""
-    for i in range(3):
-        P[0, i] += gx * P[2, i]
-        P[1, i] += gy * P[2, i]
-    for i in range(3):
-        P[i, 0] += gx * P[i, 2]
-        P[i, 1] += gy * P[i, 2]
-    c, s = cos(turned), sin(turned)
-    qxx, qxy, qxt = motion[1, 0], motion[1, 1], motion[1, 2]
-    qyy, qyt, qtt = motion[2, 1], motion[2, 2], motion[3, 2]
-    P[0, 0] += c * c * qxx - 2 * c * s * qxy + s * s * qyy
-    P[1, 1] += s * s * qxx + 2 * c * s * qxy + c * c * qyy
-    P[2, 2] += qtt
-    P[1, 0] += c * s * (qxx - qyy) + (c * c - s * s) * qxy
-    P[2, 0] += c * qxt - s * qyt
-    P[2, 1] += s * qxt + c * qyt
-    P[0, 1], P[0, 2], P[1, 2] = P[1, 0], P[2, 0], P[2, 1]
 
 
 @compiled

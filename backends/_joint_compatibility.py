@@ -16,9 +16,9 @@ from math import sqrt
 
 import numpy as np
 
+from ..core.kernels._planar import wrap
 from ..core.kernels.compiled import compiled
 from ..core.se2 import Array, Ints
-from ._models import wrap
 
 
 @compiled

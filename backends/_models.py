@@ -1,24 +1,9 @@
 """Scalar versions of `models.py`, one landmark at a time, for compiled inner loops."""
 
-from math import atan2, cos, floor, pi, sin, sqrt
+from math import atan2, cos, sin, sqrt
 
+from ..core.kernels._planar import wrap
 from ..core.kernels.compiled import compiled
-
-
-@compiled
-def wrap(angle: float) -> float:
-    """Wraps an angle (rad) to (-pi, pi]; one already there is returned bit for bit."""
-    if -pi < angle <= pi:
-        return angle
-    turned = angle - 2 * pi * floor((angle + pi) / (2 * pi))
-    return turned if turned > -pi else pi
-
-
-@compiled
-def moved(x: float, y: float, heading: float, dx: float, dy: float, turn: float) -> tuple[float, float, float]:
-    """The pose after a motion in its body frame: ArUco EKF SLAM, eq. (2)."""
-    c, s = cos(heading), sin(heading)
-    return x + c * dx - s * dy, y + s * dx + c * dy, wrap(heading + turn)
 
 
 @compiled

@@ -6,13 +6,13 @@ import numpy as np
 
 from ..core.factors import UNKNOWN
 from ..core.kernels._arrays import Arrays, Integers, Numbers, at
+from ..core.kernels._planar import wrap
 from ..core.kernels.compiled import compiled
 from ..core.se2 import Array, Ints
 from ._answer import answer_at
 from ._assignment import cheapest, nearest
 from ._expected import ROUNDING, distance
 from ._joint_compatibility import search
-from ._models import wrap
 
 NEAREST, CHEAPEST, JOINT = 0, 1, 2
 """Rules: nearest neighbour, maximum likelihood, joint compatibility."""

@@ -11,11 +11,11 @@ from math import atan2, cos, sin, sqrt
 import numpy as np
 
 from ..core.kernels._arrays import Arrays, Integers, Numbers, Table, at
+from ..core.kernels._planar import moved, wrap
 from ..core.kernels.compiled import compiled
 from ..core.se2 import Array
 from ._answer import answer_at
 from ._expected import LEAST_RANGE, carried, jointly, may_be_seen, spread
-from ._models import moved, wrap
 
 X, Y, HEADING, NOISE, TURNS, TURNS_X, TURNS_Y, TURNS_AWAY, SD, HEADING_SD, SINCE = range(11)
 BEFORE, POSE, STATE = 15, 18, 21

@@ -176,35 +176,60 @@ class Diverged(SlamduelError):
 class Builder:
     """Makes a backend, and declares its properties to the runner.
 
-    `make(prior, options, rng)` returns a fresh backend; `options` is a frozen dataclass made with `option(...)` fields.
-    `random`: it draws from `rng`, so it runs once per seed even on a fixed log. `loops`: it uses RelativePoses factors,
-    and `prior.loops` says where there are some; otherwise logs that have some are skipped, or, by one that `forgets` or
-    uses no sightings, run without them.
-    `sightings`: it uses sightings. `associates`: it does data association
-    for sightings with id UNKNOWN, always or with some options; otherwise these are removed from the log, and counted.
-    A class with the method of `Expects` gets options of data association, and the layer that does it in front of it;
-    `expects`: so does what a function makes. `rules`: further values of its option `association`, each with what makes
-    the backend that carries it out by itself. `locates`: it finds an unknown start on a given map itself; otherwise it
-    is made where the robot is found. `forgets`: it drops landmarks long out of view, so that it
-    does not close loops. `linear`: it linearises the models at a heading that is not its estimate; where that heading
-    is off, `bench check` only bounds it by dead reckoning. `implementation`: the program that does the work, in two or
-    three words for tables, such as "compiled here" or "GTSAM's wheel", or a function of the options if they select it:
-    costs are those of an implementation as much as of an algorithm. If empty, the backend is listed under its
-    distribution.
+    A class with the method of `Expects` gets options of data association, and the layer that does it in front of it.
     """
 
     make: Callable[[Prior, Any, np.random.Generator], Backend]
+    """Returns a fresh backend from a prior, options and a generator of random numbers."""
+
     options: type = NoOptions
+    """A frozen dataclass made with `option(...)` fields."""
+
     random: bool = False
+    """It draws from its generator, so it runs once per seed even on a fixed log."""
+
     loops: bool = False
+    """It uses RelativePoses factors, and `prior.loops` says where there are some; see also `leaves_out_loops`.
+
+    Without, logs that have some are skipped.
+    """
+
     sightings: bool = True
+    """It uses sightings."""
+
     associates: bool | Callable[[Any], bool] = False
+    """It does data association for sightings with id UNKNOWN, always or with some options.
+
+    Otherwise these are removed from the log, and counted.
+    """
+
     locates: bool = False
+    """It finds an unknown start on a given map itself; otherwise it is made where the robot is found."""
+
     forgets: bool = False
+    """It drops landmarks long out of view, so that it does not close loops."""
+
     linear: bool = False
+    """It linearises the models at a heading that is not its estimate.
+
+    Where that heading is off, `bench check` only bounds it by dead reckoning.
+    """
+
     implementation: str | Callable[[Any], str] = ""
+    """The program that does the work, in two or three words for tables, or a function of the options that select it.
+
+    Such as "compiled here" or "GTSAM's wheel": costs are those of an implementation as much as of an algorithm. If
+    empty, the backend is listed under its distribution.
+    """
+
     expects: bool = False
+    """What `make` makes has the method of `Expects`; of a class that is known without."""
+
     rules: Mapping[str, Callable[[Prior, Any, np.random.Generator], Backend]] = field(default_factory=dict, hash=False)
+    """Further values of its option `association`, each with what makes the backend that carries it out by itself."""
+
+    online: bool = True
+    """Each `step` returns a pose; False for a batch method, whose steps return None."""
 
     def implemented(self, options: Any) -> str:
         """The implementation with these options; "" if not declared."""

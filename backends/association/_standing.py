@@ -9,11 +9,11 @@ from math import cos, sin
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from .._expected import distance
 from .._joint_compatibility import extended, search
-from .._models import wrap
 
 LOOSE = 0.2
 """Standard deviation of the pose: rad, and as a share of the furthest range."""

@@ -17,9 +17,11 @@ from math import cos, sin, sqrt
 
 import numpy as np
 
+from ...core.kernels._arrays import Arrays, Integers, Numbers, Table, at
+from ...core.kernels._planar import add_rotated, moved, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import moved, placed, sighted, wrap
+from .._models import placed, sighted
 
 EACH = 4
 """Entries per landmark."""
@@ -31,32 +33,35 @@ SMALL = 1e-4
 """rad, below which the exponential's coefficients are taken from their series."""
 
 
+class BiasedArrays(Arrays):
+    """The belief and the step's motion, for compiled code."""
+
+    mean: Numbers
+    cov: Table
+    agreed: Integers  # sightings that agreed with a landmark since its first
+    share: Numbers  # (2,) of the variance of ranges and of bearings that is slow
+    keep: Numbers  # (2,) the part of these errors that is left since the last step
+    motion: Table  # (4, 3) the odometry and its covariance
+
+
+belief_at = at(BiasedArrays)
+"""The belief at an address."""
+
+
 @compiled
 def frame(
-    mean: Array,
-    cov: Array,
-    n: int,
-    held: int,
-    keep: Array,
-    moves: bool,
-    motion: Array,
-    slots: Ints,
-    z: Array,
-    R: Array,
-    share: Array,
-    agreed: Ints,
-    gate: float,
-    confirm: int,
+    belief: int, n: int, held: int, moves: bool, slots: Ints, z: Array, R: Array, gate: float, confirm: int
 ) -> tuple[int, int, float, int, int]:
     """Predicts, then processes the sightings of the landmarks in `slots`, of which those from entry `n` on are new.
 
-    `keep` (2,) is the part of ranges' and bearings' slow errors that is left since the last step, `motion` (4, 3) the
-    odometry and its covariance; the first `held` landmarks do not move. Returns the sighting at which it failed and the
-    reason (-1, 0: none), the NIS, its degrees of freedom and the number of rejected sightings.
+    `belief` is the address of `BiasedArrays`; the first `held` landmarks do not move. Returns the sighting at which it
+    failed and the reason (-1, 0: none), the NIS, its degrees of freedom and the number of rejected sightings.
     """
-    fade(mean, cov, n, keep)
+    b = belief_at(belief)
+    mean, cov, agreed, share = b.mean, b.cov, b.agreed, b.share
+    fade(mean, cov, n, b.keep)
     if moves:
-        predict(mean, cov, n, motion)
+        predict(mean, cov, n, b.motion)
     nis, dof, refused = 0.0, 0, 0
     white, slow = np.empty((2, 2)), np.empty(2)
     for i in range(len(slots)):
@@ -109,16 +114,7 @@ def predict(mean: Array, cov: Array, n: int, motion: Array) -> None:
     x, y, c, s = mean[0], mean[1], cos(mean[2]), sin(mean[2])
     mean[0], mean[1], mean[2] = moved(x, y, mean[2], motion[0, 0], motion[0, 1], motion[0, 2])
     lever(cov, n, 0, mean[0] - x, mean[1] - y)
-    qxx, qxy, qxt = motion[1, 0], motion[1, 1], motion[1, 2]
-    qyy, qyt, qtt = motion[2, 1], motion[2, 2], motion[3, 2]
-    cov[0, 0] += c * c * qxx - 2 * c * s * qxy + s * s * qyy
-    cov[1, 1] += s * s * qxx + 2 * c * s * qxy + c * c * qyy
-    cov[2, 2] += qtt
-    for i, j, more in (
-        (0, 1, c * s * (qxx - qyy) + (c * c - s * s) * qxy), (0, 2, c * qxt - s * qyt), (1, 2, s * qxt + c * qyt)
-    ):  # fmt: skip
-        cov[i, j] += more
-        cov[j, i] += more
+    add_rotated(cov, c, s, motion)
 
 
 @compiled

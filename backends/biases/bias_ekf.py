@@ -20,7 +20,7 @@ from ...core.options import option
 from ...core.se2 import Ints
 from .. import common_options
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, Solution
-from ._biased import AT_ROBOT, EACH, frame
+from ._biased import AT_ROBOT, EACH, BiasedArrays, frame
 
 SPACE = 16
 """Landmarks that there is space for at first, doubled when exhausted."""
@@ -51,7 +51,7 @@ class BiasEkf:
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         del rng
-        self._share = np.array([options.range_share, options.bearing_share])
+        self._share, self._keep = np.array([options.range_share, options.bearing_share]), np.ones(2)
         self._times = options.range_time, options.bearing_time
         self._gate = -2 * log(1 - options.gate) if options.gate > 0 else 0.0  # the quantile, at two degrees of freedom
         self._confirm = options.gate_after
@@ -63,7 +63,7 @@ class BiasEkf:
         self._t: float | None = None
         self._motion = np.zeros((4, 3))
         self._nis, self._nis_dof, self._refused = 0.0, 0, 0
-        self._reserve(SPACE)
+        self._arrays = self._reserve(SPACE)
         if prior.map is not None:
             self._adopt(prior.map)
 
@@ -75,13 +75,13 @@ class BiasEkf:
         n = 3 + EACH * len(slot)
         ids, z, R = step.sightings
         slots = np.array([slot.setdefault(landmark, len(slot)) for landmark in ids.tolist()], np.int64)
-        self._reserve(len(slot))
+        self._arrays = self._reserve(len(slot))
         if step.odometry is not None:
             self._motion[0], self._motion[1:] = step.odometry
+        self._keep[:] = [exp(-passed / time) for time in self._times]
         failed, why, self._nis, self._nis_dof, self._refused = frame(
-            self._mean, self._cov, n, self._held, np.array([exp(-passed / time) for time in self._times]),
-            step.odometry is not None, self._motion, slots, np.array(z), np.array(R, order="C"),
-            self._share, self._agreed, self._gate, self._confirm,
+            self._arrays.address, n, self._held, step.odometry is not None, slots, np.array(z), np.array(R, order="C"),
+            self._gate, self._confirm,
         )  # fmt: skip
         if why == AT_ROBOT:
             raise Diverged(
@@ -112,7 +112,7 @@ class BiasEkf:
         """Starts from a given map; one without covariance is held fixed."""
         n = len(given.ids)
         self._slot = {landmark: k for k, landmark in enumerate(given.ids.tolist())}
-        self._reserve(n)
+        self._arrays = self._reserve(n)
         self._agreed[:n] = self._confirm
         entries = _places(n)
         self._mean[entries] = (given.xy - self._origin[:2]).ravel()
@@ -123,15 +123,18 @@ class BiasEkf:
         else:
             self._cov[np.ix_(entries, entries)] = given.cov
 
-    def _reserve(self, landmarks: int) -> None:
-        """Reserves space for that many landmarks."""
+    def _reserve(self, landmarks: int) -> BiasedArrays:
+        """The arrays, with space for that many landmarks."""
         space = len(self._agreed)
         if landmarks <= space:
-            return
+            return self._arrays
         more = max(2 * space, landmarks) - space
         self._agreed = np.pad(self._agreed, (0, more))
         self._mean = np.pad(self._mean, (0, EACH * more))
         self._cov = np.pad(self._cov, ((0, EACH * more), (0, EACH * more)))
+        return BiasedArrays(
+            mean=self._mean, cov=self._cov, agreed=self._agreed, share=self._share, keep=self._keep, motion=self._motion
+        )
 
 
 def _places(landmarks: int) -> Ints:

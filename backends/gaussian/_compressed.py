@@ -1,21 +1,23 @@
 """Transfers between the whole state and its active part: fetch a landmark, and write the part back.
 
 The equations are in `compressed.py`; here P is the whole covariance at the part's last write-back, A the active part,
-in the order of `members`, and `transition`, `information` and `pull` are Phi, Psi and theta.
+in the order of `members`, and `transition`, `information` and `pull` are Phi, Psi and theta. `whole` and `part` are the
+addresses of their `JointArrays`.
 """
 
 import numpy as np
 
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
+from ._joint_arrays import belief_at
 from ._triangle import entry, put, row, take
 
 
 @compiled
-def load(
-    mean: Array, cross: Array, flat: Array, members: Ints, a: int, part_mean: Array, part_cross: Array, part_flat: Array
-) -> None:
+def load(whole: int, part: int, members: Ints, a: int) -> None:
     """Copies the landmarks `members[:a]` from a whole without deferred updates."""
+    w, p = belief_at(whole), belief_at(part)
+    mean, cross, flat, part_mean, part_cross, part_flat = w.mean, w.cross, w.flat, p.mean, p.cross, p.flat
     for i in range(2 * a):
         at = 2 * members[i // 2] + i % 2
         part_mean[3 + i] = mean[3 + at]
@@ -27,20 +29,11 @@ def load(
 
 
 @compiled
-def fetch(
-    mean: Array,
-    cross: Array,
-    flat: Array,
-    members: Ints,
-    a: int,
-    part_mean: Array,
-    part_cross: Array,
-    part_flat: Array,
-    transition: Array,
-    information: Array,
-    pull: Array,
-) -> None:
+def fetch(whole: int, part: int, members: Ints, a: int) -> None:
     """Makes `members[a]` the part's landmark a: its rows are P - P_mA Psi P_A, and P_mA Phi' with the part."""
+    w, p = belief_at(whole), belief_at(part)
+    mean, cross, flat, part_mean, part_cross, part_flat = w.mean, w.cross, w.flat, p.mean, p.cross, p.flat
+    transition, information, pull = p.transition, p.information, p.pull
     m = 3 + 2 * a
     d, e = np.empty((2, m)), np.zeros((2, m))
     for h in range(2):
@@ -90,19 +83,10 @@ def rows_of(cross: Array, flat: Array, members: Ints, a: int, n: int, out: Array
 
 
 @compiled
-def give_back(
-    mean: Array,
-    cross: Array,
-    flat: Array,
-    n: int,
-    members: Ints,
-    a: int,
-    part_mean: Array,
-    part_cross: Array,
-    part_flat: Array,
-    rows: Array,
-) -> None:
+def give_back(whole: int, part: int, n: int, members: Ints, a: int, rows: Array) -> None:
     """Writes the part back: its own blocks, and `rows` (3 + 2a, n), Phi P_A, its covariance with the rest."""
+    w, p = belief_at(whole), belief_at(part)
+    mean, cross, flat, part_mean, part_cross, part_flat = w.mean, w.cross, w.flat, p.mean, p.cross, p.flat
     for i in range(2 * a):
         at = 2 * members[i // 2] + i % 2
         mean[3 + at] = part_mean[3 + i]

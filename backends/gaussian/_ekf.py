@@ -17,9 +17,11 @@ from math import cos, exp, sin, sqrt
 import numpy as np
 
 from ...core.kernels._blas import add_product, add_square
+from ...core.kernels._planar import moved, propagate, wrap
 from ...core.kernels.compiled import compiled
-from ...core.se2 import Array, Ints
-from .._models import moved, placed, sighted, wrap
+from ...core.se2 import Array
+from .._models import placed, sighted
+from ._joint_arrays import JointArrays, belief_at, frame_at
 from ._triangle import REAL, add_square_of, put, take
 
 OWED = 48
@@ -39,24 +41,14 @@ INDEFINITE, AT_ROBOT = 1, 2
 
 
 @compiled
-def predict(
-    mean: Array,
-    points: Array,
-    pose: Array,
-    cross: Array,
-    transition: Array,
-    n: int,
-    m: int,
-    motion: Array,
-    truth: Array,
-    where: int,
-) -> None:
+def predict(b: JointArrays, n: int, m: int, motion: Array, truth: Array, where: int) -> None:
     """Eqs (5)-(9) for the body-frame `motion`: rows of dx, dy, dtheta and of its covariance, (4, 3).
 
     The Jacobian of eq. (3) is [1, 0, -(y' - y); 0, 1, x' - x; 0, 0, 1] for a motion from (x, y) to (x', y'): from
     `points`, where the pose was linearised last, to its present place. With dead reckoning, the mean's deviation from
     it is transformed likewise, and no angle is wrapped.
     """
+    mean, points, cross, transition = b.mean, b.points, b.cross, b.transition
     x, y = points[0], points[1]
     turned = points[2] if where in (IDEAL, ODOMETRY) else mean[2]
     if where == ODOMETRY:
@@ -77,41 +69,14 @@ def predict(
     for j in range(m):
         transition[0, j] += gx * transition[2, j]
         transition[1, j] += gy * transition[2, j]
-    for i in range(3):
-        pose[0, i] += gx * pose[2, i]
-        pose[1, i] += gy * pose[2, i]
-    for i in range(3):
-        pose[i, 0] += gx * pose[i, 2]
-        pose[i, 1] += gy * pose[i, 2]
-    c, s = cos(turned), sin(turned)
-    qxx, qxy, qxt = motion[1, 0], motion[1, 1], motion[1, 2]
-    qyy, qyt, qtt = motion[2, 1], motion[2, 2], motion[3, 2]
-    pose[0, 0] += c * c * qxx - 2 * c * s * qxy + s * s * qyy
-    pose[1, 1] += s * s * qxx + 2 * c * s * qxy + c * c * qyy
-    pose[2, 2] += qtt
-    pose[1, 0] += c * s * (qxx - qyy) + (c * c - s * s) * qxy
-    pose[2, 0] += c * qxt - s * qyt
-    pose[2, 1] += s * qxt + c * qyt
-    pose[0, 1], pose[0, 2], pose[1, 2] = pose[1, 0], pose[2, 0], pose[2, 1]
+    propagate(b.pose, gx, gy, turned, motion)
 
 
 @compiled
-def settle(
-    pose: Array,
-    cross: Array,
-    flat: Array,
-    transition: Array,
-    information: Array,
-    n: int,
-    m: int,
-    Wp: Array,
-    Wm: Array,
-    Y: Array,
-    rank: int,
-    dgemm: int,
-    dsyrk: int,
-) -> None:
+def settle(b: JointArrays, n: int, m: int, rank: int) -> None:
     """Applies deferred updates: subtracts W' W from the covariance and W' Y from the transition, adds Y' Y to Psi."""
+    pose, cross, transition, Wp, Wm, Y = b.pose, b.cross, b.transition, b.owed_pose, b.owed_map, b.owed_transition
+    dgemm, dsyrk = b.blas[0], b.blas[1]
     for q in range(rank):
         for i in range(3):
             a = Wp[q, i]
@@ -121,12 +86,12 @@ def settle(
                 cross[i, j] -= a * Wm[q, j]
             for j in range(m):
                 transition[i, j] -= a * Y[q, j]
-    add_square_of(flat, n, -1.0, Wm, rank, dgemm, dsyrk)
+    add_square_of(b.flat, n, -1.0, Wm, rank, dgemm, dsyrk)
     if m > 0:
         wide, out = Y.shape[1], transition.shape[1]
         below = transition.ctypes.data + REAL * 3 * out
         add_product(dgemm, m, n, rank, -1.0, Y.ctypes.data, wide, Wm.ctypes.data, Wm.shape[1], below, out)
-        add_square(dsyrk, m, rank, 1.0, Y.ctypes.data, wide, information.ctypes.data, information.shape[1])
+        add_square(dsyrk, m, rank, 1.0, Y.ctypes.data, wide, b.information.ctypes.data, b.information.shape[1])
 
 
 @compiled
@@ -172,42 +137,27 @@ def whiten(v: Array, n: int, l00: float, l10: float, l11: float, out: Array, q: 
 
 @compiled
 def offset(heading: float, z: Array, R: Array) -> tuple[float, float, float, float, float, float, float]:
-    """A sighting as an offset in the world, its direction, and its covariance along and across that: rr, rb, bb.
+    """A sighting z (2,), R (4,) as an offset in the world, its direction, and its covariance along and across that.
 
     The mean over the arc of possible positions, E exp(i b) = exp(-v / 2) for a bearing of variance v, lies inside the
     arc, and the arc's points scatter inwards of it by (r v)^2 / 2.
     """
-    r, v = z[0], R[1, 1]
+    r, v = z[0], R[3]
     ux, uy = cos(heading + z[1]), sin(heading + z[1])
     middle = r * exp(-v / 2)
-    return middle * ux, middle * uy, ux, uy, R[0, 0] + (r * v) ** 2 / 2, r * R[1, 0], r * r * v
+    return middle * ux, middle * uy, ux, uy, R[0] + (r * v) ** 2 / 2, r * R[2], r * r * v
 
 
 @compiled
-def add(
-    mean: Array,
-    points: Array,
-    pose: Array,
-    cross: Array,
-    flat: Array,
-    transition: Array,
-    at: int,
-    n: int,
-    m: int,
-    Wp: Array,
-    Wm: Array,
-    rank: int,
-    z: Array,
-    R: Array,
-    where: int,
-    rows: Array,
-) -> None:
+def add(b: JointArrays, at: int, n: int, m: int, rank: int, z: Array, R: Array, where: int, rows: Array) -> None:
     """Eqs (17)-(20): initialises the landmark at map entry `at` from one sighting, with all covariances.
 
     G_p is [1, 0, -dy; 0, 1, dx] for a landmark at (dx, dy) from the pose, and G_z the inverse of the sighting's
     Jacobian by the landmark; both are evaluated at the linearisation points. G_z is [ux, ax; uy, ay].
     """
-    rr, rb, bb = R[0, 0], R[1, 0], R[1, 1]
+    mean, points, pose, cross, transition = b.mean, b.points, b.pose, b.cross, b.transition
+    Wp, Wm = b.owed_pose, b.owed_map
+    rr, rb, bb = R[0], R[2], R[3]
     if where == ODOMETRY:
         dx, dy, ux, uy, rr, rb, bb = offset(points[2], z, R)
         off = mean[2] - points[2]
@@ -238,51 +188,30 @@ def add(
     rows[0, at] = cross[0, at] - dy * cross[2, at] + ux * ux * rr + 2 * ux * ax * rb + ax * ax * bb
     rows[1, at] = cross[1, at] + dx * cross[2, at] + ux * uy * rr + (ux * ay + uy * ax) * rb + ax * ay * bb
     rows[1, at + 1] = cross[1, at + 1] + dx * cross[2, at + 1] + uy * uy * rr + 2 * uy * ay * rb + ay * ay * bb
-    put(flat, at, max(n, at + 2), rows)
+    put(b.flat, at, max(n, at + 2), rows)
 
 
 @compiled
 def frame(
-    mean: Array,
-    points: Array,
-    predicted: Array,
-    agreed: Ints,
-    pose: Array,
-    cross: Array,
-    flat: Array,
-    transition: Array,
-    information: Array,
-    pull: Array,
-    n: int,
-    m: int,
-    moves: bool,
-    motion: Array,
-    truth: Array,
-    k: int,
-    slots: Ints,
-    z: Array,
-    R: Array,
-    where: int,
-    joint: bool,
-    gate: float,
-    confirm: int,
-    Wp: Array,
-    Wm: Array,
-    Y: Array,
-    dgemm: int,
-    dsyrk: int,
+    belief: int, seen: int, n: int, m: int, k: int, moves: bool, where: int, joint: bool, gate: float, confirm: int
 ) -> tuple[int, int, float, int, int]:
     """Predicts, then processes `k` sightings of the landmarks in `slots`, of which those from n / 2 on are new.
 
-    Jacobians are evaluated at `points`, which may be `mean` itself; `joint` evaluates all expected sightings at the
-    prediction, stored in `predicted`. A sighting with an innovation beyond `gate` is rejected or, if fewer than
-    `confirm` have agreed with its landmark, replaces all that the landmark was made from. Returns the sighting at which
-    it failed and the reason (-1, 0: none), the NIS, its degrees of freedom and the number of rejected sightings.
+    `belief` and `seen` are addresses of `JointArrays` and a `Frame`; `m` columns of the transition are in use, and
+    without `moves` there is no motion. Jacobians are evaluated at `points`, which may be `mean` itself; `joint`
+    evaluates all expected sightings at the prediction, stored in `predicted`. A sighting with an innovation beyond
+    `gate` is rejected or, if fewer than `confirm` have agreed with its landmark, replaces all that the landmark was
+    made from. Returns the sighting at which it failed and the reason (-1, 0: none), the NIS, its degrees of freedom and
+    the number of rejected sightings.
     """
+    b, f = belief_at(belief), frame_at(seen)
+    mean, points, predicted, agreed, pose, cross = b.mean, b.points, b.predicted, b.agreed, b.pose, b.cross
+    flat, transition, pull, Wp, Wm, Y = b.flat, b.transition, b.pull, b.owed_pose, b.owed_map, b.owed_transition
+    slots, z, R = f.slots, f.z, f.cov
     if moves:
-        predict(mean, points, pose, cross, transition, n, m, motion, truth, where)
+        predict(b, n, m, f.motion, f.truth, where)
     elif where == IDEAL:
-        points[0], points[1], points[2] = truth[0], truth[1], truth[2]
+        points[0], points[1], points[2] = f.truth[0], f.truth[1], f.truth[2]
     expecting, at_points = mean, points
     if joint:
         for j in range(3 + n):
@@ -299,11 +228,11 @@ def frame(
         if at >= n:
             if joint:
                 continue
-            add(mean, points, pose, cross, flat, transition, at, n, m, Wp, Wm, rank, z[i], R[i], where, rows)
+            add(b, at, n, m, rank, z[i], R[i], where, rows)
             agreed[slots[i]] = 0
             n += 2
             continue
-        rr, rb, bb = R[i, 0, 0], R[i, 1, 0], R[i, 1, 1]
+        rr, rb, bb = R[i, 0], R[i, 2], R[i, 3]
         if where == ODOMETRY:
             dx, dy, ux, uy, rr, rb, bb = offset(points[2], z[i], R[i])
             by_landmark[0, 0], by_landmark[0, 1] = ux, uy
@@ -334,11 +263,13 @@ def frame(
                 )
         combine(by_pose, by_landmark, transition, transition, 3 + at, m, y)
         for p in range(0, rank, 2):
-            a, b = project(by_pose, by_landmark, Wp, Wm, at, 0, p), project(by_pose, by_landmark, Wp, Wm, at, 0, p + 1)
-            c, d = project(by_pose, by_landmark, Wp, Wm, at, 1, p), project(by_pose, by_landmark, Wp, Wm, at, 1, p + 1)
-            pay(u, Wp, p, a, b, c, d, 3)
-            pay(v, Wm, p, a, b, c, d, n)
-            pay(y, Y, p, a, b, c, d, m)
+            c00 = project(by_pose, by_landmark, Wp, Wm, at, 0, p)
+            c01 = project(by_pose, by_landmark, Wp, Wm, at, 0, p + 1)
+            c10 = project(by_pose, by_landmark, Wp, Wm, at, 1, p)
+            c11 = project(by_pose, by_landmark, Wp, Wm, at, 1, p + 1)
+            pay(u, Wp, p, c00, c01, c10, c11, 3)
+            pay(v, Wm, p, c00, c01, c10, c11, n)
+            pay(y, Y, p, c00, c01, c10, c11, m)
         s00 = project(by_pose, by_landmark, u, v, at, 0, 0) + rr
         s10 = project(by_pose, by_landmark, u, v, at, 0, 1) + rb
         s11 = project(by_pose, by_landmark, u, v, at, 1, 1) + bb
@@ -373,7 +304,7 @@ def frame(
             elif joint:
                 agreed[slots[i]] = ASTRAY
             else:
-                add(mean, points, pose, cross, flat, transition, at, n, m, Wp, Wm, rank, z[i], R[i], where, rows)
+                add(b, at, n, m, rank, z[i], R[i], where, rows)
                 agreed[slots[i]] = 0
             continue
         agreed[slots[i]] += 1
@@ -392,16 +323,16 @@ def frame(
             pull[j] += Y[rank, j] * f0 + Y[rank + 1, j] * f1
         rank += 2
         if rank == OWED:
-            settle(pose, cross, flat, transition, information, n, m, Wp, Wm, Y, rank, dgemm, dsyrk)
+            settle(b, n, m, rank)
             rank = 0
     for i in range(k if joint else 0):  # new landmarks are added after a joint update
         at = 2 * int(slots[i])
         if at >= n or agreed[slots[i]] == ASTRAY:
-            add(mean, points, pose, cross, flat, transition, at, n, m, Wp, Wm, rank, z[i], R[i], where, rows)
+            add(b, at, n, m, rank, z[i], R[i], where, rows)
             agreed[slots[i]] = 0
             n = max(n, at + 2)
     if rank:
-        settle(pose, cross, flat, transition, information, n, m, Wp, Wm, Y, rank, dgemm, dsyrk)
+        settle(b, n, m, rank)
     return -1, 0, nis, dof, refused
 
 

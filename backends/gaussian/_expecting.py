@@ -4,11 +4,11 @@ from math import sqrt
 
 import numpy as np
 
+from ...core.kernels._planar import moved, propagate
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from .._answer import answer_at
-from .._expected import ROUNDING, cross_block, spread, spread_on, within
-from .._models import moved
+from .._expected import ROUNDING, cross_block, spread, within
 from .._rules import conclude
 from .._vicinity import learn, note, places_at
 from ._ekf import ODOMETRY, POSE
@@ -35,7 +35,7 @@ def predicted(pose: Array, point: Array, P: Array, motion: Array, where: int) ->
         for i in range(3):
             point[i] = pose[i]
     gx, gy = y - point[1], point[0] - x
-    spread_on(P, gx, gy, turned, motion)
+    propagate(P, gx, gy, turned, motion)
     return gx, gy
 
 

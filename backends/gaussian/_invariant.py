@@ -11,10 +11,12 @@ from math import cos, sin, sqrt
 
 import numpy as np
 
+from ...core.kernels._planar import moved, rotated, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import moved, placed, sighted, wrap
+from .._models import placed, sighted
 from ._group import retract, retract_all
+from ._group_arrays import GroupArrays, group_at
 from ._triangle import add_square_of, put, take_less, take_row
 
 RANK = 48
@@ -28,36 +30,26 @@ WRONG = (
 
 
 @compiled
-def fold(flat: Array, n: int, owed: Array, owing: Ints, dgemm: int, dsyrk: int) -> None:
+def fold(g: GroupArrays, n: int) -> None:
     """Applies the deferred updates to the landmarks' block."""
+    flat, owed, owing, dgemm, dsyrk = g.flat, g.owed, g.owing, g.blas[0], g.blas[1]
     add_square_of(flat, n, -1.0, owed, owing[0], dgemm, dsyrk)
     add_square_of(flat, n, 1.0, owed[RANK - owing[1] :], owing[1], dgemm, dsyrk)
     owing[:] = 0
 
 
 @compiled
-def move(
-    pose: Array,
-    mean: Array,
-    strip: Array,
-    flat: Array,
-    n: int,
-    kept: Ints,
-    delta: Array,
-    cov: Array,
-    owed: Array,
-    owing: Ints,
-    dgemm: int,
-    dsyrk: int,
-) -> None:
+def move(belief: int, n: int, kept: Ints, delta: Array, cov: Array) -> None:
     """Predicts with the body-frame motion `delta` (3,), noise `cov` (3, 3).
 
-    The error itself is unchanged, F = I. The turn's noise acts on everything about the origin, a rank-1 update of the
-    whole, but for the `kept` poses (k, 2), which stay; the independent rest of the translation's noise affects the
-    position alone.
+    `belief` is the address of `GroupArrays`. The error itself is unchanged, F = I. The turn's noise acts on everything
+    about the origin, a rank-1 update of the whole, but for the `kept` poses (k, 2), which stay; the independent rest of
+    the translation's noise affects the position alone.
     """
+    g = group_at(belief)
+    pose, mean, strip, owed, owing = g.pose, g.mean, g.strip, g.owed, g.owing
     if owing[0] + owing[1] == RANK:
-        fold(flat, n, owed, owing, dgemm, dsyrk)
+        fold(g, n)
     owing[1] += 1
     c, s = cos(pose[2]), sin(pose[2])
     pose[0], pose[1], pose[2] = moved(pose[0], pose[1], pose[2], delta[0], delta[1], delta[2])
@@ -75,17 +67,18 @@ def move(
         for j in range(n):
             strip[i, 3 + j] += own[i] * w[j]
     uu, uv, vv = cov[0, 0] - u * u, cov[0, 1] - u * v, cov[1, 1] - v * v
-    across = c * s * (uu - vv) + (c * c - s * s) * uv
-    strip[0, 0] += c * c * uu - 2.0 * c * s * uv + s * s * vv
-    strip[0, 1] += across
-    strip[1, 0] += across
-    strip[1, 1] += s * s * uu + 2.0 * c * s * uv + c * c * vv
+    xx, xy, yy = rotated(c, s, uu, uv, vv)
+    strip[0, 0] += xx
+    strip[0, 1] += xy
+    strip[1, 0] += xy
+    strip[1, 1] += yy
 
 
 @compiled
-def gather(flat: Array, n: int, at: int, owed: Array, owing: Ints, rows: Array) -> None:
+def gather(g: GroupArrays, n: int, at: int, rows: Array) -> None:
     """The block's rows of the landmark at `at`, with deferred updates applied, to rows (2, n)."""
-    take_less(flat, at, n, owed, owing[0], rows)
+    owed, owing = g.owed, g.owing
+    take_less(g.flat, at, n, owed, owing[0], rows)
     first, second = rows[0], rows[1]
     for m in range(RANK - owing[1], RANK):
         a, b, w = owed[m, at], owed[m, at + 1], owed[m]
@@ -95,9 +88,10 @@ def gather(flat: Array, n: int, at: int, owed: Array, owing: Ints, rows: Array) 
 
 
 @compiled
-def gather_row(flat: Array, n: int, i: int, owed: Array, owing: Ints, out: Array) -> None:
+def gather_row(g: GroupArrays, n: int, i: int, out: Array) -> None:
     """The block's row i, with deferred updates applied, to out (n,)."""
-    take_row(flat, i, n, out)
+    owed, owing = g.owed, g.owing
+    take_row(g.flat, i, n, out)
     for m in range(RANK):
         if m < owing[0] or m >= RANK - owing[1]:
             a, w = owed[m, i] if m >= owing[0] else -owed[m, i], owed[m]
@@ -107,17 +101,7 @@ def gather_row(flat: Array, n: int, i: int, owed: Array, owing: Ints, out: Array
 
 @compiled
 def correct(
-    pose: Array,
-    mean: Array,
-    strip: Array,
-    n: int,
-    kept: Ints,
-    landmark: Array,
-    at: int,
-    z: Array,
-    R: Array,
-    own: Array,
-    rows: Array,
+    g: GroupArrays, n: int, kept: Ints, landmark: Array, at: int, z: Array, R: Array, own: Array, rows: Array
 ) -> tuple[float, int]:
     """Corrects by a sighting z (2,), R (2, 2) of a landmark with covariance rows own (2, 3) and rows (2, n).
 
@@ -126,6 +110,7 @@ def correct(
     corrected at once; the deferred update replaces `rows`. Returns the normalised innovation squared and an error
     number.
     """
+    pose, mean, strip = g.pose, g.mean, g.strip
     dx, dy = landmark[0] - pose[0], landmark[1] - pose[1]
     q = dx * dx + dy * dy
     if not q > 0.0:
@@ -177,66 +162,48 @@ def correct(
 
 
 @compiled
-def add(pose: Array, mean: Array, strip: Array, flat: Array, n: int, z: Array, R: Array) -> None:
+def add(g: GroupArrays, n: int, z: Array, R: Array) -> None:
     """Adds a landmark seen at z (2,): its error is that of the position plus the sighting's noise."""
+    pose, mean, strip = g.pose, g.mean, g.strip
     r, c, s = z[0], cos(pose[2] + z[1]), sin(pose[2] + z[1])
     mean[n], mean[n + 1] = placed(pose[0], pose[1], pose[2], z[0], z[1])
     a, b, d = R[0, 0], r * R[1, 0], r * r * R[1, 1]
-    own = (
-        c * c * a - 2.0 * c * s * b + s * s * d,
-        c * s * (a - d) + (c * c - s * s) * b,
-        s * s * a + 2.0 * c * s * b + c * c * d,
-    )
+    own = rotated(c, s, a, b, d)
     rows = np.empty((2, n + 2))
     for i in range(2):
         for j in range(n):
             rows[i, j] = strip[i, 3 + j]
         for j in range(i + 1):
             rows[i, n + j] = strip[i, j] + own[i + j]
-    put(flat, n, n + 2, rows)
+    put(g.flat, n, n + 2, rows)
     for i in range(3):
         strip[i, 3 + n], strip[i, 4 + n] = strip[i, 0], strip[i, 1]
 
 
 @compiled
-def observe(
-    pose: Array,
-    mean: Array,
-    strip: Array,
-    flat: Array,
-    n: int,
-    kept: Ints,
-    known: Array,
-    slots: Ints,
-    z: Array,
-    R: Array,
-    owed: Array,
-    owing: Ints,
-    nis: Array,
-    dgemm: int,
-    dsyrk: int,
-) -> tuple[int, int]:
+def observe(belief: int, n: int, kept: Ints, slots: Ints, z: Array, R: Array, nis: Array) -> tuple[int, int]:
     """Processes k sightings in their order: z (k, 2), R (k, 2, 2).
 
-    slots[i] is the landmark's number, -1 for a new one, -2 - j for number j of those in `known` (., 2), held fixed.
+    slots[i] is the landmark's number, -1 for a new one, -2 - j for number j of those held fixed.
     Their normalised innovations squared go to `nis` (k,), -1 for none. Returns n and an error number.
     """
-    wrong = 0
+    wrong, g = 0, group_at(belief)
+    mean, strip, owed, owing, known = g.mean, g.strip, g.owed, g.owing, g.known
     landmark, own = np.empty(2), np.empty((2, 3))
     for i in range(len(slots)):
         nis[i] = -1.0
         if slots[i] == -1:
-            add(pose, mean, strip, flat, n, z[i], R[i])
+            add(g, n, z[i], R[i])
             n += 2
             continue
         if owing[0] + owing[1] + 2 > RANK:
-            fold(flat, n, owed, owing, dgemm, dsyrk)
+            fold(g, n)
         rows = owed[owing[0] : owing[0] + 2]
         at = -1
         if slots[i] >= 0:
             at = 2 * slots[i]
             landmark[0], landmark[1] = mean[at], mean[at + 1]
-            gather(flat, n, at, owed, owing, rows)
+            gather(g, n, at, rows)
             for j in range(3):
                 own[0, j], own[1, j] = strip[j, 3 + at], strip[j, 4 + at]
         else:
@@ -245,7 +212,7 @@ def observe(
                 own[0, j], own[1, j] = landmark[1] * strip[2, j], -landmark[0] * strip[2, j]
             for j in range(n):
                 rows[0, j], rows[1, j] = landmark[1] * strip[2, 3 + j], -landmark[0] * strip[2, 3 + j]
-        nis[i], wrong = correct(pose, mean, strip, n, kept, landmark, at, z[i], R[i], own, rows)
+        nis[i], wrong = correct(g, n, kept, landmark, at, z[i], R[i], own, rows)
         if wrong:
             break
         owing[0] += 2

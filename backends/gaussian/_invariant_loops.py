@@ -4,21 +4,25 @@ from math import cos, sin
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
+from ...core.kernels._small import cholesky
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import wrap
 from ._group import exponential, logarithm, retract_all
+from ._group_arrays import group_at
 from ._invariant import RANK, fold, gather, gather_row
-from ._loops import root, whiten
+from ._loops import whiten
 from ._triangle import entry, put, put_row
 
 
 @compiled
-def keep(pose: Array, mean: Array, strip: Array, flat: Array, n: int, owed: Array, at: int, turn: int) -> None:
+def keep(belief: int, n: int, at: int, turn: int) -> None:
     """Clones the pose, its error with it, into the entries `at`, `at` + 1 and `turn`, all below n.
 
     What these entries were before is lost; they have no pending updates then.
     """
+    g = group_at(belief)
+    pose, mean, strip, flat, owed = g.pose, g.mean, g.strip, g.flat, g.owed
     rows = np.empty((2, n))
     for i in range(3):
         k = turn if i == 2 else at + i
@@ -49,38 +53,26 @@ def innovation(pose: Array, x: float, y: float, heading: float, z: Array, N: Arr
 
 
 @compiled
-def close(
-    pose: Array,
-    mean: Array,
-    strip: Array,
-    flat: Array,
-    n: int,
-    kept: Ints,
-    entries: Ints,
-    delta: Array,
-    R: Array,
-    owed: Array,
-    owing: Ints,
-    dgemm: int,
-    dsyrk: int,
-) -> tuple[int, float]:
+def close(belief: int, n: int, kept: Ints, entries: Ints, delta: Array, R: Array) -> tuple[int, float]:
     """Corrects by loop closures one by one: delta (k, 3), R (k, 3, 3), from the poses at `entries` (k, 2).
 
     `kept` (., 2) are the entries of all kept poses. H is [1 -1] of the errors of pose and kept pose, whatever the
     estimate. Returns the loop closure with an innovation's covariance that is not positive definite, -1 for none, and
     the NIS.
     """
+    g = group_at(belief)
+    pose, mean, strip, owed, owing = g.pose, g.mean, g.strip, g.owed, g.owing
     own, S, N, e, nu = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
     nis, where = 0.0, np.empty(3, np.int64)
     for i in range(len(entries)):
         if owing[0] + owing[1] + 3 > RANK:
-            fold(flat, n, owed, owing, dgemm, dsyrk)
+            fold(g, n)
         at, turn = int(entries[i, 0]), int(entries[i, 1])
         where[0], where[1], where[2] = at, at + 1, turn
         e[0], e[1], e[2] = innovation(pose, mean[at], mean[at + 1], mean[turn], delta[i], N)
         rows = owed[owing[0] : owing[0] + 3]
-        gather(flat, n, at, owed, owing, rows[:2])
-        gather_row(flat, n, turn, owed, owing, rows[2])
+        gather(g, n, at, rows[:2])
+        gather_row(g, n, turn, rows[2])
         for a in range(3):  # H P
             for j in range(3):
                 own[a, j] = strip[a, j] - strip[j, 3 + where[a]]
@@ -92,7 +84,7 @@ def close(
                 for c in range(3):
                     for d in range(3):
                         S[a, b] += N[a, c] * R[i, c, d] * N[b, d]
-        if not root(S):
+        if not cholesky(S, S, 3, 0.0, 0.0):
             for a in range(3):
                 for j in range(n):
                     rows[a, j] = 0.0
@@ -115,8 +107,10 @@ def close(
 
 
 @compiled
-def marginals(mean: Array, flat: Array, owed: Array, owing: Ints, entries: Ints, path: Array, cov: Array) -> None:
+def marginals(belief: int, entries: Ints, path: Array, cov: Array) -> None:
     """The poses at `entries` (k, 2), to `path` (k, 3), and plain covariances, to `cov` (k, 3, 3)."""
+    g = group_at(belief)
+    mean, flat, owed, owing = g.mean, g.flat, g.owed, g.owing
     P, J, where = np.empty((3, 3)), np.eye(3), np.empty(3, np.int64)
     for k in range(len(entries)):
         at = int(entries[k, 0])

@@ -4,34 +4,27 @@ A kept pose has three entries of the state: x and y, which are a pair as a landm
 another pair. So sightings and motions treat kept poses as any other part of the state.
 """
 
-from math import cos, sin, sqrt
+from math import cos, sin
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
+from ...core.kernels._small import cholesky
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import wrap
 from ._ekf import INDEFINITE, OWED, STANDARD, settle
+from ._joint_arrays import belief_at
 from ._triangle import put, put_row, take, take_row
 
 
 @compiled
-def keep(
-    mean: Array,
-    points: Array,
-    pose: Array,
-    cross: Array,
-    flat: Array,
-    transition: Array,
-    n: int,
-    m: int,
-    at: int,
-    turn: int,
-) -> None:
+def keep(belief: int, n: int, m: int, at: int, turn: int) -> None:
     """Clones the pose into the entries `at`, `at` + 1 and `turn`, all below n: means, covariances, points, rows of Phi.
 
-    What these entries were before is lost.
+    What these entries were before is lost. `belief` is the address of `JointArrays`.
     """
+    b = belief_at(belief)
+    mean, points, pose, cross, flat, transition = b.mean, b.points, b.pose, b.cross, b.flat, b.transition
     rows = np.empty((2, n))
     for i in range(3):
         k = turn if i == 2 else at + i
@@ -99,23 +92,6 @@ def across(H: Array, i: int, of_pose: Array, of_rest: Array, q: int, at: int, tu
 
 
 @compiled
-def root(S: Array) -> bool:
-    """Replaces S (3, 3) by its lower Cholesky factor; False where it is not positive definite."""
-    for i in range(3):
-        for j in range(i + 1):
-            rest = S[i, j]
-            for k in range(j):
-                rest -= S[i, k] * S[j, k]
-            if i > j:
-                S[i, j] = rest / S[j, j]
-            else:
-                if not 0.0 < rest < np.inf:
-                    return False
-                S[i, i] = sqrt(rest)
-    return True
-
-
-@compiled
 def whiten(L: Array, v: Array, n: int, out: Array, q: int) -> None:
     """L^-1 v, (3, n), into rows q to q + 2 of `out`."""
     for j in range(n):
@@ -127,35 +103,17 @@ def whiten(L: Array, v: Array, n: int, out: Array, q: int) -> None:
 
 @compiled
 def close(
-    mean: Array,
-    points: Array,
-    predicted: Array,
-    pose: Array,
-    cross: Array,
-    flat: Array,
-    transition: Array,
-    information: Array,
-    pull: Array,
-    n: int,
-    m: int,
-    entries: Ints,
-    delta: Array,
-    R: Array,
-    where: int,
-    joint: bool,
-    gate: float,
-    Wp: Array,
-    Wm: Array,
-    Y: Array,
-    dgemm: int,
-    dsyrk: int,
+    belief: int, n: int, m: int, entries: Ints, delta: Array, R: Array, where: int, joint: bool, gate: float
 ) -> tuple[int, int, float, int, int]:
     """Corrects by loop closures one by one: delta (k, 3), R (k, 3, 3), from the poses at `entries` (k, 2).
 
-    As `_ekf.frame`, which comes before it: linearised at `points`; if `joint`, at the step's prediction, stored in
-    `predicted`. A loop closure with an innovation beyond `gate` is rejected. Returns the one at which it failed and the
-    reason (-1, 0: none), the NIS, its degrees of freedom and the number rejected.
+    As `_ekf.frame`, which comes before it, on the belief at an address: linearised at `points`; if `joint`, at the
+    step's prediction, stored in `predicted`. A loop closure with an innovation beyond `gate` is rejected. Returns the
+    one at which it failed and the reason (-1, 0: none), the NIS, its degrees of freedom and the number rejected.
     """
+    g = belief_at(belief)
+    mean, points, predicted, pose, cross = g.mean, g.points, g.predicted, g.pose, g.cross
+    flat, transition, pull, Wp, Wm, Y = g.flat, g.transition, g.pull, g.owed_pose, g.owed_map, g.owed_transition
     expecting, at_points = mean, points
     if joint:
         expecting = predicted
@@ -199,7 +157,7 @@ def close(
         for a in range(3):
             for b in range(a + 1):
                 S[a, b] = across(H, b, u, v, a, at, turn) + R[i, a, b]
-        if not root(S):
+        if not cholesky(S, S, 3, 0.0, 0.0):
             return i, INDEFINITE, nis, dof, refused
         f[0] = e[0] / S[0, 0]
         f[1] = (e[1] - S[1, 0] * f[0]) / S[1, 1]
@@ -223,8 +181,8 @@ def close(
         mean[2] = wrap(mean[2])
         rank += 3
         if rank + 3 > OWED:
-            settle(pose, cross, flat, transition, information, n, m, Wp, Wm, Y, rank, dgemm, dsyrk)
+            settle(g, n, m, rank)
             rank = 0
     if rank:
-        settle(pose, cross, flat, transition, information, n, m, Wp, Wm, Y, rank, dgemm, dsyrk)
+        settle(g, n, m, rank)
     return -1, 0, nis, dof, refused

@@ -7,18 +7,19 @@ from ...core.se2 import Array, Ints
 from .._answer import answer_at
 from .._rules import conclude
 from .._vicinity import choose, expect, places_at
+from ._group_arrays import group_at
 from ._invariant import RANK
 from ._triangle import row
 
 
 @compiled
-def plain_joint(
-    pose: Array, mean: Array, strip: Array, flat: Array, owed: Array, owing: Ints, slots: Ints, at: Array, cov: Array
-) -> None:
+def plain_joint(belief: int, slots: Ints, at: Array, cov: Array) -> None:
     """Places, m from the origin, and joint covariance in plain coordinates of n landmarks and the pose, that last.
 
     Fills at (n, 2) and cov (2n + 3, 2n + 3). An error of a place is that of the group plus the heading's times J f.
     """
+    g = group_at(belief)
+    pose, mean, strip, flat, owed, owing = g.pose, g.mean, g.strip, g.flat, g.owed, g.owing
     n = len(slots)
     c = 2 * n
     lever = np.empty(c + 2)
@@ -56,43 +57,30 @@ def plain_joint(
                 value += lever[c + h] * (strip[2, 3 + i] + lever[a] * turn)
             cov[a, c + h] = cov[c + h, a] = value
     for h in range(3):
-        for g in range(3):
-            value = strip[h, g]
+        for i in range(3):
+            value = strip[h, i]
             if h < 2:
-                value += lever[c + h] * strip[2, g]
-            if g < 2:
-                value += lever[c + g] * strip[h, 2]
-            if h < 2 and g < 2:
-                value += lever[c + h] * lever[c + g] * turn
-            cov[c + h, c + g] = value
+                value += lever[c + h] * strip[2, i]
+            if i < 2:
+                value += lever[c + i] * strip[h, 2]
+            if h < 2 and i < 2:
+                value += lever[c + h] * lever[c + i] * turn
+            cov[c + h, c + i] = value
 
 
 @compiled
 def ask(
-    pose: Array,
-    mean: Array,
-    strip: Array,
-    flat: Array,
-    owed: Array,
-    owing: Ints,
-    origin: Array,
-    places: int,
-    landmarks: int,
-    slots: Ints,
-    moves: bool,
-    motion: Array,
-    z: Array,
-    R: Array,
-    gate: float,
+    belief: int, places: int, landmarks: int, slots: Ints, moves: bool, motion: Array, z: Array, R: Array, gate: float,
     into: int,
-) -> int:
+) -> int:  # fmt: skip
     """Fills the `Answer` at `into` with the landmarks within the gate after a motion (see `_vicinity`), and decides.
 
-    The belief is that of `_invariant`, in metres from the `origin`; `places` is the address of the `Places`, of which
+    `belief` is the address of `GroupArrays`; `places` is the address of the `Places`, of which
     the first `landmarks` rows are those of its landmarks `slots`. Returns the number of landmarks whose joint
     covariance was computed; minus that, and nothing is filled, where there is no room for them.
     """
-    here, none = pose.copy(), np.empty((3, 3))
+    origin = group_at(belief).origin
+    here, none = group_at(belief).pose.copy(), np.empty((3, 3))
     here[0] += origin[0]
     here[1] += origin[1]
     n, out = choose(places, landmarks, here, none, True, moves, motion, z, R, gate), answer_at(into)
@@ -101,7 +89,7 @@ def ask(
     out.count[0] = 0
     if n > 0:
         at, together = np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
-        plain_joint(pose, mean, strip, flat, owed, owing, slots[places_at(places).asked[:n]], at, together)
+        plain_joint(belief, slots[places_at(places).asked[:n]], at, together)
         for a in range(n):
             at[a, 0] += origin[0]
             at[a, 1] += origin[1]

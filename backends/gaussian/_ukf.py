@@ -13,25 +13,29 @@ from math import sqrt
 
 import numpy as np
 
+from ...core.kernels._planar import moved, wrap
+from ...core.kernels._small import cholesky
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import moved, placed, sighted, wrap
+from .._models import placed, sighted
+from ._joint_arrays import JointArrays, belief_at
 from ._triangle import add_square_of, put, take_less
-from ._unscented import ROUNDING, add_outer, cholesky, regress, unroot
+from ._unscented import ROUNDING, add_outer, regress, unroot
 
 WRONG = ("nothing", "the predicted pose", "an innovation", "a new landmark")
 """The covariance that is not positive definite, by the number that `frame` returns."""
 
 
 @compiled
-def move(mean: Array, pose: Array, cross: Array, n: int, motion: Array, scaling: Array) -> bool:
+def move(b: JointArrays, n: int, motion: Array, scaling: Array) -> bool:
     """Predicts with `motion` (4, 3), rows of dx, dy, dtheta and of its covariance; False if a covariance is indefinite.
 
     `scaling` holds alpha^2, kappa and beta - alpha^2.
     """
+    mean, pose, cross = b.mean, b.pose, b.cross
     spread, delta = scaling[0] * (6.0 + scaling[1]), motion[0]
-    root, noise = np.empty((3, 3)), np.empty((3, 3))
-    if not (cholesky(pose, root, 3, ROUNDING) and cholesky(motion[1:], noise, 3, 0.0)):
+    root, noise = np.zeros((3, 3)), np.zeros((3, 3))
+    if not (cholesky(pose, root, 3, 0.0, ROUNDING) and cholesky(motion[1:], noise, 3, 0.0, 0.0)):
         return False
     x, y, heading = moved(mean[0], mean[1], mean[2], delta[0], delta[1], delta[2])
     away, p, d = np.empty((2, 6, 3)), np.empty(3), np.empty(3)
@@ -51,10 +55,10 @@ def move(mean: Array, pose: Array, cross: Array, n: int, motion: Array, scaling:
         for j in range(3):
             pose[i, j] = rest[i, j]
     for j in range(n):
-        a, b, c = cross[0, j], cross[1, j], cross[2, j]
+        x, y, turn = cross[0, j], cross[1, j], cross[2, j]
         for i in range(3):
-            cross[i, j] = slope[i, 0] * a + slope[i, 1] * b + slope[i, 2] * c
-    return cholesky(pose, root, 3, ROUNDING)
+            cross[i, j] = slope[i, 0] * x + slope[i, 1] * y + slope[i, 2] * turn
+    return cholesky(pose, root, 3, 0.0, ROUNDING)
 
 
 @compiled
@@ -94,17 +98,7 @@ def expect(
 
 @compiled
 def correct(
-    mean: Array,
-    pose: Array,
-    cross: Array,
-    rows: Array,
-    n: int,
-    at: int,
-    x: float,
-    y: float,
-    z: Array,
-    R: Array,
-    scaling: Array,
+    b: JointArrays, rows: Array, n: int, at: int, x: float, y: float, z: Array, R: Array, scaling: Array
 ) -> float:
     """Corrects by a sighting z (2,), R (2, 2) of the landmark at (x, y) with covariance rows (2, n).
 
@@ -112,16 +106,17 @@ def correct(
     rows are corrected at once; `rows` is replaced by w, the map's correction being -w' w. Returns the normalised
     innovation squared, or -1 where its covariance is not positive definite.
     """
+    mean, pose, cross = b.mean, b.pose, b.cross
     dims = 5 if at >= 0 else 3
     root, noise = np.zeros((5, 5)), np.empty((2, 2))
-    if not cholesky(marginal(pose, cross, rows, at) if at >= 0 else pose, root, dims, ROUNDING):
+    if not cholesky(marginal(pose, cross, rows, at) if at >= 0 else pose, root, dims, 0.0, ROUNDING):
         return -1.0
     r, bearing, slope, rest = expect(mean, x, y, root, dims, scaling)
     for i in range(2):
         for j in range(2):
             rest[i, j] += R[i, j]
     add_outer(slope, rest, 2, 0, dims)
-    if not cholesky(rest, noise, 2, 0.0):
+    if not cholesky(rest, noise, 2, 0.0, 0.0):
         return -1.0
     f0 = (z[0] - r) / noise[0, 0]
     f1 = (wrap(z[1] - bearing) - noise[1, 0] * f0) / noise[1, 1]
@@ -163,11 +158,12 @@ def apply(
 
 
 @compiled
-def add(mean: Array, pose: Array, cross: Array, flat: Array, n: int, z: Array, R: Array, scaling: Array) -> bool:
+def add(b: JointArrays, n: int, z: Array, R: Array, scaling: Array) -> bool:
     """Adds the landmark that the pose sees at `z` (2,), after the n entries of the map; False as in `move`."""
+    mean, pose, cross = b.mean, b.pose, b.cross
     spread = scaling[0] * (5.0 + scaling[1])
-    root, noise = np.empty((3, 3)), np.empty((2, 2))
-    if not (cholesky(pose, root, 3, ROUNDING) and cholesky(R, noise, 2, 0.0)):
+    root, noise = np.zeros((3, 3)), np.zeros((2, 2))
+    if not (cholesky(pose, root, 3, 0.0, ROUNDING) and cholesky(R, noise, 2, 0.0, 0.0)):
         return False
     x, y = placed(mean[0], mean[1], mean[2], z[0], z[1])
     away, p, m = np.empty((2, 5, 2)), np.empty(3), np.empty(2)
@@ -183,51 +179,39 @@ def add(mean: Array, pose: Array, cross: Array, flat: Array, n: int, z: Array, R
     slope, shift, rest = regress(away[0], away[1], 5, 2, spread, scaling[2])
     mean[3 + n], mean[4 + n] = x + shift[0], y + shift[1]
     add_outer(slope, rest, 2, 0, 5)
-    if not cholesky(rest, noise, 2, 0.0):
+    if not cholesky(rest, noise, 2, 0.0, 0.0):
         return False
     unroot(slope, root, 2, 3)
     rows = np.empty((2, n + 2))
     for h in range(2):
-        a, b, c = slope[h, 0], slope[h, 1], slope[h, 2]
+        by_x, by_y, by_turn = slope[h, 0], slope[h, 1], slope[h, 2]
         for j in range(n):
-            rows[h, j] = a * cross[0, j] + b * cross[1, j] + c * cross[2, j]
+            rows[h, j] = by_x * cross[0, j] + by_y * cross[1, j] + by_turn * cross[2, j]
         for i in range(3):
-            cross[i, n + h] = a * pose[0, i] + b * pose[1, i] + c * pose[2, i]
+            cross[i, n + h] = by_x * pose[0, i] + by_y * pose[1, i] + by_turn * pose[2, i]
     rows[0, n], rows[1, n], rows[1, n + 1] = rest[0, 0], rest[1, 0], rest[1, 1]
-    put(flat, n, n + 2, rows)
+    put(b.flat, n, n + 2, rows)
     return True
 
 
 @compiled
 def frame(
-    mean: Array,
-    pose: Array,
-    cross: Array,
-    flat: Array,
-    n: int,
-    known: Array,
-    moves: bool,
-    motion: Array,
-    slots: Ints,
-    z: Array,
-    R: Array,
-    scaling: Array,
-    owed: Array,
-    dgemm: int,
-    dsyrk: int,
+    belief: int, n: int, known: Array, moves: bool, motion: Array, slots: Ints, z: Array, R: Array, scaling: Array
 ) -> tuple[int, float, int]:
     """Predicts if it `moves`, then processes k sightings in their order: z (k, 2), R (k, 2, 2).
 
+    `belief` is the address of `JointArrays`, with space for 2k more entries.
     slots[i] is the landmark's number, a new one from n / 2 on, -1 - j for number j of those in `known` (., 2), held
-    fixed. `owed` (_, >= n + 2k) is scratch. Returns an index into WRONG, the NIS and its degrees of freedom.
+    fixed. Returns an index into WRONG, the NIS and its degrees of freedom.
     """
-    nis, dof, rank = 0.0, 0, 0
-    if moves and not move(mean, pose, cross, n, motion, scaling):
+    b, nis, dof, rank = belief_at(belief), 0.0, 0, 0
+    mean, flat, owed = b.mean, b.flat, b.owed_map
+    if moves and not move(b, n, motion, scaling):
         return 1, nis, dof
     for i in range(len(slots)):
         at = 2 * slots[i] if slots[i] >= 0 else -1
         if at >= n:
-            if not add(mean, pose, cross, flat, n, z[i], R[i], scaling):
+            if not add(b, n, z[i], R[i], scaling):
                 return 3, nis, dof
             for q in range(rank):  # new landmarks have no deferred updates
                 owed[q, n], owed[q, n + 1] = 0.0, 0.0
@@ -240,15 +224,15 @@ def frame(
             x, y = known[-1 - slots[i], 0], known[-1 - slots[i], 1]
             for j in range(n):
                 owed[rank, j], owed[rank + 1, j] = 0.0, 0.0
-        distance = correct(mean, pose, cross, owed[rank : rank + 2], n, at, x, y, z[i], R[i], scaling)
+        distance = correct(b, owed[rank : rank + 2], n, at, x, y, z[i], R[i], scaling)
         if not distance >= 0.0:
             return 2, nis, dof
         nis += distance
         dof += 2
         rank += 2
         if rank == len(owed):
-            add_square_of(flat, n, -1.0, owed, rank, dgemm, dsyrk)
+            add_square_of(flat, n, -1.0, owed, rank, b.blas[0], b.blas[1])
             rank = 0
     if rank:
-        add_square_of(flat, n, -1.0, owed, rank, dgemm, dsyrk)
+        add_square_of(flat, n, -1.0, owed, rank, b.blas[0], b.blas[1])
     return 0, nis, dof

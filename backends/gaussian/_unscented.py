@@ -17,30 +17,6 @@ ROUNDING = 1e-15
 
 
 @compiled
-def cholesky(A: Array, root: Array, n: int, floor: float) -> bool:
-    """The lower root (n, n) of A (n, n), whose lower triangle is read; False if it is indefinite.
-
-    No pivot is taken below `floor` times its diagonal entry.
-    """
-    for i in range(n):
-        for j in range(i + 1):
-            rest = A[i, j]
-            for k in range(j):
-                rest -= root[i, k] * root[j, k]
-            if i > j:
-                root[i, j] = rest / root[j, j]
-                continue
-            if rest < floor * A[i, i]:
-                rest = floor * A[i, i]
-            if not 0.0 < rest < np.inf:
-                return False
-            root[i, i] = sqrt(rest)
-        for j in range(i + 1, n):
-            root[i, j] = 0.0
-    return True
-
-
-@compiled
 def regress(
     ahead: Array, behind: Array, dims: int, outs: int, spread: float, excess: float
 ) -> tuple[Array, Array, Array]:

@@ -41,10 +41,10 @@ LESS = 0.99
 class Active(Joint):
     """The active part of a joint belief, and the deferred update of the rest."""
 
-    def __init__(self, whole: Joint, dgemm: int, *, fixed_points: bool) -> None:
+    def __init__(self, whole: Joint, *, fixed_points: bool) -> None:
         super().__init__(whole.mean[:3], whole.pose, fixed_points=fixed_points)
         self.points[:3] = whole.points[:3]
-        self._whole, self._dgemm = whole, dgemm
+        self._whole = whole
         self._members = np.zeros(len(self.agreed), np.int64)  # indices of the part's landmarks in the whole
         self._place: dict[int, int] = {}  # and the inverse
         self._last_seen: dict[int, int] = {}
@@ -117,11 +117,8 @@ class Active(Joint):
         whole.mean[:3] = self.mean[:3]
         whole.mean[3 : 3 + n] += self.pull[:m] @ before
         whole.pose[:] = self.pose
-        _triangle.subtract_product(whole.flat, n, before, gained, self._dgemm)
-        _compressed.give_back(
-            whole.mean, whole.cross, whole.flat, n, self._members, self.pairs,
-            self.mean, self.cross, self.flat, after,
-        )  # fmt: skip
+        _triangle.subtract_product(whole.flat, n, before, gained, int(self.blas[0]))
+        _compressed.give_back(whole.address, self.address, n, self._members, self.pairs, after)
         members = self._members[: self.pairs]
         whole.agreed[members] = self.agreed[: self.pairs]
         if whole.points is not whole.mean:
@@ -138,12 +135,13 @@ class Active(Joint):
         if self._around.used:
             self._look(self._around.count)
         self._last_seen = {slot: self._last_seen[slot] for slot in slots}
-        _compressed.load(whole.mean, whole.cross, whole.flat, self._members, a, self.mean, self.cross, self.flat)
+        _compressed.load(whole.address, self.address, self._members, a)
         self.agreed[:a], self.bound[:] = whole.agreed[slots], np.inf
         self._copy_points(0)
         space = len(self.mean)
         self.transition, self.information, self.pull = np.eye(space), np.zeros((space, space)), np.zeros(space)
         self.owed_transition = np.zeros((OWED, space))
+        self.moved()
 
     def _join(self, slot: int, *, new: bool) -> None:
         """Adds one landmark."""
@@ -155,10 +153,7 @@ class Active(Joint):
         self.transition[3 + 2 * a : 5 + 2 * a] = 0.0  # a new landmark's rows derive from the pose's
         self.transition[:, 3 + 2 * a : 5 + 2 * a] = 0.0
         if not new:
-            _compressed.fetch(
-                whole.mean, whole.cross, whole.flat, self._members, a,
-                self.mean, self.cross, self.flat, self.transition, self.information, self.pull,
-            )  # fmt: skip
+            _compressed.fetch(whole.address, self.address, self._members, a)
 
     def _copy_points(self, first: int) -> None:
         whole, n = self._whole, self.pairs
@@ -178,3 +173,4 @@ class Active(Joint):
             self.information = np.pad(self.information, ((0, more), (0, more)))
             self.pull = np.pad(self.pull, (0, more))
             self.owed_transition = np.zeros((OWED, len(self.mean)))
+            self.moved()

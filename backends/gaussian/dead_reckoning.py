@@ -3,11 +3,8 @@
 import numpy as np
 
 from ...core.factors import Map, Prior, Step
+from .._expected import carried
 from ..api import COMPILED_HERE, Belief, Builder, NoOptions, Pose, Solution
-from . import _ekf
-
-NOTHING = np.zeros((3, 0))
-"""The cross-covariance with an empty map."""
 
 
 class DeadReckoning:
@@ -18,12 +15,12 @@ class DeadReckoning:
         self._pose, self._cov, self._known = prior.pose, prior.cov, prior.map
 
     def step(self, step: Step) -> Pose:
-        """Composes the motion: ArUco EKF SLAM, eqs (1) and (2), by the EKF's own kernel with an empty map."""
+        """Composes the motion: ArUco EKF SLAM, eqs (1) to (6)."""
         if step.odometry is not None:
             motion = np.empty((4, 3))
             motion[0], motion[1:] = step.odometry
             pose, cov = np.array(self._pose), np.array(self._cov)  # earlier results are the caller's
-            _ekf.predict(pose, pose, cov, NOTHING, NOTHING, 0, 0, motion, pose, _ekf.STANDARD)
+            carried(pose, cov, motion)
             self._pose, self._cov = pose, cov
         return self._pose
 

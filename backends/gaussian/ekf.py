@@ -18,20 +18,21 @@ estimates its prediction, so that all models are linearised at one path.
 from dataclasses import dataclass
 from itertools import takewhile
 from math import log
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtri
 
 from ...core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
-from ...core.kernels._blas import routine
 from ...core.options import option
-from ...core.se2 import Array, Ints
+from ...core.se2 import Array
 from .. import common_options
 from .._answer import Answer
 from ..answers import answer, as_expected, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution, TruthWanted
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, POSE, STANDARD, frame
 from ._expecting import expect
+from ._joint_arrays import Frame
 from ._loops import close, keep
 from .compressed import Active
 from .joint import Joint
@@ -88,16 +89,13 @@ class Ekf:
         self._gate = -2 * log(1 - options.gate) if options.gate > 0 else 0.0  # the quantile, at two degrees of freedom
         self._loop_gate = float(chdtri(3, 1 - options.gate)) if options.gate > 0 else 0.0
         self._confirm = options.gate_after
-        self._dgemm, self._dsyrk = routine("dgemm"), routine("dsyrk")
         self._whole = Joint(prior.pose, prior.cov, fixed_points=self._where != STANDARD)
         self._part: Active | None = None
         self._slot: dict[int, int] = {}  # landmark id -> its index in the whole
         self._ids = np.zeros(0, np.int64)  # and the inverse when last asked what is expected; UNKNOWN for kept poses
         self._truth: Truth | None = None
-        self._true_pose = np.zeros(3)
         self._answer = answer(SIGHTINGS)
-        self._motion = np.zeros((4, 3))  # dx, dy, dtheta and their covariance
-        self._slots, self._z, self._z_cov = _frame_of(SIGHTINGS)
+        self._frame = Frame(motion=np.zeros((4, 3)), truth=np.zeros(3), **_sightings(SIGHTINGS))
         self._nis, self._nis_dof, self._refused, self._left_out = 0.0, 0, 0, 0
         self._kept = KeptPoses(options.poses) if prior.loops else None
         if prior.map is not None:
@@ -123,7 +121,7 @@ class Ekf:
         Loop closures are next, and the pose is kept, on logs that have some.
         """
         if self._where == IDEAL:
-            self._true_pose[:] = self._truth_at(step.t)
+            self._frame.truth[:] = self._truth_at(step.t)
         known, slot, part = self._whole.pairs, self._slot, self._whole
         landmarks, poses = len(slot), known - len(slot)
         if landmarks > self._options.compress_above:
@@ -140,18 +138,15 @@ class Ekf:
             pairs = [] if loops is None else loops.pairs()
             slots = part.bring([*slots, *pairs], known)
             loops = None if loops is None else loops.moved(dict(zip(pairs, slots[k:], strict=True)))
-        if k > len(self._slots):
-            self._slots, self._z, self._z_cov = _frame_of(2 * k)
-        self._slots[:k], self._z[:k], self._z_cov[:k] = slots[:k], z, R
+        if k > len(self._frame.slots):
+            self._frame = self._frame.replaced(**_sightings(2 * k))
+        seen = self._frame
+        seen.slots[:k], seen.z[:k], seen.cov[:k] = slots[:k], z, R.reshape(k, 4)
         if step.odometry is not None:
-            self._motion[0], self._motion[1:] = step.odometry
+            seen.motion[0], seen.motion[1:] = step.odometry
         failed, why, self._nis, self._nis_dof, self._refused = frame(
-            part.mean, part.points, part.predicted, part.agreed, part.pose, part.cross, part.flat,
-            part.transition, part.information, part.pull,
-            2 * (part.pairs - self._whole.pairs + known), part.columns,
-            step.odometry is not None, self._motion, self._true_pose, k, self._slots, self._z, self._z_cov,
-            self._where, self._options.update == "joint", self._gate, self._confirm,
-            part.owed_pose, part.owed_map, part.owed_transition, self._dgemm, self._dsyrk,
+            part.address, seen.address, 2 * (part.pairs - self._whole.pairs + known), part.columns, k,
+            step.odometry is not None, self._where, self._options.update == "joint", self._gate, self._confirm,
         )  # fmt: skip
         if why == AT_ROBOT:
             raise Diverged(
@@ -161,10 +156,7 @@ class Ekf:
             raise Diverged(f"the innovation covariance of landmark {ids[failed]} is not positive definite")
         if loops is not None:
             self._close(part, loops)
-            keep(
-                part.mean, part.points, part.pose, part.cross, part.flat, part.transition,
-                2 * part.pairs, part.columns, *loops.clone,
-            )  # fmt: skip
+            keep(part.address, 2 * part.pairs, part.columns, *loops.clone)
         return part.mean[:3].copy()
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
@@ -181,7 +173,7 @@ class Ekf:
             for landmark, at in takewhile(lambda one: one[1] >= known, reversed(self._slot.items())):
                 ids[at] = landmark
         if odometry is not None:
-            self._motion[0], self._motion[1:] = odometry
+            self._frame.motion[0], self._frame.motion[1:] = odometry
         where = STANDARD if self._where == IDEAL else self._where
         if len(self._slot) > self._options.compress_above:
             part = self._compressed()
@@ -191,7 +183,7 @@ class Ekf:
             part.bound.fill(np.inf)  # a landmark may have been started again
         address = part.address
         while not expect(
-            address, ids, part.pairs, moves, self._motion, where, seen.z, seen.cov, gate, into.address
+            address, ids, part.pairs, moves, self._frame.motion, where, seen.z, seen.cov, gate, into.address
         ):  # fmt: skip
             into = roomier(into, 2 * len(into.ids))
         return into
@@ -244,11 +236,8 @@ class Ekf:
     def _close(self, part: Joint, loops: Loops) -> None:
         """Corrects by loop closures."""
         failed, why, nis, dof, refused = close(
-            part.mean, part.points, part.predicted, part.pose, part.cross, part.flat,
-            part.transition, part.information, part.pull, 2 * part.pairs, part.columns,
-            loops.entries, loops.delta, loops.cov,
+            part.address, 2 * part.pairs, part.columns, loops.entries, loops.delta, loops.cov,
             self._where, self._options.update == "joint", self._loop_gate,
-            part.owed_pose, part.owed_map, part.owed_transition, self._dgemm, self._dsyrk,
         )  # fmt: skip
         if why == INDEFINITE:
             raise Diverged(
@@ -259,7 +248,7 @@ class Ekf:
     def _compressed(self) -> Active:
         """The part in view of a map that is large."""
         if self._part is None:
-            self._part = Active(self._whole, self._dgemm, fixed_points=self._where != STANDARD)
+            self._part = Active(self._whole, fixed_points=self._where != STANDARD)
         return self._part
 
     def _make_space(self, ids: list[int], slots: list[int]) -> None:
@@ -285,9 +274,9 @@ class Ekf:
         self._whole.points[3 + 2 * slot : 5 + 2 * slot] = xy
 
 
-def _frame_of(k: int) -> tuple[Ints, Array, Array]:
-    """Arrays for a frame of at most k sightings."""
-    return np.zeros(k, np.int64), np.zeros((k, 2)), np.zeros((k, 2, 2))
+def _sightings(k: int) -> dict[str, Any]:
+    """Arrays of a `Frame` for at most k sightings."""
+    return {"slots": np.zeros(k, np.int64), "z": np.zeros((k, 2)), "cov": np.zeros((k, 4))}
 
 
 build = Builder(Ekf, options=Options, loops=True, implementation=COMPILED_HERE)

@@ -38,6 +38,7 @@ from ..answers import answer, as_expected, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..vicinity import Vicinity
 from . import _invariant, _invariant_loops, _plain, _triangle
+from ._group_arrays import GroupArrays
 from .kept_poses import NOWHERE, SUMMARY, KeptPoses
 
 SPACE = 64
@@ -69,7 +70,8 @@ class InvariantEkf:
         self._strip = np.zeros((3, 3))  # the pose's rows of the covariance
         self._flat = np.zeros(0)  # the landmarks' covariance without deferred updates: see _triangle, _invariant
         self._owed, self._owing = np.zeros((_invariant.RANK, 0)), np.zeros(2, np.int64)
-        self._dgemm, self._dsyrk = routine("dgemm"), routine("dsyrk")
+        self._blas = np.array([routine("dgemm"), routine("dsyrk")])
+        self._arrays: GroupArrays | None = None
         self._reserve(SPACE)
         self._strip[:, :3] = prior.cov  # both errors agree at the origin
         self._nis = np.zeros(0)  # of each sighting of the last step, -1 for none
@@ -111,8 +113,8 @@ class InvariantEkf:
             self._near = np.fromiter(self._slot.values(), np.int64, len(self._slot))
         while (
             missing := _plain.ask(
-                self._pose, self._mean, self._strip, self._flat, self._owed, self._owing, self._origin,
-                around.address, around.count, self._near, moves, around.motion, seen.z, seen.cov, gate, into.address,
+                self._belief.address, around.address, around.count, self._near, moves, around.motion,
+                seen.z, seen.cov, gate, into.address,
             )
         ) < 0:  # fmt: skip
             into = roomier(into, -2 * missing)
@@ -134,7 +136,7 @@ class InvariantEkf:
         n, fixed = self._n, self._known.size
         block, around = np.empty((n, n)), _lever(self._mean[:n])
         flat = self._flat.copy()  # later results must not change
-        _invariant.fold(flat, n, self._owed, self._owing.copy(), self._dgemm, self._dsyrk)
+        _invariant.fold(self._belief.replaced(flat=flat, owing=self._owing.copy()), n)
         _triangle.whole(flat, n, block)
         turned = np.outer(around, self._strip[2, 3 : n + 3])
         cov = np.zeros((fixed + n, fixed + n))
@@ -147,7 +149,7 @@ class InvariantEkf:
         if self._kept is None or not self._kept.complete or not self._kept.steps:
             return None
         path, cov = np.empty((self._kept.steps, 3)), np.empty((self._kept.steps, 3, 3))
-        _invariant_loops.marginals(self._mean, self._flat, self._owed, self._owing, self._entries, path, cov)
+        _invariant_loops.marginals(self._belief.address, self._entries, path, cov)
         path[:, :2] += self._origin
         return Solution(path, self.map(), cov)
 
@@ -163,8 +165,7 @@ class InvariantEkf:
         """Corrects by the loop closures to kept poses, and keeps the pose."""
         loops, pairs = kept.take(found, self._n // 2)
         failed, self._loops_nis = _invariant_loops.close(
-            self._pose, self._mean, self._strip, self._flat, self._n, self._entries,
-            loops.entries, loops.delta, loops.cov, self._owed, self._owing, self._dgemm, self._dsyrk,
+            self._belief.address, self._n, self._entries, loops.entries, loops.delta, loops.cov
         )  # fmt: skip
         if failed >= 0:
             raise Diverged(
@@ -173,24 +174,32 @@ class InvariantEkf:
         self._loops_used, self._left_out = len(loops.to), len(found.to) - len(loops.to)
         self._reserve(2 * pairs)
         self._n, self._entries = 2 * pairs, kept.entries
-        _invariant_loops.keep(self._pose, self._mean, self._strip, self._flat, self._n, self._owed, *loops.clone)
+        _invariant_loops.keep(self._belief.address, self._n, *loops.clone)
 
     def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The pose, the landmarks' places and their joint covariance, the pose last."""
         n = len(landmarks)
         slots = np.array([self._slot[landmark] for landmark in landmarks], np.int64)
         at, cov = np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
-        _plain.plain_joint(self._pose, self._mean, self._strip, self._flat, self._owed, self._owing, slots, at, cov)
+        _plain.plain_joint(self._belief.address, slots, at, cov)
         return self._placed(), at + self._origin, cov
+
+    @property
+    def _belief(self) -> GroupArrays:
+        """The belief's arrays."""
+        if self._arrays is None:
+            self._arrays = GroupArrays(
+                pose=self._pose, mean=self._mean, strip=self._strip, flat=self._flat, owed=self._owed,
+                owing=self._owing, known=self._known, origin=self._origin, blas=self._blas,
+            )  # fmt: skip
+        return self._arrays
 
     def _placed(self) -> Pose:
         return np.array([self._pose[0] + self._origin[0], self._pose[1] + self._origin[1], self._pose[2]])
 
     def _predict(self, odometry: Odometry) -> None:
         _invariant.move(
-            self._pose, self._mean, self._strip, self._flat, self._n, self._entries,
-            np.array(odometry.delta), np.array(odometry.cov),
-            self._owed, self._owing, self._dgemm, self._dsyrk,
+            self._belief.address, self._n, self._entries, np.array(odometry.delta), np.array(odometry.cov)
         )  # fmt: skip
 
     def _take(self, seen: RangeBearing) -> None:
@@ -202,9 +211,8 @@ class InvariantEkf:
             slot.update(zip(fresh, range(count, count + len(fresh)), strict=True))
             self._reserve(self._n + 2 * len(fresh))
         self._n, wrong = _invariant.observe(
-            self._pose, self._mean, self._strip, self._flat, self._n, self._entries, self._known,
-            np.array(slots), np.array(seen.z), np.array(seen.cov, order="C"),
-            self._owed, self._owing, self._nis, self._dgemm, self._dsyrk,
+            self._belief.address, self._n, self._entries,
+            np.array(slots), np.array(seen.z), np.array(seen.cov, order="C"), self._nis,
         )  # fmt: skip
         if wrong:
             raise Diverged(_invariant.WRONG[wrong])
@@ -230,9 +238,13 @@ class InvariantEkf:
 
     def _reserve(self, entries: int) -> None:
         """Reserves that many entries of the landmarks' mean; half as many again in the vectors."""
-        self._flat = _triangle.grown(self._flat, entries)
+        flat = self._flat
+        self._flat = _triangle.grown(flat, entries)
+        if self._arrays is not None and self._flat is not flat:
+            self._arrays = self._arrays.replaced(flat=self._flat)
         if entries <= len(self._mean):
             return
+        self._arrays = None
         more = max(SPACE, entries + entries // 2) - len(self._mean)
         self._mean = np.pad(self._mean, (0, more))
         self._strip = np.pad(self._strip, ((0, 0), (0, more)))

@@ -5,6 +5,8 @@ from copy import copy
 import numpy as np
 
 from ...core.factors import Map
+from ...core.kernels._arrays import layout
+from ...core.kernels._blas import routine
 from ...core.se2 import Array, Ints, wrap
 from . import _triangle
 from ._ekf import OWED
@@ -34,6 +36,7 @@ class Joint:
         self.columns = 0  # of the three that follow, which are for a part of a larger belief: see compressed.py
         self.transition, self.information, self.pull = np.zeros((3, 0)), np.zeros((0, 0)), np.zeros(0)
         self.owed_transition = np.zeros((OWED, 0))  # scratch
+        self.blas = np.array([routine("dgemm"), routine("dsyrk")])
         self.mean[:3] = pose
         if fixed_points:
             self.points = self.mean.copy()
@@ -43,26 +46,24 @@ class Joint:
     def address(self) -> int:
         """Of the arrays, for compiled code; the next `grow` may change it."""
         if self._arrays is None:
-            self._arrays = JointArrays(
-                mean=self.mean,
-                points=self.points,
-                pose=self.pose,
-                cross=self.cross,
-                flat=self.flat,
-                agreed=self.agreed,
-                bound=self.bound,
-            )
+            own = vars(self)
+            self._arrays = JointArrays(**{name: own[name] for name, _, _ in layout(JointArrays)})
         return self._arrays.address
+
+    def moved(self) -> None:
+        """Arrays have been replaced: their addresses are taken again."""
+        self._arrays = None
 
     def grow(self, pairs: int) -> None:
         """Reserves space for that many pairs; the new ones' entries are zero."""
         self.pairs = pairs
-        entries, space = len(self.flat), len(self.agreed)
-        self.flat = _triangle.grown(self.flat, 2 * pairs)
-        if len(self.flat) > entries or pairs > space:
-            self._arrays = None
+        flat, space = self.flat, len(self.agreed)
+        self.flat = _triangle.grown(flat, 2 * pairs)
+        if self._arrays is not None and self.flat is not flat:
+            self._arrays = self._arrays.replaced(flat=self.flat)
         if pairs <= space:
             return
+        self.moved()
         more = max(2 * space, pairs) - space
         own_points = self.points is not self.mean
         self.mean = np.pad(self.mean, (0, 2 * more))
@@ -109,7 +110,7 @@ class Joint:
     def copy(self) -> "Joint":
         """A copy that shares nothing mutable."""
         other = copy(self)
-        other._arrays = None
+        other.moved()
         other.mean, other.pose, other.cross, other.flat, other.agreed, other.bound = (
             array.copy() for array in (self.mean, self.pose, self.cross, self.flat, self.agreed, self.bound)
         )

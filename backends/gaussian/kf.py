@@ -17,7 +17,7 @@ elsewhere the linear filter is linearised in the wrong place, and overconfident.
 import numpy as np
 
 from ...core.factors import Prior, Step
-from .._models import wrap
+from ...core.kernels._planar import wrap
 from ..api import COMPILED_HERE, Belief, Builder, NoOptions, Pose
 from .ekf import Ekf, Options
 

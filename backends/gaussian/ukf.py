@@ -25,7 +25,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
-from ...core.kernels._blas import routine
 from ...core.options import option
 from .._answer import Answer
 from ..answers import answer, as_expected, roomier
@@ -51,7 +50,6 @@ class Ukf:
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         del rng
         self._scaling = np.array([options.alpha**2, options.kappa, options.beta - options.alpha**2])
-        self._dgemm, self._dsyrk = routine("dgemm"), routine("dsyrk")
         self._slot: dict[int, int] = {}  # landmark id -> its number, or -1 minus its number among those held fixed
         self._ids = np.zeros(0, np.int64)  # and the inverse, of those known when last asked what is expected
         self._known = np.zeros((0, 2))  # landmarks held fixed, m
@@ -73,9 +71,8 @@ class Ukf:
         if step.odometry is not None:
             self._motion[0], self._motion[1:] = step.odometry
         wrong, self._nis, self._nis_dof = _ukf.frame(
-            joint.mean, joint.pose, joint.cross, joint.flat, 2 * count, self._known,
-            step.odometry is not None, self._motion, np.array(slots, np.int64), np.array(z), np.array(R, order="C"),
-            self._scaling, joint.owed_map, self._dgemm, self._dsyrk,
+            joint.address, 2 * count, self._known, step.odometry is not None, self._motion,
+            np.array(slots, np.int64), np.array(z), np.array(R, order="C"), self._scaling,
         )  # fmt: skip
         if wrong:
             raise Diverged(f"the covariance of {_ukf.WRONG[wrong]} is not positive definite")

@@ -52,4 +52,4 @@ def implementation(options: Options) -> str:
     return COMPILED_HERE if options.solver == "own" else GTSAM_WHEEL
 
 
-build = Builder(Graph, options=Options, loops=True, implementation=implementation)
+build = Builder(Graph, options=Options, online=False, loops=True, implementation=implementation)

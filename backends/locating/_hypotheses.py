@@ -5,10 +5,11 @@ densely as there; one that does not costs MISS. Variances are half-traces: of th
 pair that is laid.
 """
 
-from math import atan2, cos, floor, log, pi, sin, sqrt
+from math import atan2, cos, log, pi, sin, sqrt
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from ._landmark_grid import nearest
@@ -78,8 +79,7 @@ def keep(kept: Array, count: int, x: float, y: float, heading: float, score: flo
     """
     worst = 0
     for h in range(count):
-        turn = heading - kept[h, 2]
-        turn -= 2 * pi * floor(turn / (2 * pi) + 0.5)
+        turn = wrap(heading - kept[h, 2])
         if (kept[h, 0] - x) ** 2 + (kept[h, 1] - y) ** 2 < alike * alike and abs(turn) < ALIKE:
             if score > kept[h, 3]:
                 kept[h, 0], kept[h, 1], kept[h, 2], kept[h, 3] = x, y, heading, score

@@ -13,6 +13,7 @@ from math import cos, sin
 
 import numpy as np
 
+from ...core.kernels._planar import rotated
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 
@@ -54,10 +55,11 @@ def place(poses: Array, sums: Array, step: Ints, z: Array, z_cov: Array, xy: Arr
             cov[2 * i, 2 * j + 1] = S[0, 1] - y * S[2, 1] + u * S[0, 2] - y * u * S[2, 2]
             cov[2 * i + 1, 2 * j] = S[1, 0] + x * S[2, 0] - v * S[1, 2] - x * v * S[2, 2]
             cov[2 * i + 1, 2 * j + 1] = S[1, 1] + x * S[2, 1] + u * S[1, 2] + x * u * S[2, 2]
-        cov[2 * i, 2 * i] += c * c * rr - 2 * c * s * rb + s * s * bb
-        cov[2 * i, 2 * i + 1] += c * s * (rr - bb) + (c * c - s * s) * rb
+        xx, xy_, yy = rotated(c, s, rr, rb, bb)
+        cov[2 * i, 2 * i] += xx
+        cov[2 * i, 2 * i + 1] += xy_
         cov[2 * i + 1, 2 * i] = cov[2 * i, 2 * i + 1]
-        cov[2 * i + 1, 2 * i + 1] += s * s * rr + 2 * c * s * rb + c * c * bb
+        cov[2 * i + 1, 2 * i + 1] += yy
         for j in range(i):
             for g in range(2):
                 for h in range(2):

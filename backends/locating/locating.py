@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.errors import SlamduelError
 from ...core.factors import UNKNOWN, Map, Prior, RelativePoses, Step, Truth
 from ...core.se2 import Array, Ints, compose, inverse, wrap
 from ..api import Associates, Backend, Belief, Builder, Pose, Solution, TakenOut, TakesOut, WantsTruth
@@ -31,20 +32,20 @@ def begin(builder: Builder, prior: Prior, options: Any, rng: np.random.Generator
     """Makes a backend; one that cannot find an unknown start itself is put behind `Locating`."""
     if prior.start == "known" or prior.map is None or builder.locates:
         return builder.make(prior, options, rng)
-    return Locating(lambda found: builder.make(found, options, rng), prior, prior.map)
+    return Locating(lambda found: builder.make(found, options, rng), prior, prior.map, online=builder.online)
 
 
 class Locating:
     """Looks for the robot on the map, and makes the backend where it finds it."""
 
-    def __init__(self, make: Callable[[Prior], Backend], prior: Prior, known: Map) -> None:
+    def __init__(self, make: Callable[[Prior], Backend], prior: Prior, known: Map, *, online: bool) -> None:
         self._make, self._prior, self._map = make, prior, known
         self._on = MapIndex.of(known) if len(known.ids) else None
         self._watch = None if self._on is None else Watch(self._on)
         self._truth: Truth | None = None
         self._inner: Backend | None = None
         self._first = 0  # step at which the inner backend starts
-        self._online: bool | None = None  # False: a batch method
+        self._online = online
         self._held: list[Step] = []  # the last steps, from one with sightings on
         self._seeing = 0  # of these steps
         self._delta = list[Array]()  # (3,) of every step
@@ -60,17 +61,15 @@ class Locating:
 
     def step(self, step: Step) -> Pose | None:
         """Takes a step; the pose before the robot is found is the prior's, and odometry from there."""
-        if self._online is None:  # the interface says only by its answer whether a backend works online
-            trial = self._make(self._prior)
-            self._told(trial)
-            self._online = trial.step(step) is not None
         self._sighted += len(step.sightings.ids)
         self._delta.append(np.zeros(3) if step.odometry is None else step.odometry.delta)
         before, self._pose = self._pose, compose(self._pose, self._delta[-1])
         self._hold(step)
         if not self._found(before, step) and self._inner is not None:
-            answer = self._inner.step(_shifted(step, self._first))
-            self._pose = self._pose if answer is None else answer
+            pose = self._inner.step(_shifted(step, self._first))
+            if self._online and pose is None:
+                raise SlamduelError("step() returned None, expected a pose; a batch method is one with online=False")
+            self._pose = self._pose if pose is None else pose
         return self._pose.copy() if self._online else None
 
     def belief(self) -> Belief | None:

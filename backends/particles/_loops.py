@@ -10,10 +10,12 @@ e = z - Q' (mean - X) and F = L^-1 Q' A
 where only matrices with eigenvalues of at least 1 are factored, so that no covariance can become indefinite.
 """
 
-from math import log, pi, sqrt
+from math import log
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
+from ...core.kernels._small import factored
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from ._particles import BLOCK, LOGGED, cosine_sine, root
@@ -33,8 +35,7 @@ def fold_loop(work: Array, count: int, earlier: Array, start: int, z: Array, cov
     for m in range(count):
         c, s = cosine_sine(heading[m])
         dx, dy = work[m] - x[m], work[BLOCK + m] - y[m]
-        turn = z[2] - work[2 * BLOCK + m] + heading[m]
-        turn -= 2 * pi * np.floor(turn / (2 * pi) + 0.5)
+        turn = wrap(z[2] - work[2 * BLOCK + m] + heading[m])
         e1 = (z[0] - c * dx - s * dy) / la
         e2 = (z[1] + s * dx - c * dy - lb * e1) / lc
         e3 = (turn - ld * e1 - le * e2) / lf
@@ -53,12 +54,14 @@ def fold_loop(work: Array, count: int, earlier: Array, start: int, z: Array, cov
             (t3 - ld * f3 - le * g3) / lf,
         )
         # G = l l', n = l^-1 e, k = l'^-1 n
-        l11 = sqrt(1 + f1 * f1 + f2 * f2 + f3 * f3)
-        l21 = (f1 * g1 + f2 * g2 + f3 * g3) / l11
-        l31 = (f1 * h1 + f2 * h2 + f3 * h3) / l11
-        l22 = sqrt(1 + g1 * g1 + g2 * g2 + g3 * g3 - l21 * l21)
-        l32 = (g1 * h1 + g2 * h2 + g3 * h3 - l21 * l31) / l22
-        l33 = sqrt(1 + h1 * h1 + h2 * h2 + h3 * h3 - l31 * l31 - l32 * l32)
+        l11, l21, l22, l31, l32, l33 = factored(
+            1 + f1 * f1 + f2 * f2 + f3 * f3,
+            f1 * g1 + f2 * g2 + f3 * g3,
+            1 + g1 * g1 + g2 * g2 + g3 * g3,
+            f1 * h1 + f2 * h2 + f3 * h3,
+            g1 * h1 + g2 * h2 + g3 * h3,
+            1 + h1 * h1 + h2 * h2 + h3 * h3,
+        )
         n1 = e1 / l11
         n2 = (e2 - l21 * n1) / l22
         n3 = (e3 - l31 * n1 - l32 * n2) / l33
@@ -71,12 +74,14 @@ def fold_loop(work: Array, count: int, earlier: Array, start: int, z: Array, cov
         work[2 * BLOCK + m] += t1 * v1 + t2 * v2 + t3 * v3
         work[17 * BLOCK + m] = n1 * n1 + n2 * n2 + n3 * n3 + 2 * log(l11 * l22 * l33)
         # B = l l', A l'^-1
-        l11 = sqrt(1 + f1 * f1 + g1 * g1 + h1 * h1)
-        l21 = (f1 * f2 + g1 * g2 + h1 * h2) / l11
-        l31 = (f1 * f3 + g1 * g3 + h1 * h3) / l11
-        l22 = sqrt(1 + f2 * f2 + g2 * g2 + h2 * h2 - l21 * l21)
-        l32 = (f2 * f3 + g2 * g3 + h2 * h3 - l21 * l31) / l22
-        l33 = sqrt(1 + f3 * f3 + g3 * g3 + h3 * h3 - l31 * l31 - l32 * l32)
+        l11, l21, l22, l31, l32, l33 = factored(
+            1 + f1 * f1 + g1 * g1 + h1 * h1,
+            f1 * f2 + g1 * g2 + h1 * h2,
+            1 + f2 * f2 + g2 * g2 + h2 * h2,
+            f1 * f3 + g1 * g3 + h1 * h3,
+            f2 * f3 + g2 * g3 + h2 * h3,
+            1 + f3 * f3 + g3 * g3 + h3 * h3,
+        )
         a1, b1, t1 = a1 / l11, b1 / l11, t1 / l11
         a2, b2, t2 = (a2 - l21 * a1) / l22, (b2 - l21 * b1) / l22, (t2 - l21 * t1) / l22
         work[3 * BLOCK + m], work[6 * BLOCK + m], work[9 * BLOCK + m] = a1, b1, t1
@@ -135,8 +140,7 @@ def weigh(poses: Array, earlier: Array, loops: Array, loops_cov: Array, distance
         for m in range(len(distance)):
             c, s = cosine_sine(earlier[k, 2, m])
             dx, dy = poses[0, m] - earlier[k, 0, m], poses[1, m] - earlier[k, 1, m]
-            turn = loops[k, 2] - poses[2, m] + earlier[k, 2, m]
-            turn -= 2 * pi * np.floor(turn / (2 * pi) + 0.5)
+            turn = wrap(loops[k, 2] - poses[2, m] + earlier[k, 2, m])
             e1 = (loops[k, 0] - c * dx - s * dy) / la
             e2 = (loops[k, 1] + s * dx - c * dy - lb * e1) / lc
             e3 = (turn - ld * e1 - le * e2) / lf

@@ -21,6 +21,8 @@ from math import inf, pi, sqrt
 
 import numpy as np
 
+from ...core.kernels._planar import rotated, wrap
+from ...core.kernels._small import factored
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 
@@ -67,20 +69,9 @@ def cosine_sine(angle: float) -> tuple[float, float]:
 
 
 @compiled
-def wrap(angle: float) -> float:
-    """Wraps an angle (rad) to (-pi, pi]; `_models.wrap` without its branch."""
-    turned = angle - 2 * pi * np.ceil((angle - pi) / (2 * pi))
-    return pi if turned <= -pi else min(turned, pi)
-
-
-@compiled
 def root(cov: Array) -> tuple[float, float, float, float, float, float]:
     """The Cholesky factor of a (3, 3) covariance, row by row; NaN where it is indefinite."""
-    a = sqrt(cov[0, 0])
-    b, d = cov[1, 0] / a, cov[2, 0] / a
-    c = sqrt(cov[1, 1] - b * b)
-    e = (cov[2, 1] - b * d) / c
-    return a, b, c, d, e, sqrt(cov[2, 2] - d * d - e * e)
+    return factored(cov[0, 0], cov[1, 0], cov[1, 1], cov[2, 0], cov[2, 1], cov[2, 2])
 
 
 @compiled
@@ -126,8 +117,7 @@ def correct(poses: Array, filters: Array, slots: Ints, z: Array, cov: Array, dis
                 dx, q = (dx if apart else 1.0), (q if apart else 1.0)
                 per_r = 1 / sqrt(q)
                 nr = range_ - q * per_r
-                nb = bearing - arctan2(dy, dx) + heading[m]
-                nb -= 2 * pi * np.floor(nb / (2 * pi) + 0.5)
+                nb = wrap(bearing - arctan2(dy, dx) + heading[m])
                 c, s = dx * per_r, dy * per_r
                 nx, ny = c * nr - dy * nb, s * nr + dx * nb
                 wxx = c * c * rr - 2 * c * dy * rb + dy * dy * bb
@@ -159,6 +149,4 @@ def place(poses: Array, filters: Array, slot: int, z: Array, cov: Array) -> None
     for m in range(len(x)):
         c, s = cos[m] * cz - sin[m] * sz, sin[m] * cz + cos[m] * sz
         mx[m], my[m] = x[m] + z[0] * c, y[m] + z[0] * s
-        pxx[m] = c * c * rr - 2 * c * s * rb + s * s * bb
-        pxy[m] = c * s * (rr - bb) + (c * c - s * s) * rb
-        pyy[m] = s * s * rr + 2 * c * s * rb + c * c * bb
+        pxx[m], pxy[m], pyy[m] = rotated(c, s, rr, rb, bb)

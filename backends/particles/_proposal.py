@@ -10,13 +10,14 @@ Layout, blocks and the notation n, W, U are those of `_particles.py`. In the wor
 dy; 0 -1 -dx], so with F = A' G' and V = P + W the innovation's covariance is U = F' F + V.
 """
 
-from math import inf, pi, sqrt
+from math import inf, sqrt
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from ._particles import BLOCK, LOGGED, arctan2, cosine_sine, root, wrap
+from ._particles import BLOCK, LOGGED, arctan2, cosine_sine, root
 
 ROWS = 19
 """Rows of `work`: see `fold`."""
@@ -40,8 +41,7 @@ def fold(work: Array, count: int, z: Array, cov: Array) -> None:
         dx, q = (dx if apart else 1.0), (q if apart else 1.0)
         per_r = 1 / sqrt(q)
         nr = range_ - q * per_r
-        nb = bearing - arctan2(dy, dx) + work[2 * BLOCK + m]
-        nb -= 2 * pi * np.floor(nb / (2 * pi) + 0.5)
+        nb = wrap(bearing - arctan2(dy, dx) + work[2 * BLOCK + m])
         c, s = dx * per_r, dy * per_r
         nx, ny = c * nr - dy * nb, s * nr + dx * nb
         vxx = work[14 * BLOCK + m] + c * c * rr - 2 * c * dy * rb + dy * dy * bb

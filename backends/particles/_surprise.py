@@ -5,10 +5,9 @@ log-likelihood, up to what all landmarks have in common. `work` is that of `_pro
 landmarks.
 """
 
-from math import inf, log, pi, sqrt
+from math import inf, log, sqrt
 
-import numpy as np
-
+from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
 from ._particles import BLOCK, arctan2
@@ -30,8 +29,7 @@ def weigh(work: Array, begin: int, end: int, z: Array, cov: Array) -> None:
         dx, q = (dx if apart else 1.0), (q if apart else 1.0)
         r = sqrt(q)
         nr = range_ - r
-        nb = bearing - arctan2(dy, dx) + work[2 * BLOCK + m]
-        nb -= 2 * pi * np.floor(nb / (2 * pi) + 0.5)
+        nb = wrap(bearing - arctan2(dy, dx) + work[2 * BLOCK + m])
         c, s = dx / r, dy / r
         nx, ny = c * nr - dy * nb, s * nr + dx * nb
         i, j, o = work[9 * BLOCK + m], work[10 * BLOCK + m], work[11 * BLOCK + m]

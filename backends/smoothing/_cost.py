@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from ...core.kernels._planar import information, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from .._models import wrap
 from ._factors import distance, loss, square_of
 from ._graph import (
     COVARIANCE,
@@ -32,7 +32,7 @@ from ._graph import (
     B,
     Graph,
 )  # fmt: skip
-from ._links import inverse, motion_offset
+from ._links import motion_offset
 
 
 @compiled
@@ -40,7 +40,7 @@ def motion_cost(p: Array, q: Array, motion: Array, k: int, covariance: int) -> f
     """The squared Mahalanobis distance of poses p and q from motion[k : k + 3], its covariance from `covariance` on."""
     e0, e1, e2, c, s = motion_offset(p[0], p[1], p[2], q[0], q[1], q[2], motion[k], motion[k + 1], motion[k + 2])
     W = np.empty(6)
-    if not inverse(motion, covariance, W, 0):
+    if not information(motion, covariance, W, 0):
         return np.inf
     return square_of(W, 0, c * e0 + s * e1, c * e1 - s * e0, e2)
 
@@ -50,7 +50,7 @@ def cost(g: Graph, path: Array, values: Array) -> float:
     """J of a path (T, 3) and of variables at `values` (V, 3)."""
     p = g.steps[0]
     W = np.empty(6)
-    if not inverse(p, NOISE, W, 0):
+    if not information(p, NOISE, W, 0):
         return np.inf
     total = square_of(W, 0, path[0, 0] - p[0], path[0, 1] - p[1], wrap(path[0, 2] - p[2]))
     for k in range(1, g.state[STEPS]):

@@ -12,6 +12,7 @@ each clique handing what is left on its separators to its parent. The offsets of
 
 import numpy as np
 
+from ...core.kernels._planar import add_turned, levered
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from ._cholesky import unsigned
@@ -44,7 +45,7 @@ from ._graph import (
     Graph,
     graph,
 )  # fmt: skip
-from ._links import add_turned, inner, moved_on
+from ._links import inner
 from ._log import covariance_of, six
 
 
@@ -205,7 +206,7 @@ def pose_covariances(g: Graph, order: Ints, widest: int, out: Array) -> bool:
     for k in range(last + 1, g.state[STEPS]):  # after the last variable: propagated by the motions
         p, q = g.steps[k - 1], g.steps[k]
         six(out[k - 1], 0, S, 0)
-        moved_on(S, p[10] - q[10], q[9] - p[9])
+        levered(S, p[10] - q[10], q[9] - p[9])
         add_turned(S, np.cos(p[11]), np.sin(p[11]), q, 3)
         covariance_of(S, 0, out[k])
     return True

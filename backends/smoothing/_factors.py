@@ -11,9 +11,9 @@ right-hand side in its last column.
 
 from math import atan2, log, sqrt
 
+from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from .._models import wrap
 from ._graph import INFORMATION, LANDMARK, LOSS, OFFSET, POSE, SCALE, A, B, Graph
 
 NONE, HUBER, CAUCHY, GEMAN_MCCLURE = range(4)

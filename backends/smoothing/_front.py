@@ -6,9 +6,9 @@ rows. The part of the root from cliques that do not contain the pose is stored s
 
 import numpy as np
 
+from ...core.kernels._planar import information, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from .._models import wrap
 from ._cholesky import factor, unsigned
 from ._factors import add_link, add_pose, add_sighting
 from ._graph import (
@@ -42,7 +42,7 @@ from ._graph import (
     B,
     Graph,
 )  # fmt: skip
-from ._links import inverse, motion_offset
+from ._links import motion_offset
 
 
 @compiled
@@ -107,7 +107,7 @@ def add_prior(g: Graph, F: Array, w: int) -> None:
     p = g.steps[0]
     e = motion_offset(0.0, 0.0, 0.0, p[9], p[10], p[11], p[0], p[1], p[2])
     W = np.empty(6)
-    if inverse(p, 3, W, 0):
+    if information(p, 3, W, 0):
         add_pose(W, 0, e[0], e[1], e[2], F, w, g.variables[0, PLACE])
     else:
         g.state[FAILED] = 1

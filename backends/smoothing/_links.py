@@ -9,13 +9,13 @@ noise's covariance is propagated forwards, as in dead reckoning, which loses no 
 form every step would leave the difference of two nearly equal matrices.
 """
 
-from math import cos, sin, sqrt
+from math import cos, sin
 
 import numpy as np
 
+from ...core.kernels._planar import add_turned, information, levered, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from .._models import wrap
 from ._factors import square_of, weight
 from ._graph import (
     COVARIANCE,
@@ -37,57 +37,6 @@ from ._graph import (
 
 
 @compiled
-def moved_on(S: Array, gx: float, gy: float) -> None:
-    """S = G S G' for a covariance S (6,): xx, xy, xt, yy, yt, tt."""
-    xt, yt, tt = S[2], S[4], S[5]
-    S[0] += 2 * gx * xt + gx * gx * tt
-    S[1] += gx * yt + gy * xt + gx * gy * tt
-    S[3] += 2 * gy * yt + gy * gy * tt
-    S[2] = xt + gx * tt
-    S[4] = yt + gy * tt
-
-
-@compiled
-def add_turned(S: Array, c: float, s: float, Q: Array, k: int) -> None:
-    """S += R Q R' for Q[k : k + 6], R the rotation of cosine `c` and sine `s`."""
-    xx, xy, xt, yy, yt, tt = Q[k], Q[k + 1], Q[k + 2], Q[k + 3], Q[k + 4], Q[k + 5]
-    S[0] += c * c * xx - 2 * c * s * xy + s * s * yy
-    S[1] += c * s * (xx - yy) + (c * c - s * s) * xy
-    S[2] += c * xt - s * yt
-    S[3] += s * s * xx + 2 * c * s * xy + c * c * yy
-    S[4] += s * xt + c * yt
-    S[5] += tt
-
-
-@compiled
-def inverse(S: Array, i: int, W: Array, k: int) -> bool:
-    """W[k : k + 6] = S^-1 for a covariance S[i : i + 6], by its Cholesky factor; False where it is indefinite."""
-    if not S[i] > 0.0:
-        return False
-    a = 1.0 / sqrt(S[i])
-    l10, l20 = S[i + 1] * a, S[i + 2] * a
-    d = S[i + 3] - l10 * l10
-    if not d > 0.0:
-        return False
-    b = 1.0 / sqrt(d)
-    l21 = (S[i + 4] - l20 * l10) * b
-    d = S[i + 5] - l20 * l20 - l21 * l21
-    if not d > 0.0:
-        return False
-    c = 1.0 / sqrt(d)
-    i10 = -l10 * a * b
-    i21 = -l21 * b * c
-    i20 = -(l20 * a + l21 * i10) * c
-    W[k] = a * a + i10 * i10 + i20 * i20
-    W[k + 1] = i10 * b + i20 * i21
-    W[k + 2] = i20 * c
-    W[k + 3] = b * b + i21 * i21
-    W[k + 4] = i21 * c
-    W[k + 5] = c * c
-    return True
-
-
-@compiled
 def motion_offset(
     x: float, y: float, heading: float, x2: float, y2: float, heading2: float, dx: float, dy: float, turn: float
 ) -> tuple[float, float, float, float, float]:
@@ -106,7 +55,7 @@ def carry(g: Graph, k: int, off: Array, S: Array) -> None:
     off[0] += gx * off[2] + e0
     off[1] += gy * off[2] + e1
     off[2] += e2
-    moved_on(S, gx, gy)
+    levered(S, gx, gy)
     add_turned(S, c, s, q, NOISE)
 
 
@@ -129,7 +78,7 @@ def relink(g: Graph, k: int) -> bool:
         for j in range(first + 1, last + 1):
             carry(g, j, off, S)
         L[OFFSET], L[OFFSET + 1], L[OFFSET + 2] = off[0], off[1], off[2]
-    definite = inverse(S, 0, L, INFORMATION)
+    definite = information(S, 0, L, INFORMATION)
     if definite and g.links[k, LOOP]:
         weigh(L, g.settings[LOSS], g.settings[SCALE])
     return definite
@@ -149,7 +98,7 @@ def gain(S: Array, N: Array, K: Array) -> bool:
     T, W = np.empty(6), np.empty(6)
     for i in range(6):
         T[i] = S[i] + N[i]
-    if not inverse(T, 0, W, 0):
+    if not information(T, 0, W, 0):
         return False
     for i in range(3):
         s0, s1, s2 = S[i], S[i + 1 if i == 0 else (3 if i == 1 else 4)], S[2 if i == 0 else (4 if i == 1 else 5)]
@@ -186,7 +135,7 @@ def inner(g: Graph, first: int, last: int, out: Array) -> bool:
         e0, e1, e2, c, s = motion_offset(x, y, p[POINT + 2], x2, y2, q[POINT + 2], q[DELTA], q[DELTA + 1], q[DELTA + 2])
         add_turned(N, c, s, q, NOISE)
         gx, gy = y2 - y, x - x2  # back along the motion
-        moved_on(N, gx, gy)
+        levered(N, gx, gy)
         for j, e in ((0, e0), (1, e1), (2, e2)):
             back[j] -= e
         back[0] += gx * back[2]

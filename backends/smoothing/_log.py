@@ -4,9 +4,9 @@ from math import cos, sin
 
 import numpy as np
 
+from ...core.kernels._planar import add_turned, levered, moved
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import moved
 from ._graph import (
     CLIQUE,
     COVARIANCE,
@@ -38,7 +38,7 @@ from ._graph import (
     B,
     Graph,
 )  # fmt: skip
-from ._links import add_turned, moved_on, relink
+from ._links import relink
 
 
 @compiled
@@ -75,7 +75,7 @@ def move(g: Graph, motion: Array, pose: Array, cov: Array) -> None:
         pose[0], pose[1], pose[2] = moved(x, y, pose[2], motion[0, 0], motion[0, 1], motion[0, 2])
         S = np.empty(6)
         six(cov, 0, S, 0)
-        moved_on(S, y - pose[1], pose[0] - x)
+        levered(S, y - pose[1], pose[0] - x)
         add_turned(S, c, s, q, NOISE)
         covariance_of(S, 0, cov)
     for i in range(3):

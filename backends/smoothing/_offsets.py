@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import wrap
 from ._front import solve_rows
 from ._graph import (
     CHILD,

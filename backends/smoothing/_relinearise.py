@@ -9,9 +9,9 @@ two, is eliminated once more.
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import wrap
 from ._graph import (
     BOUND,
     CHILD,

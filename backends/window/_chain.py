@@ -15,11 +15,13 @@ from math import sqrt
 
 import numpy as np
 
+from ...core.kernels._planar import add_turned, information
+from ...core.kernels._small import factored
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
 from ..smoothing._cholesky import unsigned
 from ..smoothing._factors import add_seen
-from ..smoothing._links import add_turned, inverse, motion_offset
+from ..smoothing._links import motion_offset
 from ._window import (
     AT,
     BEFORE,
@@ -128,7 +130,7 @@ def turned(w: Window, i: int, o: int, c: int) -> tuple[bool, float, float, float
     gx, gy = p[1] - q[1], q[0] - p[0]
     noise, W = np.zeros(6), np.empty(6)
     add_turned(noise, co, si, q, NOISE)
-    if not inverse(noise, 0, W, 0):
+    if not information(noise, 0, W, 0):
         return False, e0, e1, e2, gx, gy
     a, b, t, d, e, f = F[0], F[1], F[2], F[r + 1], F[r + 2], F[2 * r + 2]
     f += gx * (gx * a - 2 * t) + gy * (gy * d - 2 * e) + 2 * gx * gy * b
@@ -160,11 +162,10 @@ def eliminate(w: Window, i: int) -> int:
     if not known:
         return INDEFINITE
     F, R, r, o1, o2 = w.front, w.reals, row(w), o + c, o + 2 * c
-    r00 = sqrt(R[o] + R[o + 3])
-    r01, r02 = (R[o + 1] + R[o + 4]) / r00, (R[o + 2] + R[o + 5]) / r00
-    r11 = sqrt(R[o1 + 1] + R[o1 + 4] - r01 * r01)
-    r12 = (R[o1 + 2] + R[o1 + 5] - r01 * r02) / r11
-    r22 = sqrt(R[o2 + 2] + R[o2 + 5] - r02 * r02 - r12 * r12)
+    r00, r01, r11, r02, r12, r22 = factored(
+        R[o] + R[o + 3], R[o + 1] + R[o + 4], R[o1 + 1] + R[o1 + 4],
+        R[o + 2] + R[o + 5], R[o1 + 2] + R[o1 + 5], R[o2 + 2] + R[o2 + 5],
+    )  # fmt: skip
     if not (r00 > 0.0 and r11 > 0.0 and r22 > 0.0):
         return INDEFINITE
     i0, i1, i2 = 1.0 / r00, 1.0 / r11, 1.0 / r22

@@ -6,9 +6,9 @@ that variable's stage on. The variable is then Y' d, and its covariance Y' Y.
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from .._models import wrap
 from ..smoothing._cholesky import factor, unsigned
 from ..smoothing._front import last_three, solve_rows
 from ._chain import DONE, INDEFINITE

@@ -6,9 +6,9 @@ them that was eliminated; their covariance is Y' Y, and their offsets Y' d (see 
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import wrap
 from ._window import BEGIN, MANY, NAME, OWN, POSE, POSES, RETIRED, SLOT, SLOTS, STAGES, Window
 
 

@@ -7,9 +7,9 @@ relinearised: two linearisations of one variable add information that no sightin
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from .._models import wrap
 from ._chain import DONE, chain, copy
 from ._estimates import offsets
 from ._window import (

@@ -1,8 +1,8 @@
 """A window's step in one call."""
 
+from ...core.kernels._planar import moved
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._models import moved
 from ..smoothing._log import six
 from ._chain import DONE, RETURNS, eliminate, sight
 from ._estimates import factor_front, last_pose, look_at_pose

@@ -9,7 +9,7 @@ from ...core import se2
 from ...core.factors import Log
 from ..words.numerals import counted
 from .answers import check_array, check_map
-from .candidate import Candidate, Failed, NotApplicable, first
+from .candidate import Candidate, Failed, NotApplicable, Trial, first
 from .small_logs import NO_SIGHTINGS, a_round, around, drive, with_loops
 
 BLIND = "makes no use of sightings"
@@ -52,16 +52,27 @@ def answers_have_their_types(candidate: Candidate) -> str:
             raise Failed(f"step {k} returned {pose}, but belief() then says {belief.pose}: expected the same pose")
     check_map(trial.map, "map()")
     if trial.solution is None:
-        return f"{', '.join(trial.paths)} path; finish returned None"
-    if not isinstance(trial.solution, Solution):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise Failed(f"finish() returned a {type(trial.solution).__name__}, expected a Solution or None")
-    check_array(trial.solution.path, (len(log), 3), np.float64, "the solution's path")
-    check_map(trial.solution.map, "the solution's map")
-    if "online" in trial.paths and set(trial.solution.map.ids.tolist()) != set(trial.map.ids.tolist()):
+        finished = "None"
+    else:
+        finished = f"a Solution of {len(log)} poses"
+        _check_solution(trial, len(log))
+    online, declared = "online" in trial.paths, candidate.builder.online
+    if online != declared:
+        raise Failed(f"step returned {'poses' if online else 'None'}, but the Builder says online={declared}")
+    return f"{', '.join(trial.paths)} path; finish returned {finished}"
+
+
+def _check_solution(trial: Trial, steps: int) -> None:
+    """Checks the types of a solution, and that it has the map's landmarks."""
+    solution = trial.solution
+    if not isinstance(solution, Solution):
+        raise Failed(f"finish() returned a {type(solution).__name__}, expected a Solution or None")
+    check_array(solution.path, (steps, 3), np.float64, "the solution's path")
+    check_map(solution.map, "the solution's map")
+    if "online" in trial.paths and set(solution.map.ids.tolist()) != set(trial.map.ids.tolist()):
         raise Failed("the solution's map and map() hold different landmarks, expected the same")
-    if trial.solution.cov is not None:
-        check_array(trial.solution.cov, (len(log), 3, 3), np.float64, "the solution's covariances")
-    return f"{', '.join(trial.paths)} path; finish returned a Solution of {len(log)} poses"
+    if solution.cov is not None:
+        check_array(solution.cov, (steps, 3, 3), np.float64, "the solution's covariances")
 
 
 def headings_are_wrapped(candidate: Candidate) -> str:

@@ -20,9 +20,9 @@ with contextlib.suppress(ImportError):  # a worker that needs one of these and c
     cv2.setNumThreads(1)
 
 with contextlib.suppress(ImportError):
-    from ...backends import _models
+    from ...core.kernels import _planar
 
-    _models.wrap(0.0)
+    _planar.wrap(0.0)
 
 for name in registry.BUILTIN:
     with contextlib.suppress(InputError):

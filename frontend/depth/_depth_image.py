@@ -5,6 +5,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.kernels._small import inverse
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 
@@ -208,22 +209,6 @@ def floor_plane(
         for i in range(3):
             plane[i] = cov[i, 0] * g[0] + cov[i, 1] * g[1] + cov[i, 2] * g[2]
     return inside
-
-
-@compiled
-def inverse(S: Array, W: Array) -> bool:
-    """Writes the inverse of a symmetric (3, 3); False where it has none."""
-    a, b, c, d, e, f = S[0, 0], S[0, 1], S[0, 2], S[1, 1], S[1, 2], S[2, 2]
-    W[0, 0], W[0, 1], W[0, 2] = d * f - e * e, c * e - b * f, b * e - c * d
-    W[1, 1], W[1, 2], W[2, 2] = a * f - c * c, b * c - a * e, a * d - b * b
-    det = a * W[0, 0] + b * W[0, 1] + c * W[0, 2]
-    if not det > 0.0:
-        return False
-    for i in range(3):
-        for j in range(i, 3):
-            W[i, j] /= det
-            W[j, i] = W[i, j]
-    return True
 
 
 @compiled

@@ -4,11 +4,12 @@ A motion takes points q of the second frame to those of the first: p = R q + t. 
 the left, p = exp(turn) (R q + t) + shift, in the order shift (m), turn (rad).
 """
 
-from math import cos, sin, sqrt
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.kernels._small import cholesky, cross, inverse, rodrigues, solve
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 
@@ -35,23 +36,14 @@ def axes_of(points: Array, rows: Ints, axes: Array) -> bool:
         return False
     for i in range(3):
         axes[0, i] /= sqrt(length)
-    cross(axes, 0, 1, 2)
+    cross(axes[0], axes[1], axes[2])
     length = axes[2, 0] ** 2 + axes[2, 1] ** 2 + axes[2, 2] ** 2
     if length < FLAT:
         return False
     for i in range(3):
         axes[2, i] /= sqrt(length)
-    cross(axes, 2, 0, 1)
+    cross(axes[2], axes[0], axes[1])
     return True
-
-
-@compiled
-def cross(axes: Array, a: int, b: int, out: int) -> None:
-    """Writes the cross product of rows `a` and `b` into row `out` of (3, 3)."""
-    x = axes[a, 1] * axes[b, 2] - axes[a, 2] * axes[b, 1]
-    y = axes[a, 2] * axes[b, 0] - axes[a, 0] * axes[b, 2]
-    z = axes[a, 0] * axes[b, 1] - axes[a, 1] * axes[b, 0]
-    axes[out, 0], axes[out, 1], axes[out, 2] = x, y, z
 
 
 @compiled
@@ -125,19 +117,6 @@ def cov_of(x: Array, sd: Array, out: Array) -> None:
 
 
 @compiled
-def inverted(S: Array, W: Array) -> None:
-    """Writes the inverse of a symmetric (3, 3)."""
-    a, b, c, d, e, f = S[0, 0], S[0, 1], S[0, 2], S[1, 1], S[1, 2], S[2, 2]
-    W[0, 0], W[0, 1], W[0, 2] = d * f - e * e, c * e - b * f, b * e - c * d
-    W[1, 1], W[1, 2], W[2, 2] = a * f - c * c, b * c - a * e, a * d - b * b
-    det = a * W[0, 0] + b * W[0, 1] + c * W[0, 2]
-    for i in range(3):
-        for j in range(i, 3):
-            W[i, j] /= det
-            W[j, i] = W[i, j]
-
-
-@compiled
 def normal_equations(
     p: Array,
     p_sd: Array,
@@ -174,7 +153,9 @@ def normal_equations(
                     for n in range(3):
                         turned += R[i, m] * Cq[m, n] * R[j, n]
                 S[i, j] = Cp[i, j] + turned
-        inverted(S, W)
+        inside[k] = inverse(S, W)
+        if not inside[k]:
+            continue
         squared = 0.0
         for i in range(3):
             for j in range(3):
@@ -196,62 +177,19 @@ def normal_equations(
 
 
 @compiled
-def factored(A: Array, L: Array) -> bool:
-    """Writes the lower triangular L (6, 6) with L L' = A; False where A is singular up to rounding."""
-    for j in range(6):
-        for i in range(j, 6):
-            rest = A[i, j]
-            for k in range(j):
-                rest -= L[i, k] * L[j, k]
-            if i == j:
-                if not rest > 1e-10 * A[j, j]:
-                    return False
-                L[i, j] = sqrt(rest)
-            else:
-                L[i, j] = rest / L[j, j]
-    return True
-
-
-@compiled
-def solved(L: Array, g: Array, x: Array) -> None:
-    """Writes the solution x (6,) of L L' x = g."""
-    for i in range(6):
-        total = g[i]
-        for k in range(i):
-            total -= L[i, k] * x[k]
-        x[i] = total / L[i, i]
-    for i in range(5, -1, -1):
-        total = x[i]
-        for k in range(i + 1, 6):
-            total -= L[k, i] * x[k]
-        x[i] = total / L[i, i]
-
-
-@compiled
 def turn_by(x: Array, R: Array, t: Array) -> None:
     """Moves a motion by the twist x (6,), shift and turn: the exponential of SE(3) from the left.
 
     A large turn about a far line of features takes the camera along an arc: turned and then shifted, it would leave it
     by half the distance times the turn squared.
     """
-    a = sqrt(x[3] ** 2 + x[4] ** 2 + x[5] ** 2)
-    one = 1.0 - a * a / 6.0 if a < 1e-4 else sin(a) / a
-    two = 0.5 - a * a / 24.0 if a < 1e-4 else (1.0 - cos(a)) / (a * a)
-    three = 1.0 / 6.0 - a * a / 120.0 if a < 1e-2 else (a - sin(a)) / (a * a * a)
-    along = (x[3] * x[0] + x[4] * x[1] + x[5] * x[2]) * three
     E, old = np.empty((3, 3)), np.empty((3, 4))
+    one, two, three = rodrigues(x[3:], E)
+    along = (x[3] * x[0] + x[4] * x[1] + x[5] * x[2]) * three
     for i in range(3):
         old[i, 3] = t[i]
         for j in range(3):
             old[i, j] = R[i, j]
-            E[i, j] = two * x[3 + i] * x[3 + j]
-        E[i, i] += 1.0 - two * a * a
-    E[0, 1] -= one * x[5]
-    E[0, 2] += one * x[4]
-    E[1, 0] += one * x[5]
-    E[1, 2] -= one * x[3]
-    E[2, 0] -= one * x[4]
-    E[2, 1] += one * x[3]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         shift = one * x[i] + along * x[3 + i] + two * (x[3 + j] * x[k] - x[3 + k] * x[j])
@@ -284,9 +222,9 @@ def refined(
         count = 0
         for k in range(len(p)):
             count += inside[k]
-        if count < least or not factored(A, L):
+        if count < least or not cholesky(A, L, 6, 1e-10, 0.0):
             return -1.0
-        solved(L, g, x)
+        solve(L, g, x, 6)
         turn_by(x, R, t)
         furthest = 0.0
         for i in range(6):
@@ -296,7 +234,7 @@ def refined(
     for j in range(6):
         for i in range(6):
             g[i] = 1.0 if i == j else 0.0
-        solved(L, g, x)
+        solve(L, g, x, 6)
         for i in range(6):
             cov[i, j] = x[i]
     return total

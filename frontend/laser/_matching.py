@@ -1,9 +1,11 @@
 """Inner loop of scan matching: points to the lines through the cells of a submap, by Gauss-Newton."""
 
-from math import atan2, cos, floor, pi, sin, sqrt
+from math import atan2, cos, floor, sin, sqrt
 
 import numpy as np
 
+from ...core.kernels._planar import wrap
+from ...core.kernels._small import cholesky, solve
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
 from ..maps._grid import DX, DY, HIT, Cells, is_wall
@@ -74,17 +76,18 @@ def match(
         explained = normal_equations(
             cells, origin, size, share, points, pose, sd, within, furthest**2, turn > EARLY, H, g
         )
-        turned = pose[2] - prior[2]
-        off = (pose[0] - prior[0], pose[1] - prior[1], turned - 2 * pi * floor((turned + pi) / (2 * pi)))
+        off = (pose[0] - prior[0], pose[1] - prior[1], wrap(pose[2] - prior[2]))
         for i in range(3):
             for j in range(3):
                 A[i, j] = H[i, j] + prior_information[i, j]
                 g[i] += prior_information[i, j] * off[j]
             A[i, i] += 1e-6
-        solved(A, g, step)
+        if not cholesky(A, A, 3, 0.0, 0.0):
+            break
+        solve(A, g, step, 3)
         for i in range(3):
             pose[i] -= step[i]
-        pose[2] -= 2 * pi * floor((pose[2] + pi) / (2 * pi))
+        pose[2] = wrap(pose[2])
         if turn > MIDDLE and abs(step[0]) + abs(step[1]) + abs(step[2]) < 1e-4:
             break
     return pose, H, explained / max(len(points), 1)
@@ -202,18 +205,3 @@ def line(cells: Cells, size: float, share: float, i: int, j: int) -> tuple[float
     root = sqrt(off * off + xy * xy)
     angle = 0.5 * atan2(2 * xy, xx - yy)
     return size * i + mx, size * j + my, -sin(angle), cos(angle), half + root, max(half - root, 0.0)
-
-
-@compiled
-def solved(A: Array, b: Array, x: Array) -> None:
-    """Solves A x = b for a positive definite A (3, 3), by its Cholesky factor."""
-    l00 = sqrt(A[0, 0])
-    l10, l20 = A[1, 0] / l00, A[2, 0] / l00
-    l11 = sqrt(A[1, 1] - l10 * l10)
-    l21 = (A[2, 1] - l20 * l10) / l11
-    l22 = sqrt(A[2, 2] - l20 * l20 - l21 * l21)
-    y0 = b[0] / l00
-    y1 = (b[1] - l10 * y0) / l11
-    x[2] = (b[2] - l20 * y0 - l21 * y1) / l22 / l22
-    x[1] = (y1 - l21 * x[2]) / l11
-    x[0] = (y0 - l10 * x[1] - l20 * x[2]) / l00

@@ -5,11 +5,12 @@ points. Branch and bound (Hess et al., ICRA 2016, section V) looks at squares of
 the field's maximum over 2^h x 2^h cells, so that its score bounds those of all places in the square.
 """
 
-from math import ceil, cos, exp, floor, pi, sin, sqrt
+from math import ceil, cos, exp, floor, sin, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
 
@@ -162,8 +163,7 @@ def branch_and_bound(
                 n += 1
         for k in range(n):
             a = members[k]
-            turned = centre[2] + (a - turns) * turn_step - apart[2]
-            turned -= 2 * pi * floor((turned + pi) / (2 * pi))
+            turned = wrap(centre[2] + (a - turns) * turn_step - apart[2])
             barred[0], barred[1] = (apart[0] - centre[0]) / size, (apart[1] - centre[1]) / size
             barred[2] = (apart[3] / size) ** 2 if abs(turned) < apart[4] else 0.0
             value, more = best_in_square(pyramid, at_i[a], at_j[a], i, j, values[k], limit, half, barred, free)

@@ -9,7 +9,7 @@ from collections import Counter, deque
 
 import numpy as np
 
-from ...core.se2 import Array, between, compose, rotation
+from ...core.se2 import Array, between, compose, rotation, wrap
 from ...core.small_matrices import inverse
 from ._matching import match
 from ._search import correlated
@@ -304,5 +304,5 @@ def _wheels_cov(motion: Array, s: Settings) -> Array:
 def _distance(pose: Array, predicted: Array, information: Array) -> float:
     """Squared Mahalanobis distance of a pose from the prediction."""
     off = pose - predicted
-    off[2] = (off[2] + np.pi) % (2 * np.pi) - np.pi
+    off[2] = wrap(off[2])
     return float(off @ information @ off)

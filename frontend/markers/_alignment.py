@@ -8,13 +8,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.kernels._small import cholesky, dot, solve
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
 from ._edges import COLUMNS, EDGE, RESIDUAL, WEIGHT, edge_of, sum_edges
 from ._grey import BLACK, BLACKEST, INK, PARAMETERS, SHARED, STIFF, WHITE, A, C, curve_of, eye_of, predict
 from ._pixels import box_of, extremes, gather
 from ._share import RIM
-from ._step import dot, hold, moved, solve
+from ._step import hold, moved
 
 ENOUGH = 600
 """Most pixels near edges that are used, half of them in the first pass; of more, a sample is taken."""
@@ -44,6 +45,9 @@ GRAIN = 2.0
 
 LEAST_VARIANCE = 0.25
 """Of residuals, squared grey levels: a camera's numbers are rounded."""
+
+SINGULAR = 1e-12
+"""A pivot below that share of its diagonal entry is rounding: the pixels do not determine the parameter."""
 
 OUTLIER = 2.5
 """Standard deviations from which a residual counts linearly (Huber)."""
@@ -103,8 +107,9 @@ def align(
             hold(look, factor, step)
             for i in range(8 + A, 8 + C + 1):
                 factor[i, i] += max(variance, LEAST_VARIANCE) / TRUSTED**2
-            if not solve(factor, step, PARAMETERS):
+            if not cholesky(factor, factor, PARAMETERS, SINGULAR, 0.0):
                 return homography, normal, np.inf, look, by_edge
+            solve(factor, step, step, PARAMETERS)
             least = max(min(variance, residual * residual), LEAST_VARIANCE)
             if dot(step, gradient) < CHANCE * PARAMETERS * least or times == AGAIN:
                 break
@@ -155,8 +160,9 @@ def _settled(
             factor[i, i] += damping * normal[i, i] + 1e-9
         if active == PARAMETERS:
             hold(look, factor, step)
-        if not solve(factor, step, active):
+        if not cholesky(factor, factor, active, SINGULAR, 0.0):
             return homography, look, np.inf
+        solve(factor, step, step, active)
         gain = dot(step[:active], gradient[:active])
         trial_homography, trial_look, largest = moved(homography, look, step, active, m)
         if largest < tolerance or gain < LITTLE * loss:

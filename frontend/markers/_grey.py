@@ -24,6 +24,7 @@ import math
 
 import numpy as np
 
+from ...core.kernels._small import cross, dot
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
 from ._share import BY_INK, BY_SIGMA_U, BY_SIGMA_V, BY_U, BY_UV, BY_V, PAPER, RIM, VALUE, share
@@ -92,10 +93,13 @@ def eye_of(G: Array, m: int, other: Array) -> Array:
     P, Q, W = np.empty(3), np.empty(3), G[2]
     for k in range(3):
         P[k], Q[k] = G[0, k] / m - 0.5 * W[k], G[1, k] / m - 0.5 * W[k]
-    a, b, c = _cross(Q, W), _cross(W, P), _cross(P, Q)
-    far = _dot(c, c)
-    ac, bc = _dot(a, c) / far, _dot(b, c) / far
-    aa, bb, ab = _dot(a, a) / far - ac * ac, _dot(b, b) / far - bc * bc, _dot(a, b) / far - ac * bc
+    a, b, c = np.empty(3), np.empty(3), np.empty(3)
+    cross(Q, W, a)
+    cross(W, P, b)
+    cross(P, Q, c)
+    far = dot(c, c)
+    ac, bc = dot(a, c) / far, dot(b, c) / far
+    aa, bb, ab = dot(a, a) / far - ac * ac, dot(b, b) / far - bc * bc, dot(a, b) / far - ac * bc
     half, apart = 0.5 * (aa + bb), math.sqrt(0.25 * (aa - bb) ** 2 + ab * ab)
     widest, narrowest = half + apart, max(half - apart, 0.0)
     distance = 1.0 / math.sqrt(widest)
@@ -107,16 +111,6 @@ def eye_of(G: Array, m: int, other: Array) -> Array:
         eye[0], eye[1] = -eye[0], -eye[1]
     eye[2] = distance * math.sqrt(narrowest / widest)
     return eye
-
-
-@compiled
-def _cross(a: Array, b: Array) -> Array:
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-@compiled
-def _dot(a: Array, b: Array) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled

@@ -1,10 +1,10 @@
 """Inner loop of `square_pose`: Levenberg-Marquardt over a square's pose, compiled."""
 
-import math
 from typing import Any
 
 import numpy as np
 
+from ...core.kernels._small import dot, rodrigues
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
 
@@ -26,7 +26,8 @@ def explain(outline: Array, rays: Array, cov: Array, turns: Array, shifts: Array
     poses, spreads, squares = np.zeros((count, 4, 4)), np.zeros((count, 3, 3)), np.full(count, np.inf)
     weight: Any = np.linalg.inv(cov)
     for k in range(count):
-        start = _rotation(turns[k])
+        start = np.empty((3, 3))
+        rodrigues(turns[k], start)
         if not (np.isfinite(start).all() and np.isfinite(shifts[k]).all()):
             continue
         rotation, shift, information, chi2 = _settled(outline, rays, weight, start, shifts[k].copy())
@@ -67,9 +68,10 @@ def _settled(
     trial_misses = np.zeros(8)
     trial_jacobian = np.zeros((8, 6))
     information = np.zeros((6, 6))
+    turned = np.empty((3, 3))
     if not _misses(outline, rays, rotation, shift, misses, jacobian):
         return rotation, shift, information, np.inf
-    chi2 = _dot(misses, weight @ misses)
+    chi2 = dot(misses, weight @ misses)
     damping = 1e-6
     for _ in range(ROUNDS):
         information = jacobian.T @ (weight @ jacobian)
@@ -78,11 +80,12 @@ def _settled(
         for k in range(6):
             damped[k, k] += damping * information[k, k] + 1e-12
         step: Any = np.linalg.solve(damped, gradient)
-        trial_rotation = _rotation(step[:3]) @ rotation
+        rodrigues(step[:3], turned)
+        trial_rotation = turned @ rotation
         trial_shift = shift + step[3:]
         better = False
         if _misses(outline, rays, trial_rotation, trial_shift, trial_misses, trial_jacobian):
-            trial = _dot(trial_misses, weight @ trial_misses)
+            trial = dot(trial_misses, weight @ trial_misses)
             if trial <= chi2:
                 better = True
                 done = chi2 - trial <= 1e-9 * chi2 + 1e-9
@@ -138,18 +141,3 @@ def _copy(misses: Array, jacobian: Array, other_misses: Array, other_jacobian: A
         other_misses[i] = misses[i]
         for j in range(6):
             other_jacobian[i, j] = jacobian[i, j]
-
-
-@compiled
-def _rotation(turn: Array) -> Array:
-    """(3, 3) by Rodrigues' formula."""
-    angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
-    cross = np.array([[0.0, -turn[2], turn[1]], [turn[2], 0.0, -turn[0]], [-turn[1], turn[0], 0.0]])
-    if angle < 1e-12:
-        return np.eye(3) + cross
-    return np.eye(3) + math.sin(angle) / angle * cross + (1 - math.cos(angle)) / angle**2 * (cross @ cross)
-
-
-@compiled
-def _dot(a: Array, b: Array) -> float:
-    return (a * b).sum()

@@ -4,8 +4,6 @@ The first eight parameters change the homography: u grows by d0 + d1 p + d2 q + 
 p + d5 q + q (d6 p + d7 q), in the pattern's centred coordinates p and q.
 """
 
-import math
-
 import numpy as np
 
 from ...core.kernels.compiled import compiled
@@ -63,40 +61,3 @@ def hold(look: Array, normal: Array, gradient: Array) -> None:
             normal[i, :] = 0.0
             normal[:, i] = 0.0
             normal[i, i], gradient[i] = diagonal, 0.0
-
-
-@compiled
-def dot(a: Array, b: Array) -> float:
-    """The sum of products of two vectors."""
-    total = 0.0
-    for i in range(len(a)):
-        total += a[i] * b[i]
-    return total
-
-
-@compiled
-def solve(normal: Array, gradient: Array, n: int) -> bool:
-    """Solves the first n rows by Cholesky, in place: `normal` becomes its factor, `gradient` the solution.
-
-    Returns False where `normal` is not positive definite.
-    """
-    for i in range(n):
-        for j in range(i + 1):
-            rest = normal[i, j]
-            for k in range(j):
-                rest -= normal[i, k] * normal[j, k]
-            if i > j:
-                normal[i, j] = rest / normal[j, j]
-            elif rest > 1e-12 * normal[i, i]:
-                normal[i, i] = math.sqrt(rest)
-            else:
-                return False
-    for i in range(n):
-        for k in range(i):
-            gradient[i] -= normal[i, k] * gradient[k]
-        gradient[i] /= normal[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            gradient[i] -= normal[k, i] * gradient[k]
-        gradient[i] /= normal[i, i]
-    return True

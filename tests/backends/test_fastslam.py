@@ -17,7 +17,7 @@ from slamduel.backends.particles._proposal import propose
 from slamduel.backends.particles.particle_maps import RESERVED, ParticleMaps
 from slamduel.backends.particles.particle_paths import ParticlePaths
 from slamduel.bench.speed.textbook_fastslam import TextbookFastSlam
-from slamduel.core.se2 import Array, Ints, compose, wrap
+from slamduel.core.se2 import Array, Ints, compose
 
 make = partial(driven.make, "fastslam")
 
@@ -71,10 +71,6 @@ def test_the_polynomials_are_the_functions() -> None:
         assert _particles.arctan2(*at) == pytest.approx(np.arctan2(*at), abs=1e-15)
     found = np.array([_particles.cosine_sine(angle) for angle in angles])
     assert found == pytest.approx(np.column_stack((np.cos(angles), np.sin(angles))), abs=1e-15)
-    wrapped = np.array([_particles.wrap(angle) for angle in angles])
-    assert wrapped == pytest.approx(wrap(angles), abs=1e-14)
-    assert ((-np.pi < wrapped) & (wrapped <= np.pi)).all()
-    assert _particles.wrap(-np.pi) == np.pi
 
 
 def test_one_landmark_from_a_known_path_is_a_kalman_filter() -> None:

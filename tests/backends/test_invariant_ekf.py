@@ -10,6 +10,7 @@ from driven import asking_changes_nothing
 from random_logs import random_log
 from slamduel.backends.api import Diverged
 from slamduel.backends.gaussian import _invariant, _triangle
+from slamduel.backends.gaussian._group_arrays import GroupArrays
 from slamduel.backends.gaussian.invariant_ekf import InvariantEkf, Options
 from slamduel.bench.speed.textbook_ekf import TextbookEkf
 from slamduel.core.factors import Log, Map, Prior, RangeBearing
@@ -155,9 +156,13 @@ def test_what_is_owed_is_added(n: int, sighted: int, turned: int) -> None:
     _triangle.store(flat, symmetric)
     rows, found = np.empty((2, n)), np.empty((n, n))
     at = n // 4 * 2
-    _invariant.gather(flat, n, at, owed, owing, rows)
+    belief = GroupArrays(
+        pose=np.zeros(3), mean=np.zeros(n), strip=np.zeros((3, n + 3)), flat=flat, owed=owed, owing=owing,
+        known=np.zeros((0, 2)), origin=np.zeros(2), blas=np.array([routine("dgemm"), routine("dsyrk")]),
+    )  # fmt: skip
+    _invariant.gather(belief, n, at, rows)
     assert rows == pytest.approx(expected[at : at + 2], abs=1e-12)
-    _invariant.fold(flat, n, owed, owing, routine("dgemm"), routine("dsyrk"))
+    _invariant.fold(belief, n)
     _triangle.whole(flat, n, found)
     assert found == pytest.approx(expected, abs=1e-12)
     assert not owing.any()

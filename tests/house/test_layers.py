@@ -37,6 +37,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "kernels": {TOP},
     },
     "frontend": {
+        TOP: set(),
         "wheels": {TOP},
         "camera": {TOP},
         "markers": {TOP, "wheels", "camera"},

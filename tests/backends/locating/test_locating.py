@@ -14,6 +14,7 @@ from slamduel.backends.locating.locating import Locating, begin
 from slamduel.backends.registry import find
 from slamduel.bench.measure.drive import Outcome, drive
 from slamduel.bench.measure.score import score
+from slamduel.core.errors import SlamduelError
 from slamduel.core.factors import Log, Map, Truth
 from slamduel.core.se2 import Array, compose
 
@@ -115,6 +116,12 @@ def test_a_batch_method_is_asked_for_no_pose_on_the_way() -> None:
     assert found.located.any()
     assert found.solution is not None
     assert np.hypot(*(found.solution.path - truth.poses[:60])[:, :2].T).max() < 0.5
+
+
+def test_a_batch_method_that_does_not_say_so_is_told_of() -> None:
+    log, _ = lost()
+    with pytest.raises(SlamduelError, match="a batch method is one with online=False"):
+        drive(replace(find("graph"), online=True), find("graph").options(), log.head(60), np.random.default_rng)
 
 
 def test_sightings_used_to_find_the_start_do_not_make_it_too_sure() -> None:

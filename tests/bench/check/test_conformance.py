@@ -1,7 +1,7 @@
 """The suite behind `bench check`: a sound backend passes, and each fault is caught by the check that is meant to."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -57,6 +57,13 @@ def test_a_maker_without_help_is_caught() -> None:
     assert "summary" in outcome(build(Sound, options=Undescribed), "options-are-described").found
     assert "frozen dataclass" in outcome(build(Sound, options=dict), "options-are-described").found
     assert "docstring" in outcome(build(Undocumented), "options-are-described").found
+
+
+def test_whether_it_works_online_is_said_by_its_builder() -> None:
+    assert "the Builder says online=False" in outcome(build(Sound, online=False), "answers-have-their-types").found
+    batch, name = registry.find("graph"), "answers-have-their-types"
+    assert outcome(batch, name).status == "passed"
+    assert "returned None, but the Builder says online=True" in outcome(replace(batch, online=True), name).found
 
 
 def test_a_smoother_that_loses_a_landmark_is_caught() -> None:

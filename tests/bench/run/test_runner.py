@@ -294,7 +294,7 @@ def test_a_worker_starts_with_all_backends_imported_and_numba_at_work() -> None:
     asked = [
         f"'slamduel.backends.{name}' in {modules}" for name in ("gaussian.ekf", "particles.fastslam", "graphs.graph")
     ]
-    called = f"len({modules}['slamduel.backends._models'].wrap.signatures)"
+    called = f"len({modules}['slamduel.core.kernels._planar'].wrap.signatures)"
     assert [ended.value for ended in execute(eval, [*asked, called], workers=1)] == [True, True, True, 1]
 
 

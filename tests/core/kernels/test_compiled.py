@@ -12,7 +12,7 @@ import pytest
 
 import slamduel.core.kernels.compiled as module
 from places import LAYERS, ROOT
-from slamduel.backends import _models
+from slamduel.core.kernels import _planar
 
 FILES = {
     "floor/room/_outer.py": "from ..compiled import compiled\nfrom .._middle import middle\n",
@@ -90,11 +90,11 @@ def test_every_loop_that_a_loop_calls_counts_for_its_stamp() -> None:
 
 
 def test_what_is_called_for_the_first_time_is_counted() -> None:
-    _models.wrap(1.0)
+    _planar.wrap(1.0)
     before = module.ready()
-    _models.wrap(2.0)
+    _planar.wrap(2.0)
     assert module.ready() == before
-    assert _models.wrap(np.float32(1.0)) == 1.0  # pyright: ignore[reportArgumentType] - another type, other code
+    assert _planar.wrap(np.float32(1.0)) == 1.0  # pyright: ignore[reportArgumentType] - another type, other code
     assert module.ready() == before + 1
 
 

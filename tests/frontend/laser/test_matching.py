@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from slamduel.core.se2 import Array, act, between, compose, inverse
-from slamduel.frontend.laser._matching import line, match, nearest, normal_equations, solved
+from slamduel.frontend.laser._matching import line, match, nearest, normal_equations
 from slamduel.frontend.maps._grid import HIT, Cells, insert, one_a_cell, seen_through, thinned, walls, walls_within
 
 CELL, SHARE, SD = 0.05, 0.25, 0.03
@@ -124,14 +124,6 @@ def test_the_nearest_wall_is_the_nearest_of_all() -> None:
             continue
         squared = ((means - (x, y)) ** 2).sum(axis=1)
         assert abs(d2 - squared[near].min()) < 1e-12
-
-
-def test_three_equations() -> None:
-    rng = np.random.default_rng(4)
-    root, b, x = rng.standard_normal((3, 3)), rng.standard_normal(3), np.empty(3)
-    A = root @ root.T + np.eye(3)
-    solved(A, b, x)
-    assert np.abs(A @ x - b).max() < 1e-12
 
 
 def test_a_cell_knows_the_mean_of_its_hits_and_what_passed_through() -> None:

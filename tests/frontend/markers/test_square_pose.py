@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from slamduel.core.se2 import Array
 from slamduel.frontend.markers._square_pose import (
     _misses,  # pyright: ignore[reportPrivateUsage]
-    _rotation,  # pyright: ignore[reportPrivateUsage]
 )
 from slamduel.frontend.markers.square_pose import (
     SquarePose,
@@ -118,17 +117,17 @@ def test_the_jacobian() -> None:
             for way in (-h, h):
                 step, end = np.zeros(6), np.zeros(8)
                 step[k] = way
-                _misses(outline, rays, _rotation(step[:3]) @ pose[:3, :3], pose[:3, 3] + step[3:], end, unused)
+                _misses(
+                    outline,
+                    rays,
+                    Rotation.from_rotvec(step[:3]).as_matrix() @ pose[:3, :3],
+                    pose[:3, 3] + step[3:],
+                    end,
+                    unused,
+                )
                 ends.append(end)
             numeric[:, k] = (ends[0] - ends[1]) / (2 * h)  # misses are seen less expected
         np.testing.assert_allclose(jacobian, numeric, atol=1e-8)
-
-
-def test_small_turns_are_rotations() -> None:
-    rng = np.random.default_rng(4)
-    for size in (0.0, 1e-14, 1e-7, 1e-3, 1.0, 3.0):
-        turn = size * rng.normal(size=3)
-        np.testing.assert_allclose(_rotation(turn), Rotation.from_rotvec(turn).as_matrix(), atol=1e-14)
 
 
 def test_a_point_behind_the_camera_has_no_misses() -> None:
