@@ -24,7 +24,8 @@ def efficiency(loss: str, dimensions: int) -> float:
     An M-estimate with influence w(r) x has the variance E[w² r²] / d over the square of its mean slope, which is
     E[w r²] / d by Stein's identity.
     """
-    scale, density = LOSSES[loss], chi(dimensions).pdf
+    scale = LOSSES[loss]
+    density: Callable[[float], float] = chi(dimensions).pdf  # pyright: ignore[reportAttributeAccessIssue]
 
     def mean(value: Callable[[float], float]) -> float:
         parts = [quad(lambda r: value(r) * density(r), *ends)[0] for ends in ((0.0, scale), (scale, 40.0))]

@@ -13,7 +13,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache, partial
 from pathlib import Path
@@ -95,7 +95,7 @@ def with_setting(settings: type, name: str, value: float, **options: Any) -> Any
 
 
 @contextlib.contextmanager
-def changed(module: ModuleType, name: str, value: Any) -> Iterator[None]:
+def changed(module: ModuleType, name: str, value: Any) -> Generator[None]:
     """Gives a constant of a module another value; inner loops of the module are compiled again, with it."""
     before = getattr(module, name)
     setattr(module, name, value)
@@ -263,7 +263,7 @@ def settings_cases(settings: type, figures: Callable[[Any], Figures], instance: 
         yield name, value, pair, [tried(partial(figures, instance(settings, name, x))) for x in pair]
 
 
-def module_cases(modules: dict[ModuleType, Sequence[str]], measure: Callable[[], Figures]) -> Iterator[Case]:
+def module_cases(modules: Mapping[ModuleType, Sequence[str]], measure: Callable[[], Figures]) -> Iterator[Case]:
     """Each number of these modules."""
     for module, names in modules.items():
         for name, value in numbers(module, names).items():
