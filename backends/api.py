@@ -71,6 +71,7 @@ class Solution(NamedTuple):
     path: Array  # (n, 3) one pose per step
     map: Map
     cov: Array | None = None  # (n, 3, 3) of each pose, in the world frame
+    converged: bool | None = None  # False: the optimisation ended before its criterion was met; None: not known
 
 
 @runtime_checkable

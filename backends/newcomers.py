@@ -10,7 +10,7 @@ from collections import deque
 
 import numpy as np
 
-from ..core.factors import Odometry
+from ..core.factors import Map, Odometry
 from ..core.se2 import Array, between, compose, rotation
 from .models import place
 
@@ -74,6 +74,14 @@ class Newcomers:
     def alone(self) -> dict[int, Sighting]:
         """The last sighting of every landmark that is still held back."""
         return {landmark: held[-1] for landmark, held in self._held.items()}
+
+    def added_to(self, landmarks: Map, path: Array) -> Map:
+        """The map with those still held back, without covariance, where their last sighting from `path` (n, 3) is."""
+        alone = {i: held for i, held in self.alone().items() if i not in landmarks.ids}
+        if not alone:
+            return landmarks
+        more = np.array([place(path[k], z)[0] for k, z, _ in alone.values()])
+        return Map(np.array([*landmarks.ids, *alone], np.int64), np.concatenate((landmarks.xy, more)), None)
 
     def motion(self, i: int, j: int) -> tuple[Array, Array]:
         """Step j relative to step i, (3,), and its covariance (3, 3) by odometry alone, to first order.

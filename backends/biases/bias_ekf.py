@@ -18,6 +18,7 @@ import numpy as np
 from ...core.factors import Map, Prior, Step
 from ...core.options import option
 from ...core.se2 import Ints
+from .. import common_options
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, Solution
 from ._biased import AT_ROBOT, EACH, BiasedArrays, frame
 
@@ -37,15 +38,8 @@ class Options:
         0.0, "share of the variance of bearings that is correlated", minimum=0.0, maximum=0.999
     )
     bearing_time: float = option(10.0, TIME, minimum=1e-3, maximum=1e6)
-    gate: float = option(
-        0.0,
-        "gate: reject innovations beyond this chi-square probability; 0: no gate",
-        minimum=0,
-        maximum=0.999999999,
-    )
-    gate_after: int = option(
-        3, "with a gate: sightings that must agree with a landmark before others are rejected", minimum=0
-    )
+    gate: float = common_options.gate()
+    gate_after: int = common_options.gate_after()
 
 
 class BiasEkf:

@@ -26,6 +26,7 @@ from scipy.special import chdtri
 from ...core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
 from ...core.options import option
 from ...core.se2 import Array
+from .. import common_options
 from .._answer import Answer
 from ..answers import answer, as_expected, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution, TruthWanted
@@ -61,15 +62,8 @@ class Options:
         "process sightings one by one, each at the newest estimate, or those of a frame jointly at the prediction",
         choices=("sequential", "joint"),
     )
-    gate: float = option(
-        0.0,
-        "gate: reject innovations beyond this chi-square probability; 0: no gate",
-        minimum=0,
-        maximum=0.999999999,
-    )
-    gate_after: int = option(
-        3, "with a gate: sightings that must agree with a landmark before others are rejected", minimum=0
-    )
+    gate: float = common_options.gate()
+    gate_after: int = common_options.gate_after()
     compress_above: int = option(
         100, "landmarks above which only the part of the map in view is updated each step, the rest later", minimum=0
     )

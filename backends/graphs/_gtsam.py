@@ -14,6 +14,7 @@ import numpy as np
 from ...core.factors import Map, Odometry, Prior, Step
 from ...core.se2 import Array, Ints, rotation
 from ..api import Expected
+from ..common_options import LOSSES
 from ..models import place
 from ..newcomers import Newcomers
 from ..vicinity import with_held
@@ -21,12 +22,12 @@ from ..vicinity import with_held
 FIXED_SD = 1e-6
 """m; standard deviation that holds a landmark given without covariance in place."""
 
-LOSSES = {
-    "huber": (gtsam.noiseModel.mEstimator.Huber, 1.345),
-    "cauchy": (gtsam.noiseModel.mEstimator.Cauchy, 2.3849),
-    "geman-mcclure": (gtsam.noiseModel.mEstimator.GemanMcClure, 3.7874),
+ESTIMATORS = {
+    "huber": gtsam.noiseModel.mEstimator.Huber,
+    "cauchy": gtsam.noiseModel.mEstimator.Cauchy,
+    "geman-mcclure": gtsam.noiseModel.mEstimator.GemanMcClure,
 }
-"""Robust losses and the scale, in standard deviations, at which each is 95 % efficient on clean Gaussian errors."""
+"""Robust losses."""
 
 FAILURES = (RuntimeError, ValueError, IndexError)
 """GTSAM's exceptions in Python."""
@@ -132,11 +133,7 @@ class Factors:
 
     def with_newcomers(self, path: Array, landmarks: Map) -> Map:
         """The map, with landmarks still held back added without covariance, at their last sighting."""
-        alone = {} if self._newcomers is None else self._newcomers.alone()
-        more = {i: place(path[k], z)[0] for i, (k, z, _) in alone.items() if i not in landmarks.ids}
-        if not more:
-            return landmarks
-        return Map(np.array([*landmarks.ids, *more]), np.array([*landmarks.xy, *more.values()]), None)
+        return landmarks if self._newcomers is None else self._newcomers.added_to(landmarks, path)
 
     def with_held(self, found: Expected, odometry: Odometry | None, last: int) -> Expected:
         """The expectation after step `last`, with landmarks that are held back."""
@@ -227,8 +224,7 @@ def _weighed(loss: str, loss_scale: float, model: gtsam.noiseModel.Base) -> gtsa
     """The noise `model` with a robust loss."""
     if loss == "none":
         return model
-    estimator, scale = LOSSES[loss]
-    return gtsam.noiseModel.Robust.Create(estimator(loss_scale or scale), model)
+    return gtsam.noiseModel.Robust.Create(ESTIMATORS[loss](loss_scale or LOSSES[loss]), model)
 
 
 def _first_value(pose: gtsam.Pose2, z: Array) -> Array:

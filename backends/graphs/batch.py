@@ -11,6 +11,7 @@ import numpy as np
 from ...core.factors import Log, Map
 from ...core.se2 import Array, Ints, compose
 from ..api import Diverged, Solution
+from ..common_options import LOSSES
 from ..smoothing import _log, _opening
 from ..smoothing._factors import HUBER, NONE
 from ..smoothing._graph import (
@@ -29,12 +30,12 @@ from ..smoothing._graph import (
     WIDTH,
     WORK,
 )  # fmt: skip
-from ..smoothing.forest import Forest
+from ..smoothing.forest import FIRST_DAMPING, NO_COVARIANCE, Forest
 from ..smoothing.maps import add_map, joint_map
-from ..smoothing.smoother import LEAST, LOSSES, NO_COVARIANCE, PATIENCE
+from ..smoothing.smoother import LEAST, PATIENCE
 from ._whole_log import Columns, linearise_at, write_steps
 from .first_values import first_values
-from .gauss_newton import FIRST_DAMPING, Fit, eliminate, minimise
+from .gauss_newton import Fit, eliminate, minimise
 
 CHUNK = 100
 """Most steps of a chunk."""
@@ -141,10 +142,10 @@ class Batch:
         g, ids = self.forest.g, np.fromiter(self.variable, np.int64, len(self.variable))
         return g.steps[: len(self.log), POINT:].copy(), Map(ids, g.values[self._variables(), :2], None)
 
-    def solution(self, joint_up_to: int) -> Solution:
+    def solution(self, joint_up_to: int, converged: bool) -> Solution:
         """The estimate and, if J is curved in every direction, the covariances of poses and map.
 
-        The map's is joint, computed for at most that many landmarks.
+        The map's is joint, computed for at most that many landmarks. `converged` is passed on.
         """
         forest = self.forest
         path, landmarks = self.place()
@@ -156,7 +157,7 @@ class Batch:
             if len(landmarks.ids) <= joint_up_to:
                 with contextlib.suppress(Diverged):  # with all landmarks last, precision may not suffice
                     landmarks = joint_map(forest, landmarks.ids, self._variables(), forest.g.values)
-        return Solution(path, landmarks, cov)
+        return Solution(path, landmarks, cov, converged)
 
     def _variables(self) -> Ints:
         """The landmarks' variables."""

@@ -13,22 +13,13 @@ import numpy as np
 
 from ...core.se2 import Ints
 from ..api import Diverged
-from ..smoothing import _cost, _front, _offsets
-from ..smoothing._graph import CLIQUES, DAMPING, FAILED, POINT, RESUM, STEPS, TODO, VARIABLES
-from ..smoothing.forest import INDEFINITE_J, Forest
+from ..smoothing import _cost, _offsets
+from ..smoothing._graph import CLIQUES, FAILED, POINT, STEPS, VARIABLES
+from ..smoothing.forest import FIRST_DAMPING, INDEFINITE_J, MOST_DAMPING, NO_COVARIANCE, SMOOTH, STILL, TENFOLD, Forest
 from . import _whole_log
 
 LEAST_SHARE = 1e-6
 """Smallest share of a step tried before it is rejected."""
-
-FIRST_DAMPING, MOST_DAMPING = 1e-5, 1e15
-"""1/m^2, 1/rad^2; first and largest damping added to the information's diagonal where there is no step."""
-
-TENFOLD = 10.0
-"""Factors by which damping is raised while there is no step, and lowered after one."""
-
-STILL = 5e-6
-"""m, rad; steps that move nothing further are skipped."""
 
 MARGIN = 5.0
 """Safety factor in extrapolating the size of the next step from the last two."""
@@ -42,6 +33,7 @@ class Fit(NamedTuple):
 
     cost: float  # J
     iterations: int
+    converged: bool
 
 
 class Move(NamedTuple):
@@ -49,15 +41,12 @@ class Move(NamedTuple):
 
     furthest: float  # m, rad; the largest change
     fall: float  # decrease of J; -inf where the step was rejected
+    rise: float = 0.0  # of J by the least share of a step that was rejected
 
 
 def eliminate(forest: Forest, damping: float = 0.0) -> bool:
     """Eliminates everything again, in the initial order; False where it is not positive definite."""
-    g, order = forest.g, _top_down(forest)
-    g.settings[DAMPING] = damping
-    g.todo[: len(order)] = order[::-1]
-    g.state[TODO], g.state[RESUM], g.state[FAILED] = len(order), 1, 0
-    return _front.solve(g, forest.pose, forest.cov)
+    return forest.eliminate(_top_down(forest), damping)
 
 
 class Descent:
@@ -77,7 +66,8 @@ class Descent:
         """Moves to the solution, or by the share of the way that lowers J."""
         g, off, steps_off, share = self._g, self._off, self._steps_off, 1.0
         _offsets.offsets(g, self._order, off)
-        _offsets.inner_offsets(g, off, -1.0, steps_off)
+        if not _offsets.inner_offsets(g, off, -1.0, steps_off):
+            raise Diverged(NO_COVARIANCE)
         while True:
             furthest, _ = _offsets.candidate(g, off, steps_off, share, -1.0, self._path, self._values)
             cost = _cost.cost(g, self._path, self._values)
@@ -86,7 +76,7 @@ class Descent:
                 _whole_log.linearise_at(g, self._path, self._values)
                 return Move(share * furthest, fall)
             if share < LEAST_SHARE:
-                return Move(share * furthest, -np.inf)
+                return Move(share * furthest, -np.inf, cost - self.cost)
             share /= 2
 
 
@@ -105,18 +95,18 @@ def minimise(forest: Forest, tolerance: float, iterations: int) -> Fit:
         move = descent.step() if solved else Move(np.inf, -np.inf)
         if move.fall > -np.inf:
             if damping <= least and _ends(last, move, tolerance * descent.cost):
-                return Fit(descent.cost, iteration)
+                return Fit(descent.cost, iteration, True)
             last = move
             damping = max(damping / TENFOLD if damping > FIRST_DAMPING else 0.0, least)
         elif move.furthest <= STILL:
-            return Fit(descent.cost, iteration)
+            return Fit(descent.cost, iteration, move.rise <= SMOOTH * descent.cost)
         else:
             damping = max(damping * TENFOLD, FIRST_DAMPING)
             if not solved:
                 least = damping
             if damping > MOST_DAMPING:
                 raise Diverged(INDEFINITE_J)
-    return Fit(descent.cost, iterations)
+    return Fit(descent.cost, iterations, False)
 
 
 def _ends(before: Move, now: Move, fall: float) -> bool:

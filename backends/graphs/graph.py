@@ -11,35 +11,12 @@ distance. Graduated non-convexity (H. Yang, P. Antonante, V. Tzoumas and L. Carl
 spatial perception", IEEE RA-L 5(2), 2020) rejects them, starting from a convex J. Odometry is never weighted.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ...core.factors import Map, Prior, Step
-from ...core.options import option
 from ..api import COMPILED_HERE, GTSAM_WHEEL, Builder, Solution
-
-
-@dataclass(frozen=True)
-class Options:
-    """Solver, initial values, termination, and outlier rejection."""
-
-    solver: str = option("own", "own, or GTSAM's Levenberg-Marquardt as a check", choices=("own", "gtsam"))
-    start: str = option(
-        "incremental",
-        "initial values: smoothed chunk by chunk, or dead reckoning, which is far off where odometry is poor",
-        choices=("incremental", "odometry"),
-    )
-    relative_tolerance: float = option(1e-13, "stop where J falls by a smaller share in one iteration", minimum=0)
-    iterations: int = option(1000, "most iterations", minimum=1)
-    loss: str = option(
-        "none", "robust loss of sightings and loops", choices=("none", "huber", "cauchy", "geman-mcclure")
-    )
-    loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
-    joint_up_to: int = option(5000, "most landmarks of a map with joint covariance, which is expensive", minimum=0)
-    gnc: bool = option(
-        False, "reject sightings and loops by graduated non-convexity; loss then applies to the start only"
-    )
+from .graph_options import Options
+from .own_batch import optimum
 
 
 class Graph:
@@ -67,8 +44,6 @@ class Graph:
             from .gtsam_batch import GtsamBatch  # a large library
 
             return GtsamBatch(self._prior, self._options, self._steps).optimum()
-        from .own_batch import optimum
-
         return optimum(self._prior, self._options, self._steps)
 
 

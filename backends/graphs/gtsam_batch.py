@@ -5,7 +5,6 @@ GTSAM's error is half of J. Graduated non-convexity is GTSAM's, too.
 
 import contextlib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import gtsam
 import numpy as np
@@ -14,9 +13,7 @@ from ...core.factors import Prior, Step
 from ..api import Diverged, Solution
 from . import isam2
 from ._gtsam import FAILURES, Factors, failure, joint_covariance, path_and_map, pose2
-
-if TYPE_CHECKING:
-    from .graph import Options
+from .graph_options import Options
 
 CHUNK = 100
 """Most steps per iSAM2 update for the initial values: as good as one by one, and much cheaper."""
@@ -35,7 +32,7 @@ INLIERS = 0.999
 class GtsamBatch:
     """Batch GraphSLAM by GTSAM."""
 
-    def __init__(self, prior: Prior, options: "Options", steps: Sequence[Step]) -> None:
+    def __init__(self, prior: Prior, options: Options, steps: Sequence[Step]) -> None:
         self._prior, self._options, self._steps = prior, options, steps
 
     def optimum(self) -> Solution:
@@ -109,7 +106,7 @@ class GtsamBatch:
         online = isam2.Isam2(self._prior, start, np.random.default_rng(0))
         for step in self._steps:
             online.step(step)
-        path, landmarks, _ = online.finish()
+        path, landmarks, *_ = online.finish()
         graph, values = factors.prior()
         for k, step in enumerate(self._steps):
             more, more_values = factors.step(k, step, pose2(path[k]))

@@ -16,11 +16,11 @@ import numpy as np
 from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...core.options import option
 from ...core.se2 import Array, rotation
+from .. import common_options
 from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..vicinity import Vicinity, first_expected
 from ._gtsam import (
     FAILURES,
-    LOSSES,
     Factors,
     array,
     failure,
@@ -39,9 +39,7 @@ NOTHING = gtsam.VectorValues()
 class Options:
     """Settings; the defaults are the best found."""
 
-    relinearize_threshold: float = option(
-        0.03, "change (m, rad) of a variable above which it is relinearized", minimum=0
-    )
+    relinearize_threshold: float = common_options.relinearize_threshold()
     relinearize_skip: int = option(50, "steps between checks for variables to relinearize", minimum=1)
     partial_check: bool = option(False, "look for variables to relinearize from the root down, no further than needed")
     factorization: str = option(
@@ -50,9 +48,9 @@ class Options:
         choices=("qr", "cholesky"),
     )
     final_updates: int = option(10, "most updates without new factors made at the end of the log", minimum=0)
-    joint_up_to: int = option(5000, "most landmarks of a map with joint covariance, which is expensive", minimum=0)
-    loss: str = option("none", "robust loss of sightings and loops", choices=("none", *LOSSES))
-    loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
+    joint_up_to: int = common_options.joint_up_to()
+    loss: str = common_options.loss("sightings and loops")
+    loss_scale: float = common_options.loss_scale()
 
 
 class Isam2:
@@ -126,12 +124,14 @@ class Isam2:
 
     def finish(self) -> Solution:
         """Relinearizes until nothing moves by more than the threshold, then solves with full back-substitution."""
+        converged = None
         for _ in range(self._options.final_updates):
             result = self._update(gtsam.NonlinearFactorGraph(), gtsam.Values(), relinearize=True)
-            if result.getVariablesRelinearized() == 0:
+            converged = result.getVariablesRelinearized() == 0
+            if converged:
                 break
         path, landmarks = path_and_map(self._factors.keys, self._steps, self._isam.calculateBestEstimate())
-        return Solution(path, self._factors.with_newcomers(path, landmarks))
+        return Solution(path, self._factors.with_newcomers(path, landmarks), None, converged)
 
     def _update(
         self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool = False

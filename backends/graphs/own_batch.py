@@ -1,22 +1,20 @@
 """Minimises J on the incremental smoother's tree, ordered once: see `batch`."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...core.factors import Log, Prior, Step
 from ..api import Solution
-from ..smoothing.smoother import LOSSES, Smoother
+from ..common_options import LOSSES
 from ..smoothing.smoother import Options as SmootherOptions
+from ..smoothing.smoother import Smoother
 from .batch import Batch
 from .graduated import leave_out
-
-if TYPE_CHECKING:
-    from .graph import Options
+from .graph_options import Options
 
 
-def optimum(prior: Prior, options: "Options", steps: Sequence[Step]) -> Solution:
+def optimum(prior: Prior, options: Options, steps: Sequence[Step]) -> Solution:
     """Path, map and, where J is curved in every direction, the covariances of both; Diverged without an optimum."""
     log = Log.from_steps("batch", prior, steps)
     loss = "none" if options.gnc else options.loss
@@ -29,11 +27,11 @@ def optimum(prior: Prior, options: "Options", steps: Sequence[Step]) -> Solution
         batch.start_by_chunks()
     if options.gnc:
         leave_out(batch, options.iterations)
-    batch.fit(options.relative_tolerance, options.iterations)
-    return batch.solution(options.joint_up_to)
+    fit = batch.fit(options.relative_tolerance, options.iterations)
+    return batch.solution(options.joint_up_to, fit.converged)
 
 
-def _start_robustly(batch: Batch, prior: Prior, options: "Options", steps: Sequence[Step]) -> None:
+def _start_robustly(batch: Batch, prior: Prior, options: Options, steps: Sequence[Step]) -> None:
     """Starts from the final estimate of an incremental smoother with a robust loss.
 
     A landmark without two agreeing sightings starts at its last one.
@@ -43,5 +41,5 @@ def _start_robustly(batch: Batch, prior: Prior, options: "Options", steps: Seque
     online = Smoother(prior, wanted, np.random.default_rng(0))
     for step in steps:
         online.step(step)
-    path, landmarks, _ = online.finish()
+    path, landmarks, *_ = online.finish()
     batch.start_at(path, landmarks)

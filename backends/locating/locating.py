@@ -107,7 +107,7 @@ class Locating:
         cov = solution.cov
         if cov is not None:
             cov = np.concatenate((np.full((len(path) - len(cov), 3, 3), np.nan), cov))
-        return Solution(path, solution.map, cov)
+        return solution._replace(path=path, cov=cov)
 
     def _hold(self, step: Step) -> None:
         """Holds the last steps with `WINDOW` that have sightings, from one of these on."""

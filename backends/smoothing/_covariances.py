@@ -127,10 +127,14 @@ def front_covariance(g: Graph, c: int, C: Array, T: Array) -> None:
 
 
 @compiled
-def of_inner(g: Graph, k: int, C: Array, ia: int, ib: int, rows: Array, out: Array) -> None:
-    """Covariances of the poses inside link `k`, from that of its two ends, at `ia` and `ib` in C."""
+def of_inner(g: Graph, k: int, C: Array, ia: int, ib: int, rows: Array, out: Array) -> bool:
+    """Covariances of the poses inside link `k`, from that of its two ends, at `ia` and `ib` in C.
+
+    False where its motions have no covariance.
+    """
     first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
-    inner(g, first, last, rows)
+    if not inner(g, first, last, rows):
+        return False
     H, E = np.empty((3, 6)), np.empty((6, 6))
     left = np.empty((3, 3))
     for i in range(6):
@@ -150,6 +154,7 @@ def of_inner(g: Graph, k: int, C: Array, ia: int, ib: int, rows: Array, out: Arr
                     for q in range(6):
                         a += H[i, r] * E[r, q] * H[j, q]
                 out[first + 1 + n, i, j] = out[first + 1 + n, j, i] = a
+    return True
 
 
 @compiled
@@ -161,8 +166,11 @@ def take_out(C: Array, place: int, out: Array) -> None:
 
 
 @compiled
-def pose_covariances(g: Graph, order: Ints, widest: int, out: Array) -> None:
-    """Covariances of all steps' poses into `out` (T, 3, 3); the root must be factored. Update matrices are lost."""
+def pose_covariances(g: Graph, order: Ints, widest: int, out: Array) -> bool:
+    """Covariances of all steps' poses into `out` (T, 3, 3); the root must be factored. Update matrices are lost.
+
+    False where the motions between two have no covariance.
+    """
     m = 2 * g.state[ROOT] + 3
     C, T = np.empty((max(m, widest), max(m, widest))), np.empty((widest, widest))
     rows = np.empty((g.state[STEPS], 27))
@@ -189,8 +197,10 @@ def pose_covariances(g: Graph, order: Ints, widest: int, out: Array) -> None:
         for t in range(start + members, start + members + g.cliques[c, BOUND]):
             k = g.ints[t]
             a, b = g.links[k, A], g.links[k, B]
-            if not g.links[k, LOOP] and g.variables[b, STEP] - g.variables[a, STEP] > 1:
-                of_inner(g, k, C, g.variables[a, PLACE], g.variables[b, PLACE], rows, out)
+            if g.links[k, LOOP] or g.variables[b, STEP] - g.variables[a, STEP] == 1:
+                continue
+            if not of_inner(g, k, C, g.variables[a, PLACE], g.variables[b, PLACE], rows, out):
+                return False
         hand_down(g, g.cliques[c, CHILD], C)
     S = np.empty(6)
     for k in range(last + 1, g.state[STEPS]):  # after the last variable: propagated by the motions
@@ -199,6 +209,7 @@ def pose_covariances(g: Graph, order: Ints, widest: int, out: Array) -> None:
         levered(S, p[10] - q[10], q[9] - p[9])
         add_turned(S, np.cos(p[11]), np.sin(p[11]), q, 3)
         covariance_of(S, 0, out[k])
+    return True
 
 
 @compiled

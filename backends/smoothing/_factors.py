@@ -76,7 +76,10 @@ def add_seen(
     x: float, y: float, heading: float, mx: float, my: float,
     seen: Array, s: int, settings: Array, F: Array, w: int, ip: int, il: int,
 ) -> None:  # fmt: skip
-    """Likewise for row `s` of `seen` (n, 5), sighted from a pose, and a landmark at (mx, my)."""
+    """Likewise for row `s` of `seen` (n, 5), sighted from a pose, and a landmark at (mx, my).
+
+    `fixed-lag` has poses and landmarks in other tables; so they are numbers: a view of a row costs a reference count.
+    """
     dx, dy, e0, e1, q = distance(x, y, heading, mx, my, seen, s)
     scale = weight(settings[LOSS], settings[SCALE], q)
     z0, z1, z2 = scale * seen[s, 2], scale * seen[s, 3], scale * seen[s, 4]

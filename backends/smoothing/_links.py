@@ -109,8 +109,10 @@ def gain(S: Array, N: Array, K: Array) -> bool:
 
 
 @compiled
-def inner(g: Graph, first: int, last: int, out: Array) -> None:
+def inner(g: Graph, first: int, last: int, out: Array) -> bool:
     """Interpolation of the poses between steps `first` and `last`: rows of `out` (last - first - 1, 27).
+
+    False where the covariance of their motions is not positive definite.
 
     The offset of the pose in row i is Ga a + Gb b + h, a and b being those of the two, with a covariance C left: a row
     has Ga (9), Gb (9), h (3) and C (6). The way to the pose and the way from it are weighted by their covariances S and
@@ -141,9 +143,8 @@ def inner(g: Graph, first: int, last: int, out: Array) -> None:
         row = out[i]
         way = row[0:6].copy()
         f0, f1, f2 = row[18], row[19], row[20]
-        ok = gain(way, N, K)
-        if not ok:
-            K[:] = 0.0
+        if not gain(way, N, K):
+            return False
         ux, uy = ay - y, x - ax  # from first to here
         vx, vy = by - y, x - bx  # from last back to here
         for r in range(3):
@@ -158,3 +159,4 @@ def inner(g: Graph, first: int, last: int, out: Array) -> None:
         row[24] = K[1, 0] * N[1] + K[1, 1] * N[3] + K[1, 2] * N[4]
         row[25] = K[1, 0] * N[2] + K[1, 1] * N[4] + K[1, 2] * N[5]
         row[26] = K[2, 0] * N[2] + K[2, 1] * N[4] + K[2, 2] * N[5]
+    return True

@@ -85,8 +85,11 @@ def offsets(g: Graph, order: Ints, out: Array) -> None:
 
 
 @compiled
-def inner_offsets(g: Graph, off: Array, threshold: float, out: Array) -> None:
-    """Likewise of the steps, (T, 3), initially zero: of variables, and between two if one is off by a threshold."""
+def inner_offsets(g: Graph, off: Array, threshold: float, out: Array) -> bool:
+    """Likewise of the steps, (T, 3), initially zero: of variables, and between two if one is off by a threshold.
+
+    False where the motions between two have no covariance.
+    """
     rows = np.empty((64, 27))
     for v in range(g.state[VARIABLES]):
         if g.variables[v, WIDTH] == 3:
@@ -105,7 +108,8 @@ def inner_offsets(g: Graph, off: Array, threshold: float, out: Array) -> None:
             continue
         if n > len(rows):
             rows = np.empty((2 * n, 27))
-        inner(g, first, last, rows)
+        if not inner(g, first, last, rows):
+            return False
         for i in range(n):
             row = rows[i]
             for j in range(3):
@@ -113,6 +117,7 @@ def inner_offsets(g: Graph, off: Array, threshold: float, out: Array) -> None:
                 for i2 in range(3):
                     t += row[3 * j + i2] * off[a, i2] + row[9 + 3 * j + i2] * off[b, i2]
                 out[first + 1 + i, j] = t
+    return True
 
 
 @compiled

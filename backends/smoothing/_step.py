@@ -113,7 +113,8 @@ def ask(
 
     `address` is that of the graph, `places` that of the `Places`, of which the first `landmarks` rows are those of
     `variables`; `pose` (3,) is the newest one and `cov` (3, 3) its covariance. Returns the number of landmarks whose
-    joint covariance was computed; minus that, and nothing is filled, where there is no room for them.
+    joint covariance was computed; minus that, and nothing is filled, where there is no room for them. The arguments are
+    one by one, as they come from Python objects at every step, and a record of them would cost more than the call.
     """
     n, out = choose(places, landmarks, pose, cov, True, moves, motion, z, R, gate), answer_at(into)
     if n > len(out.ids):

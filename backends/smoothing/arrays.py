@@ -4,7 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from ...core.factors import RangeBearing
 from ...core.kernels._blas import routine
+from ...core.se2 import Array
 from ._graph import CLASSES, CLIQUES, DSYRK, RESUM, STATE, Graph
 
 TOGETHER = {
@@ -70,6 +72,16 @@ def with_front(g: Graph, size: int) -> Graph:
     if 2 * size <= len(g.spots):
         return g
     return g.replaced(work=np.zeros(size * (size + 1) + 4 * size), spots=np.zeros(2 * size, np.int64))
+
+
+def as_rows(sightings: RangeBearing, into: Array) -> Array:
+    """Copies sightings to the first rows of `into` (k, 6), or a longer one: range, bearing, and their covariance."""
+    n = len(sightings.ids)
+    if n > len(into):
+        into = np.zeros((2 * n, 6))
+    into[:n, :2] = sightings.z
+    into[:n, 2:] = sightings.cov.reshape(n, 4)
+    return into
 
 
 def _longer(array: Any, more: int) -> Any:

@@ -11,15 +11,19 @@ from ..api import Diverged
 from . import _cost, _covariances, _front, _graph, _offsets, _opening, _ordering, _relinearise, _tree
 from ._graph import (
     CLIQUES,
+    DAMPING,
+    FAILED,
     FULL,
     INTS,
     LAST,
     LINKS,
     LOSS,
     REALS,
+    RESUM,
     ROOT,
     SIGHTINGS,
     STEPS,
+    TODO,
     VARIABLES,
     WIDEST,
     WORK,
@@ -32,6 +36,8 @@ NOBODY = np.zeros(0, np.int64)
 
 INDEFINITE_J = "the information matrix is not positive definite: J is flat, or numerical precision is exhausted"
 
+NO_COVARIANCE = "the covariance of a motion is not positive definite: numerical precision is exhausted"
+
 AS_MUCH = 2.0
 """Growth of work per variable since the last full ordering at which relinearising makes another."""
 
@@ -41,6 +47,22 @@ SURE, SURE_TURN = 100.0, 0.1
 HALVINGS = 8
 """Number of halvings of a move that raises J before it is rejected."""
 
+TOLERANCE = 1e-8
+"""m, rad; largest remaining offset of a variable at the end of the log."""
+
+FALL = 1e-13
+"""Relative decrease of J at the end of the log for another iteration; J is known no better."""
+
+STILL, SMOOTH = 5e-6, 1e-9
+"""m, rad; where a damped move that goes no further raises J, no place nearby is better.
+
+If by more than that share of J, this is no minimum: J is not smooth there, as with a landmark at the robot itself.
+"""
+
+FIRST_DAMPING, MOST_DAMPING, TENFOLD = 1e-5, 1e15, 10.0
+"""1/m^2, 1/rad^2; first and largest damping added to the information's diagonal where there is no step, and the factors
+by which it is raised while there is none, and lowered after one."""
+
 
 class Estimate(NamedTuple):
     """All estimates by the last solution, each variable moved all the way."""
@@ -49,6 +71,14 @@ class Estimate(NamedTuple):
     values: Array  # (v, 3) of variables
     furthest: float  # m, rad; of a variable from its linearisation point
     turn: float  # rad; the same of a heading
+
+
+class Moved(NamedTuple):
+    """A relinearisation."""
+
+    furthest: float  # m, rad; the largest offset before
+    share: float  # of all offsets that points were moved by; 0 where none lowers J
+    rise: float = 0.0  # of J by the least share tried, where none lowers it
 
 
 class Forest:
@@ -110,12 +140,48 @@ class Forest:
         if not _front.solve(self.g, self.pose, self.cov):
             raise Diverged(INDEFINITE_J)
 
-    def estimate(self) -> Estimate:
-        """Estimates everything, by substitution through all cliques, without side effects."""
-        return self._solution(-1.0)[1]
+    def eliminate(self, order: Ints, damping: float) -> bool:
+        """Eliminates everything again, the cliques `order` from last to first; False where J is flat."""
+        g = self.g
+        g.settings[DAMPING] = damping
+        g.todo[: len(order)] = order[::-1]
+        g.state[TODO], g.state[RESUM], g.state[FAILED] = len(order), 1, 0
+        return _front.solve(g, self.pose, self.cov)
 
-    def relinearise(self, threshold: float) -> float:
-        """Moves linearisation points that are off by more than `threshold` (m, rad); returns the largest offset before.
+    def estimate(self, threshold: float = -1.0) -> Estimate:
+        """Estimates everything, by substitution through all cliques, without side effects.
+
+        What is not off by more than `threshold` (m, rad) stays at its linearisation point.
+        """
+        return self._solution(threshold)[1]
+
+    def settled(self, iterations: int) -> tuple[Estimate, bool | None]:
+        """Relinearises until nothing moves; the estimate, and whether this was reached, None without an iteration.
+
+        Where no share of a move lowers J, moves are damped (Levenberg's way) until one does, or hardly moves anything.
+        """
+        last, damping, damped, converged = np.inf, 0.0, False, None
+        for _ in range(iterations):
+            moved = self.relinearise(0.0)
+            if moved.share > 0.0:
+                before, last = last, self.cost
+                converged = damping == 0.0 and (moved.furthest <= TOLERANCE or before - last <= FALL * last)
+                lower = damping / TENFOLD if damping > FIRST_DAMPING else 0.0
+            else:
+                still = damped and moved.furthest <= STILL
+                converged = moved.rise <= (SMOOTH if still else FALL) * self.cost
+                lower = np.inf if still else max(damping * TENFOLD, FIRST_DAMPING)
+            if converged or lower > MOST_DAMPING:
+                break
+            if lower != damping:
+                damped, damping = True, lower
+                self._eliminate(damping)
+        if damping > 0.0:
+            self._eliminate(0.0)
+        return self.estimate(np.inf if damped else -1.0), converged
+
+    def relinearise(self, threshold: float) -> Moved:
+        """Moves linearisation points that are off by more than `threshold` (m, rad).
 
         If moving everything all the way raises J, half of the way is tried, then half of that, and so on, and finally
         none. J is only evaluated for large offsets.
@@ -123,12 +189,13 @@ class Forest:
         g, state = self.g, self.g.state
         order, estimate, off, steps_off = self._solution(threshold)
         if estimate.furthest <= threshold:
-            return estimate.furthest
+            return Moved(estimate.furthest, 1.0)
+        share = 1.0
         sure = estimate.furthest <= SURE * threshold and estimate.turn <= SURE_TURN and g.settings[LOSS] == 0
         if threshold == 0 or not sure:
-            share = self._share_that_falls(off, steps_off)
+            share, rise = self._share_that_falls(off, steps_off)
             if share == 0.0:
-                return 0.0
+                return Moved(estimate.furthest, share, rise)
             if share < 1.0:
                 _offsets.candidate(g, off, steps_off, share, threshold, estimate.path, estimate.values)
         again, total = _relinearise.settle(g, order, estimate.path, estimate.values)
@@ -136,7 +203,7 @@ class Forest:
             self.reorganise(int(state[LAST]), g.root[: state[ROOT]].copy(), everything=True)
         else:
             self.solve()
-        return estimate.furthest
+        return Moved(estimate.furthest, share)
 
     def joint(self, landmarks: Ints) -> Array:
         """The joint covariance (2n + 3, 2n + 3) of landmark variables and the last pose, which is a variable."""
@@ -155,11 +222,17 @@ class Forest:
         """(n, 3, 3) covariances of all steps' poses."""
         g = self.g.copied()
         out = np.zeros((g.state[STEPS], 3, 3))
-        _covariances.pose_covariances(g, _offsets.top_down(g), int(g.state[WIDEST]), out)
+        if not _covariances.pose_covariances(g, _offsets.top_down(g), int(g.state[WIDEST]), out):
+            raise Diverged(NO_COVARIANCE)
         return out
 
-    def _share_that_falls(self, off: Array, steps_off: Array) -> float:
-        """The share of all offsets that lowers J; 0 if not even a small one does."""
+    def _eliminate(self, damping: float) -> None:
+        """Eliminates everything again."""
+        if not self.eliminate(_offsets.top_down(self.g), damping):
+            raise Diverged(INDEFINITE_J)
+
+    def _share_that_falls(self, off: Array, steps_off: Array) -> tuple[float, float]:
+        """The share of all offsets that lowers J; 0 if not even a small one does, and by how much that raises it."""
         g = self.g
         path, values = np.empty_like(steps_off), np.zeros_like(off)
         here = np.ascontiguousarray(g.steps[: len(path), _graph.POINT :])
@@ -168,10 +241,10 @@ class Forest:
             _offsets.candidate(g, off, steps_off, share, -1.0, path, values)
             self.cost = _cost.cost(g, path, values)
             if self.cost <= J:
-                return share
+                return share, 0.0
             share /= 2
-        self.cost = J
-        return 0.0
+        rise, self.cost = self.cost - J, J
+        return 0.0, rise
 
     def _solution(self, threshold: float) -> tuple[Ints, Estimate, Array, Array]:
         """The cliques top down, the estimate moving what is off by more than `threshold`, and all offsets."""
@@ -179,7 +252,8 @@ class Forest:
         order = _offsets.top_down(g)
         off, steps_off = np.zeros((state[VARIABLES], 3)), np.zeros((state[STEPS], 3))
         _offsets.offsets(g, order, off)
-        _offsets.inner_offsets(g, off, threshold, steps_off)
+        if not _offsets.inner_offsets(g, off, threshold, steps_off):
+            raise Diverged(NO_COVARIANCE)
         path, values = np.empty_like(steps_off), np.zeros_like(off)
         furthest, turn = _offsets.candidate(g, off, steps_off, 1.0, threshold, path, values)
         return order, Estimate(path, values, furthest, turn), off, steps_off

@@ -17,26 +17,26 @@ import numpy as np
 from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...core.options import option
 from ...core.se2 import Array, Ints
+from .. import common_options
 from .._answer import Answer
 from ..answers import answer, as_expected, filled, roomier
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
-from ..models import place
+from ..common_options import LOSSES
 from ..newcomers import Newcomers
 from ..vicinity import Vicinity, first_expected, with_held
 from . import _log, _opening, _step
 from ._graph import FULL, FURTHEST, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, SIGHTINGS, WIDTH, WORK
 from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, plain_step
-from .forest import INDEFINITE_J, NOBODY, Forest
+from .arrays import as_rows
+from .forest import INDEFINITE_J, NO_COVARIANCE, NOBODY, Forest
 from .maps import add_map, joint_map
-
-LOSSES = {"none": 0.0, "huber": 1.345, "cauchy": 2.3849, "geman-mcclure": 3.7874}
-"""Robust losses, in the order of their numbers in `_factors`, and the scales at which they are 95 % efficient."""
 
 CAP, REACH, PATIENCE = 48, 2.0, 15.0
 """Limits of the root.
 
 Most landmarks of a root, unless one step needs more; the radius around the pose they are taken from, in ranges of the
-furthest sighting; and the multiple of a full elimination's work after which everything is reordered.
+furthest sighting; and the multiple of a full elimination's work after which everything is reordered. Measured:
+docs/settings.md.
 """
 
 EARLY = 7.0
@@ -45,16 +45,8 @@ EARLY = 7.0
 ENOUGH = 0.3
 """Share of the relinearize threshold by which the last pose may be off when it is eliminated."""
 
-TOLERANCE = 1e-8
-"""m, rad; largest remaining offset of a variable at the end of the log."""
-
-FALL = 1e-13
-"""Relative decrease of J at the end of the log for another iteration."""
-
 LEAST = 1e6
 """Least work (multiplications) between full orderings."""
-
-NO_COVARIANCE = "the covariance of a motion is not positive definite: numerical precision is exhausted"
 
 NEAREST = 1e-3
 """m; least initial distance of a landmark from the robot: at zero distance its bearing has no derivative."""
@@ -64,18 +56,16 @@ NEAREST = 1e-3
 class Options:
     """Relinearisation, and robust loss of sightings and loop closures."""
 
-    relinearize_threshold: float = option(
-        0.03, "change (m, rad) of a variable above which it is relinearized", minimum=0
-    )
+    relinearize_threshold: float = common_options.relinearize_threshold()
     relinearize_skip: int = option(
         100,
         "steps between checks for variables to relinearize; a tenth if those near the robot are far off",
         minimum=1,
     )
     final_iterations: int = option(50, "most iterations at the end of the log", minimum=0)
-    joint_up_to: int = option(5000, "most landmarks of a map with joint covariance, which is expensive", minimum=0)
-    loss: str = option("none", "robust loss of sightings and loops", choices=tuple(LOSSES))
-    loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
+    joint_up_to: int = common_options.joint_up_to()
+    loss: str = common_options.loss("sightings and loops")
+    loss_scale: float = common_options.loss_scale()
 
 
 class Smoother:
@@ -116,7 +106,7 @@ class Smoother:
         if step.odometry is not None:
             self._motion[0], self._motion[1:] = step.odometry
         if looks:
-            self._write(sightings)
+            self._seen = as_rows(sightings, self._seen)
         found = [self._variable.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]
         touched = self._name(k, sightings, found) if NO_VARIABLE in found else []
         if k == 0 or closes or touched:
@@ -174,17 +164,13 @@ class Smoother:
 
     def finish(self) -> Solution:
         """Relinearises until nothing moves; returns the path with the covariances of its poses, and the map."""
-        forest, last = self._forest, np.inf
-        for _ in range(self._options.final_iterations):
-            furthest = forest.relinearise(0.0)
-            before, last = last, forest.cost
-            if furthest <= TOLERANCE or before - last <= FALL * last:
-                break
-        estimate = forest.estimate()
-        if not (np.isfinite(estimate.path).all() and np.isfinite(estimate.values).all()):
+        forest = self._forest
+        estimate, converged = forest.settled(self._options.final_iterations)
+        path, values = estimate.path, estimate.values
+        if not (np.isfinite(path).all() and np.isfinite(values).all()):
             raise Diverged("the optimum is not finite")
-        landmarks = self._map(estimate.values)
-        return Solution(estimate.path, self._with_newcomers(estimate.path, landmarks), forest.pose_covariances())
+        landmarks = self._newcomers.added_to(self._map(values), path)
+        return Solution(path, landmarks, forest.pose_covariances(), converged)
 
     def joint(self, landmarks: list[int]) -> Array:
         """The joint covariance of landmarks with these ids and the last pose that is a variable."""
@@ -197,14 +183,6 @@ class Smoother:
             return True
         early = EARLY * self._options.relinearize_threshold
         return self._since % tenth == 0 and _step.root_offset(self._forest.g.address) > early
-
-    def _write(self, sightings: RangeBearing) -> None:
-        """Copies sightings to the compiled code's input."""
-        n = len(sightings.ids)
-        if n > len(self._seen):
-            self._seen = np.zeros((2 * n, 6))
-        self._seen[:n, :2] = sightings.z
-        self._seen[:n, 2:] = sightings.cov.reshape(n, 4)
 
     def _plain_step(self, landmarks: Ints) -> None:
         """A step that sees landmarks on the map and new ones only."""
@@ -304,14 +282,6 @@ class Smoother:
         if len(ids) > self._options.joint_up_to:
             return Map(ids, values[variables, :2], None)
         return joint_map(self._forest, ids, variables, values)
-
-    def _with_newcomers(self, path: Array, landmarks: Map) -> Map:
-        """The map, with landmarks still held back added without covariance, at their last sighting."""
-        alone = self._newcomers.alone()
-        if not alone:
-            return landmarks
-        more = np.array([place(path[k], z)[0] for k, z, _ in alone.values()])
-        return Map(np.array([*landmarks.ids, *alone], np.int64), np.concatenate((landmarks.xy, more)), None)
 
 
 def _checked(variable: int) -> int:

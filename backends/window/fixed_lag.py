@@ -18,11 +18,13 @@ import numpy as np
 from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...core.options import option
 from ...core.se2 import Array
+from .. import common_options
 from ..api import Belief, Diverged, Expected, Pose, Solution
-from ..models import place
+from ..common_options import LOSSES
 from ..newcomers import Newcomers
-from ..smoothing.forest import INDEFINITE_J
-from ..smoothing.smoother import LOSSES, NEAREST, TOLERANCE
+from ..smoothing.arrays import as_rows
+from ..smoothing.forest import INDEFINITE_J, TOLERANCE
+from ..smoothing.smoother import NEAREST
 from ..vicinity import Vicinity, first_expected, with_held
 from . import _estimates, _marginals, _step
 from ._chain import DONE, RETURNS
@@ -42,13 +44,11 @@ class Options:
     """Length of the window, relinearisation, and robust loss of the sightings."""
 
     lag: float = option(20.0, "length of the window, s; a loop that takes longer is not closed", minimum=1e-3)
-    relinearize_threshold: float = option(
-        0.03, "change (m, rad) of a variable above which it is relinearized", minimum=0
-    )
+    relinearize_threshold: float = common_options.relinearize_threshold()
     relinearize_skip: int = option(10, "steps between checks for variables to relinearize", minimum=1)
     final_checks: int = option(10, "checks for variables to relinearize at the end of the log", minimum=0)
-    loss: str = option("none", "robust loss of the sightings", choices=tuple(LOSSES))
-    loss_scale: float = option(0.0, "scale of the loss, standard deviations; 0: 95 % efficient", minimum=0)
+    loss: str = common_options.loss("the sightings")
+    loss_scale: float = common_options.loss_scale()
 
 
 class FixedLag:
@@ -84,7 +84,7 @@ class FixedLag:
         if step.odometry is not None:
             self._motion[0], self._motion[1:] = step.odometry
         if ids:
-            self._write(step.sightings)
+            self._seen = as_rows(step.sightings, self._seen)
         rows = [self._row.get(i, HELD) for i in ids]
         anew = (HELD in rows and self._name(k, step.sightings, rows)) or k == 0
         self._refresh(step.t, ids)
@@ -134,8 +134,10 @@ class FixedLag:
 
     def finish(self) -> Solution:
         """Each pose as it left the window, the last ones at the final estimate, relinearized until nothing moves."""
+        converged = None
         for _ in range(self._options.final_checks):
-            if self._relinearise(0.0, anyway=False) <= TOLERANCE:
+            converged = self._relinearise(0.0, anyway=False) <= TOLERANCE
+            if converged:
                 break
         n, inside = self._left, len(self._times)
         path, covs = np.zeros((n + inside, 3)), np.zeros((n + inside, 3, 3))
@@ -145,7 +147,7 @@ class FixedLag:
         landmarks = self.map()
         if not (np.isfinite(path).all() and np.isfinite(landmarks.xy).all()):
             raise Diverged("the optimum is not finite")
-        return Solution(path, self._with_newcomers(path, landmarks), covs)
+        return Solution(path, self._newcomers.added_to(landmarks, path), covs, converged)
 
     def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The last pose, the landmarks' places and their joint covariance, the pose last."""
@@ -154,14 +156,6 @@ class FixedLag:
         rows = np.array([self._row[landmark] for landmark in landmarks], np.int64)
         _marginals.joint(self._window, rows, pose, at, cov)
         return pose, at, cov
-
-    def _write(self, sightings: RangeBearing) -> None:
-        """Copies sightings to the compiled code's input."""
-        n = len(sightings.ids)
-        if n > len(self._seen):
-            self._seen = np.zeros((2 * n, 6))
-        self._seen[:n, :2] = sightings.z
-        self._seen[:n, 2:] = sightings.cov.reshape(n, 4)
 
     def _name(self, k: int, sightings: RangeBearing, rows: list[int]) -> bool:
         """Writes the rows of new landmarks to `rows`; HELD stays for one that is held back.
@@ -254,11 +248,3 @@ class FixedLag:
         if ended != DONE:
             raise Diverged(INDEFINITE_J)
         return furthest
-
-    def _with_newcomers(self, path: Array, landmarks: Map) -> Map:
-        """The map, with landmarks still held back added without covariance, at their last sighting."""
-        alone = {i: held for i, held in self._newcomers.alone().items() if i not in landmarks.ids}
-        if not alone:
-            return landmarks
-        more = np.array([place(path[k], z)[0] for k, z, _ in alone.values()])
-        return Map(np.array([*landmarks.ids, *alone], np.int64), np.concatenate((landmarks.xy, more)), None)

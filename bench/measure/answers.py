@@ -99,7 +99,8 @@ def checked_solution(solution: Any, n: int) -> Solution | None:
     cov = solution.cov
     if cov is not None and not is_floats(cov, (n, *COV)):
         cov = _shaped(cov, (n, *COV), "finish(): the poses' covariance")
-    return solution._replace(path=path, map=checked_map(solution.map, "finish()"), cov=cov)
+    converged = None if solution.converged is None else bool(solution.converged)
+    return Solution(path, checked_map(solution.map, "finish()"), cov, converged)
 
 
 def checked_map(found: Any, where: str) -> Map:

@@ -23,6 +23,8 @@ from .drive import Outcome, drive, path_digest, timed_again, warm_up
 from .memory import Peak, limited
 from .score import score
 
+NOT_CONVERGED = "the smoothing ended without converging"  # the remark on a cell whose backend says so
+
 TOLD = "was given the ground truth: linearised there"  # the remark on a cell whose backend made use of it
 
 
@@ -136,6 +138,7 @@ def _scored(log: Log, outcome: Outcome, truth: Truth | None, loops: int, row: di
     """Scores the outcome; `loops` are the closures that the backend was not given, or had kept no pose for."""
     judged = score(log, outcome, truth)
     said = [TOLD] * outcome.told
+    said += [NOT_CONVERGED] * (outcome.solution is not None and outcome.solution.converged is False)
     said += [f"{loops} loop closure{' is' if loops == 1 else 's are'} left out"] * bool(loops)
     said += [judged.remark] * bool(judged.remark)
     row |= {"told": int(outcome.told)} | judged.row

@@ -1,4 +1,8 @@
-"""Settings of the front end for depth cameras, each measured in a rendered room and on a recorded sequence."""
+"""Settings of the front end for depth cameras.
+
+What changes where one is halved or doubled, in a rendered room and on a recorded sequence, is in docs/settings.md, by
+`make study-settings`.
+"""
 
 from dataclasses import dataclass
 

@@ -30,6 +30,21 @@ SOFT = 4.0
 """Squared distance at which the weight of Geman and McClure's loss is a quarter; half in the first iterations."""
 
 
+# What halving and doubling these changes is in docs/settings.md.
+
+EARLY, MIDDLE = 2, 4
+"""Iterations after which a point's wall is looked for nearer than `reach`, and nearer still."""
+
+NEARER, NEAREST = 4, 2
+"""Cells around a point in which its wall is looked for after EARLY iterations, and after MIDDLE."""
+
+CLOSER, CLOSEST = 0.2, 0.12
+"""m; how far the wall's mean may be, likewise."""
+
+ACROSS = 0.25
+"""Share of the variance of the cells' means across a line that is added to that of a point from it."""
+
+
 class Hold(NamedTuple):
     """A pose to which a scan is held while it is matched."""
 
@@ -52,10 +67,11 @@ def match(
     H, g, A = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     explained = 0
     for turn in range(iterations):
-        within = reach if turn < 2 else (min(reach, 4) if turn < 4 else min(reach, 2))
-        far = within * grid.size
-        furthest = far**2 if turn < 2 else (min(far, 0.2 if turn < 4 else 0.12)) ** 2
-        explained = normal_equations(grid, points, pose, sd, within, furthest, turn > 2, H, g)
+        within = reach if turn < EARLY else (min(reach, NEARER) if turn < MIDDLE else min(reach, NEAREST))
+        furthest = within * grid.size
+        if turn >= EARLY:
+            furthest = min(furthest, CLOSER if turn < MIDDLE else CLOSEST)
+        explained = normal_equations(grid, points, pose, sd, within, furthest**2, turn > EARLY, H, g)
         off = (pose[0] - hold.pose[0], pose[1] - hold.pose[1], wrap(pose[2] - hold.pose[2]))
         for i in range(3):
             for j in range(3):
@@ -68,7 +84,7 @@ def match(
         for i in range(3):
             pose[i] -= step[i]
         pose[2] = wrap(pose[2])
-        if turn > 4 and abs(step[0]) + abs(step[1]) + abs(step[2]) < 1e-4:
+        if turn > MIDDLE and abs(step[0]) + abs(step[1]) + abs(step[2]) < 1e-4:
             break
     return pose, H, explained / max(len(points), 1)
 
@@ -92,7 +108,7 @@ def normal_equations(
         mx, my, nx, ny, along, across = line(cells, size, share, i, j)
         if along > LONG and across < THIN * along:
             r = nx * (x - mx) + ny * (y - my)
-            variance = sd * sd + 0.25 * across
+            variance = sd * sd + ACROSS * across
             e = r * r / variance
             w = 1.0 / (1.0 + e / SOFT)
             a = (w * w if settled else w) / variance

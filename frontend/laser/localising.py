@@ -31,6 +31,12 @@ SLACK, TURN_SLACK = 0.05, 0.02
 WINDOW, TURN_WINDOW = 0.5, 0.15
 """m and rad around the prediction in which a step that does not match is searched for at least; then it grows."""
 
+NEAR = np.diag([0.01, 0.01, 0.0025])
+"""m² and rad²; covariance, of 10 cm and 0.05 rad, that holds a scan where a search or the last steps have it.
+
+Chosen, not measured: some cells, which is how fine the search is.
+"""
+
 SEVERAL = 3.0
 """Standard deviations of the prediction that the search goes to."""
 
@@ -103,7 +109,7 @@ class Localiser:
             turn = min(max(TURN_WINDOW, SEVERAL * float(sd[2])), s.turn_window)
             self.searches += 1
             place = searched(submap, scan, cloud, self._pose, window, turn, self.why)
-            found = None if place is None else self._matched(scan, place.pose, np.diag([0.01, 0.01, 0.0025]))
+            found = None if place is None else self._matched(scan, place.pose, NEAR)
         if found is None:
             return None
         pose, information, inside = found
@@ -124,7 +130,7 @@ class Localiser:
         s = self._settings
         if self._trail:
             expected = compose(self._trail[-1], delta)
-            found = self._matched(scan, expected, np.diag([0.01, 0.01, 0.0025]))
+            found = self._matched(scan, expected, NEAR)
             if found is None:
                 self.why["not where the steps before were"] += 1
                 self._trail = []

@@ -1,4 +1,8 @@
-"""Settings of the laser front end, each measured on recorded logs and on made-up floors."""
+"""Settings of the laser front end.
+
+Chosen on the logs of Intel and CSAIL and on made-up floors, and kept as they are on others. What changes where one is
+halved or doubled, on a made-up floor and on Intel, is in docs/settings.md (`make study-settings`).
+"""
 
 from dataclasses import dataclass
 

@@ -14,10 +14,10 @@ from batch_fit import Fit, fitted
 from driven import NO_LOOPS, NO_SIGHTINGS, final
 from random_logs import random_log
 from slamduel.backends.api import Diverged, Solution
+from slamduel.backends.common_options import LOSSES
 from slamduel.backends.graphs import batch, graduated
 from slamduel.backends.graphs.first_values import first_values
 from slamduel.backends.graphs.gauss_newton import STILL
-from slamduel.backends.smoothing.smoother import LOSSES
 from slamduel.bench.measure.misfit import misfit, misfits
 from slamduel.core.factors import Log, Map, Odometry, Prior, RangeBearing, Step
 from slamduel.core.se2 import Array, between, wrap

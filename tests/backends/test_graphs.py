@@ -10,6 +10,7 @@ from motions import chain
 from random_logs import random_covariance, random_log
 from slamduel.backends import newcomers
 from slamduel.backends.api import Diverged
+from slamduel.backends.common_options import LOSSES
 from slamduel.backends.graphs import _gtsam
 from slamduel.core.factors import Dataset, Log, Odometry, Prior, RangeBearing, Step
 from slamduel.core.se2 import Array, between, compose, rotation
@@ -163,7 +164,7 @@ def test_the_losses_weigh_down_as_they_say_and_leave_odometry_alone() -> None:
         ("cauchy", lambda e, c: 1 / (1 + (e / c) ** 2)),
         ("geman-mcclure", lambda e, c: 1 / (1 + (e / c) ** 2) ** 2),
     ):
-        for given, scale in ((0.0, _gtsam.LOSSES[loss][1]), (0.7, 0.7)):
+        for given, scale in ((0.0, LOSSES[loss]), (0.7, 0.7)):
             factors = _gtsam.Factors(log.prior, loss, given, at_once=True)
             factors.prior()
             for k, step in enumerate(log):

@@ -16,12 +16,11 @@ from dense_fit import Normal, dense_fit, weight
 from driven import final, rmse, run
 from laps import laps
 from random_logs import random_log
+from slamduel.backends.common_options import LOSSES
 from slamduel.backends.graphs import graduated
-from slamduel.backends.graphs._gtsam import LOSSES as IN_GTSAM
-from slamduel.backends.graphs._gtsam import Factors
+from slamduel.backends.graphs._gtsam import ESTIMATORS, Factors
 from slamduel.backends.graphs.batch import Batch
 from slamduel.backends.smoothing import _cost, _graph
-from slamduel.backends.smoothing.smoother import LOSSES
 from slamduel.bench.measure.misfit import loop_misfits
 from slamduel.core.factors import Dataset
 from slamduel.core.se2 import Array, wrap
@@ -101,9 +100,8 @@ def test_gtsam_ends_there_too_with_our_residual(loss: str) -> None:
     made = laps(np.random.default_rng(7), 2, every=8)
     log = made.log if loss == "huber" else planted(made, 0.1, np.random.default_rng(8)).log
     found = final("graph", log, loss=loss)
-    estimator, scale = IN_GTSAM[loss]
     start = found.path + np.array([0.01, -0.01, 0.002])
-    cost, path, _ = plain_motions.optimised(log, start, found.map, estimator(scale))
+    cost, path, _ = plain_motions.optimised(log, start, found.map, ESTIMATORS[loss](LOSSES[loss]))
     assert found.path[:, :2] == pytest.approx(path[:, :2], abs=1e-5)
     assert wrap(found.path[:, 2] - path[:, 2]) == pytest.approx(0, abs=1e-5)
     batch = Batch(log, list(LOSSES).index(loss), LOSSES[loss])

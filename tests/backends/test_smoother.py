@@ -8,6 +8,7 @@ from driven import NO_LOOPS, NO_SIGHTINGS, asking_changes_nothing, final, make, 
 from hard_logs import with_loops
 from random_logs import random_log
 from slamduel.backends.api import Diverged
+from slamduel.backends.common_options import LOSSES
 from slamduel.backends.smoothing import forest, smoother
 from slamduel.core.factors import Log, Odometry, Prior, RangeBearing, Step
 from tiers import first_quick
@@ -89,7 +90,7 @@ def test_with_a_loss_it_ends_where_reweighted_least_squares_do(loss: str) -> Non
     found = final("smoother", wrong_log, loss=loss)
     assert set(found.map.ids.tolist()) == set(log.ids.tolist())
     assert found.map.cov is not None  # none is held back
-    best = dense(wrong_log, found, 40, loss=loss, scale=smoother.LOSSES[loss])
+    best = dense(wrong_log, found, 40, loss=loss, scale=LOSSES[loss])
     assert found.path == pytest.approx(best.path, abs=1e-5)
     assert found.map.xy == pytest.approx(np.array([best.xy[i] for i in found.map.ids.tolist()]), abs=1e-5)
 

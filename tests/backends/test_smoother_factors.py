@@ -7,10 +7,10 @@ import pytest
 
 from dense_fit import weight
 from random_logs import random_covariance
+from slamduel.backends.common_options import LOSSES
 from slamduel.backends.smoothing import _factors, _graph, _links, _log
 from slamduel.backends.smoothing._graph import NO_VARIABLE, Graph
 from slamduel.backends.smoothing.arrays import made, with_rows
-from slamduel.backends.smoothing.smoother import LOSSES
 from slamduel.core.se2 import Array, between, compose, wrap
 
 

@@ -1,0 +1,76 @@
+"""The end of a smoother: damped where it must be, and whether it converged is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from driven import final, run
+from random_logs import random_log
+from slamduel.backends.api import Diverged
+from slamduel.backends.registry import find
+from slamduel.backends.smoothing import _graph, forest
+from slamduel.bench.measure.cell import NOT_CONVERGED, Job, run_on
+from slamduel.bench.measure.misfit import misfit
+from slamduel.core.factors import Log, Map
+from slamduel.core.se2 import Array
+
+
+def with_wrong_ids(seed: int) -> Log:
+    """Forty steps in which one sighting in twenty is of another landmark than its id says."""
+    rng = np.random.default_rng(seed)
+    log, _ = random_log(rng, 40, 8, noise=0.5, blind=0.0, radius=6.0)
+    ids, wrong = log.ids.copy(), rng.random(len(log.ids)) < 0.05
+    ids[wrong] = rng.choice(np.unique(ids), wrong.sum())
+    return replace(log, ids=ids)
+
+
+def cost(log: Log, path: Array, landmarks: Map) -> float:
+    found = misfit(log, path, landmarks)
+    assert found is not None
+    return found.total
+
+
+def test_where_no_share_of_a_step_lowers_j_it_is_damped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If only whole steps are tried, one that raises J is the end, and J six times its minimum, unless it is damped."""
+    log = with_wrong_ids(5)
+    usual = final("smoother", log)
+    monkeypatch.setattr(forest, "HALVINGS", 1)
+    damped = final("smoother", log)
+    assert damped.converged is True
+    assert damped.path == pytest.approx(usual.path, abs=1e-5)
+    assert damped.cov == pytest.approx(usual.cov, rel=1e-3, abs=1e-9)
+    monkeypatch.setattr(forest, "FIRST_DAMPING", 2 * forest.MOST_DAMPING)
+    stuck = final("smoother", log)
+    assert stuck.converged is False
+    assert cost(log, stuck.path, stuck.map) > 2 * cost(log, usual.path, usual.map)
+
+
+def test_a_log_on_which_the_iterations_run_out_says_so() -> None:
+    log = with_wrong_ids(5)
+    assert final("smoother", log, final_iterations=1).converged is False
+    assert final("smoother", log, final_iterations=0).converged is None
+    assert final("graph", log, iterations=1).converged is False
+    right, _ = random_log(np.random.default_rng(4), 50, 10, noise=0.3, blind=0.0, radius=20.0)
+    for name in ("smoother", "graph", "fixed-lag", "isam2"):
+        assert final(name, right).converged is True
+
+
+def test_a_cell_that_did_not_converge_has_a_remark() -> None:
+    log = with_wrong_ids(5)
+    for iterations, said in ((1, NOT_CONVERGED), (50, "")):
+        options = find("smoother").options(final_iterations=iterations)
+        done = run_on(Job("smoother", "smoother", options, 0, 4000), lambda: log, lambda: None)
+        assert (done.status, done.reason) == ("done", said)
+
+
+def test_motions_without_a_covariance_are_no_interpolation_from_one_side() -> None:
+    """A covariance that is spoilt after its link was made: no estimate of the steps inside, and no covariances."""
+    log, _ = random_log(np.random.default_rng(6), 40, 6, noise=0.3, blind=0.9)
+    backend, _ = run("smoother", log)
+    g = backend._forest.g
+    inside = next(k for k in range(int(g.state[_graph.STEPS])) if g.at[k] < -1)
+    g.steps[inside, _graph.NOISE : _graph.NOISE + 6] = (-1e6, 0.0, 0.0, -1e6, 0.0, -1e6)
+    for ask in (backend._forest.estimate, backend._forest.pose_covariances, backend.finish):
+        with pytest.raises(Diverged, match="the covariance of a motion is not positive definite"):
+            ask()
