@@ -48,6 +48,7 @@ def search(frame: Frame, of: Ints, d2: Array, gates: Gates, pair: Ints) -> int:
     individual distances. After the most nodes the best one so far is taken.
     """
     alone, match, joint, most = gates
+    z, noise, expected, cov = frame
     k, c = d2.shape
     rows, m = np.zeros((7, k + 1), np.int64), 0  # in one array: allocating takes as long as a node of the search
     count, order, chosen, tried = rows[0], rows[1], rows[2], rows[3]
@@ -107,7 +108,7 @@ def search(frame: Frame, of: Ints, d2: Array, gates: Gates, pair: Ints) -> int:
                 if taken[a, of[i]]:
                     continue
                 n = pairs[p]
-                more = extended(frame, i, a, sighting, landmark, n, L, w)
+                more = extended(z, noise, expected, cov, i, a, sighting, landmark, n, L, w)
                 reached = total[p] + more
                 if reached < joint[reach] and (n == 0 or more < match):
                     sighting[n], landmark[n] = i, a
@@ -127,13 +128,17 @@ def search(frame: Frame, of: Ints, d2: Array, gates: Gates, pair: Ints) -> int:
     return nodes
 
 
+# Takes the arrays of a `Frame`: it is called at each node, and taking a tuple apart counts references.
 @compiled
-def extended(frame: Frame, i: int, a: int, sighting: Ints, landmark: Ints, n: int, L: Array, w: Array) -> float:
+def extended(
+    z: Array, noise: Array, expected: Array, cov: Array, i: int, a: int, sighting: Ints, landmark: Ints, n: int,
+    L: Array, w: Array,
+) -> float:  # fmt: skip
     """Squared distance of sighting i from landmark a, conditional on n pairs; infinite where there is none.
 
     Fills rows 2n and 2n + 1 of the Cholesky factor L of the pairs' joint covariance, and of the whitened residuals w.
     """
-    (z, noise, expected, cov), top = frame, 2 * n
+    top = 2 * n
     for t in range(n):
         j, b = sighting[t], landmark[t]
         for h in range(2):

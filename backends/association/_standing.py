@@ -109,16 +109,17 @@ def judge(
         frame = Frame(seen, noise, at, loosened(at, own, cov, DOUBT * scale, 0.0, 0.0))
         agreeing_set(frame, gates, pair)
     said, apart, off, spread = np.zeros(k, np.int64), np.zeros(k), np.zeros((k, 2)), np.zeros((k, 2, 2))
+    joint = frame.cov
     L, w, members = np.empty((2 * m, 2 * m)), np.empty(2 * m), np.empty(m, np.int64)
     for p in range(m):
         n = 0
         for q in range(m):
             if q != p and pair[q] >= 0:
-                extended(frame, q, q, members, members, n, L, w)
+                extended(seen, noise, at, joint, q, q, members, members, n, L, w)
                 members[n] = q
                 n += 1
         i, t = which[p], 2 * n
-        apart[i] = extended(frame, p, p, members, members, n, L, w)
+        apart[i] = extended(seen, noise, at, joint, p, p, members, members, n, L, w)
         if pair[p] < 0 or (settled[i] < FEW and apart[i] > careful):
             said[i] = OFF
         r, way = z[i, 0] - L[t, t] * w[t], heading + z[i, 1] - L[t + 1, t] * w[t] - L[t + 1, t + 1] * w[t + 1]
