@@ -14,10 +14,6 @@ from slamduel.core.se2 import Array
 from slamduel.datasets import registry as datasets
 from tiers import first_quick
 
-BACKENDS = ("ekf", "smoother", *(pytest.param(name, marks=pytest.mark.slow) for name in (
-    "fastslam", "fixed-lag", "invariant-ekf", "isam2", "ukf"
-)))  # fmt: skip
-
 
 def world(name: str = "circle", seed: int = 1, **options: Any) -> Dataset:
     source = datasets.find(name)
@@ -37,7 +33,9 @@ def sighted(log: Log, moving: Any, times: int) -> set[int]:
     return set(ids[counts >= times].tolist()) & set(moving.tolist())
 
 
-@pytest.mark.parametrize("name", first_quick(BACKENDS))
+@pytest.mark.parametrize(
+    "name", first_quick(["ekf", "smoother", "fastslam", "fixed-lag", "invariant-ekf", "isam2", "ukf"])
+)
 def test_landmarks_that_move_are_taken_out_and_those_that_stand_are_not(name: str) -> None:
     log, truth = world(moving=0.2)
     assert truth is not None

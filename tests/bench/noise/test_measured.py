@@ -81,7 +81,7 @@ def test_the_correlation_of_pairs_is_that_of_all_pairs_one_by_one() -> None:
 
 
 def test_innovations_are_likeliest_at_the_noise_that_is_drawn() -> None:
-    log, _ = noisy("circle[steps=120]", 9, Slow(scale=1.5), Slow(scale=0.8), (1.3, 1.3, 0.7))
+    log, _ = noisy("circle[steps=60]", 9, Slow(scale=1.5), Slow(scale=0.8), (1.3, 1.3, 0.7))
     right = np.array([1.3, 0.7, 1.5, 0.8])
     best = likelihood(scaled_by(log, right))
     assert best is not None

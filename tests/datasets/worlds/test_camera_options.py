@@ -94,9 +94,9 @@ def test_a_drive_with_a_real_camera_is_a_log(sensor: str) -> None:
 
 @cache
 def without_rocking(**options: Any) -> Log:
-    """The log of a drive of 2.4 s without rocking, so that sightings have the noise of their corners alone."""
+    """The log of a drive of 3.2 s without rocking, so that sightings have the noise of their corners alone."""
     return aruco_room(
-        Options(seconds=2.4, frame_rate=2.5, noise="propagated", sway=0.0, **options), np.random.default_rng(1)
+        Options(seconds=3.2, frame_rate=2.5, noise="propagated", sway=0.0, **options), np.random.default_rng(1)
     ).log
 
 
