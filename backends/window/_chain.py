@@ -155,7 +155,7 @@ def turned(w: Window, i: int, o: int, c: int) -> tuple[bool, float, float, float
 @compiled
 def eliminate(w: Window, i: int) -> int:
     """Eliminates pose `i` from the front in favour of pose i + 1."""
-    c = 2 * w.state[SLOTS] + 7
+    c = 2 * int(w.state[SLOTS]) + 7
     o = stage(w, POSE, i)
     w.rows[i, AT] = w.state[STAGES] - 1
     known, e0, e1, e2, gx, gy = turned(w, i, o, c)

@@ -62,9 +62,9 @@ def is_column_product(node: ast.AST) -> bool:
 
 def is_root_of_rest(node: ast.AST) -> bool:
     """sqrt(... - l * l)"""
-    if not called(node, "sqrt"):
+    if not (isinstance(node, ast.Call) and called(node, "sqrt")):
         return False
-    (inside,) = node.args if isinstance(node, ast.Call) else ()
+    inside = node.args[0]
     if not (isinstance(inside, ast.BinOp) and isinstance(inside.op, ast.Sub)):
         return False
     last = [ast.unparse(x) for x in factors(inside.right)]

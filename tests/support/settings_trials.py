@@ -26,8 +26,8 @@ from numba import njit
 from depth_drives import drive
 from redkitchen import FOLDER, judged
 from slamduel.backends.smoothing import forest, smoother
-from slamduel.bench.front_ends.honesty import errors, honest
-from slamduel.bench.measure.metrics import align, aligned, ate
+from slamduel.bench.front_ends.consistency import compared, errors
+from slamduel.bench.measure.accuracy import align, aligned, ate
 from slamduel.bench.plan.load import made, one
 from slamduel.core.factors import Log, Truth
 from slamduel.core.se2 import Array
@@ -147,7 +147,7 @@ def laser_figures(settings: LaserSettings) -> Figures:
         for loop in end.loops:
             e = errors(loop.delta[None], true[[loop.to]], true[[loop.step]])[0]
             false += bool(np.hypot(e[0], e[1]) > WRONG or abs(e[2]) > WRONG_TURN)
-    found = {"floor": float(np.mean(ates)), "NEES": honest("", np.concatenate(off), np.concatenate(cov)).nees}
+    found = {"floor": float(np.mean(ates)), "NEES": compared("", np.concatenate(off), np.concatenate(cov)).nees}
     found |= {"loops": loops, "false": false}
     for name in SCANS:
         end = matched(scans(name), settings)
@@ -178,7 +178,7 @@ def depth_figures(make: Callable[..., DepthSettings]) -> Figures:
             false += bool(np.hypot(e[0], e[1]) > WRONG / 2 or abs(e[2]) > 2 * WRONG_TURN)
     all_off = np.concatenate(off)
     found = {"room": float(np.mean(ates)), "motions": float(np.sqrt((all_off[:, :2] ** 2).sum(axis=1).mean()))}
-    found |= {"NEES": honest("", all_off, np.concatenate(cov)).nees, "loops": loops, "false": false}
+    found |= {"NEES": compared("", all_off, np.concatenate(cov)).nees, "loops": loops, "false": false}
     if FOLDER.is_dir():
         seen = judged(KITCHEN, make())
         found |= {"kitchen": float(np.nanmedian(seen[:, 0])), "lost": float(np.isnan(seen[:, 0]).sum())}

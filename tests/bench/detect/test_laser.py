@@ -87,8 +87,8 @@ def findings(**counts: Any) -> LaserFindings:
     nothing = np.zeros(0, np.int64)
     log = Log.from_arrays(
         "<cart>", recording.prior, recording.t, motion, np.tile(1e-4 * np.eye(3), (n, 1, 1)),
-        nothing, nothing, np.zeros((0, 2)), np.zeros((0, 2, 2)), rows[5:], rows[5:] - 6, motion[6:],
-        np.tile(1e-4 * np.eye(3), (n - 6, 1, 1)), {"laser": notes},
+        nothing, nothing, np.zeros((0, 2)), np.zeros((0, 2, 2)), loop_step=rows[5:], loop_to=rows[5:] - 6,
+        loop_delta=motion[6:], loop_cov=np.tile(1e-4 * np.eye(3), (n - 6, 1, 1)), notes={"laser": notes},
     )  # fmt: skip
     return LaserFindings(log, None, 8.0, recording, recording.odometry)
 

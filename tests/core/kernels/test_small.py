@@ -67,14 +67,14 @@ def test_what_is_not_positive_definite_and_finite_has_no_factor(n: int, value: f
 
 
 def test_pivots_that_are_rounding_are_refused_or_raised_as_asked() -> None:
-    A, L = np.array([[1.0, 1.0], [1.0, 1.0 + 4 * EPS]]), np.zeros((2, 2))
-    assert _small.cholesky(A, L, 2, 0.0, 0.0)
-    assert not _small.cholesky(A, L, 2, 1e-12, 0.0)
-    assert _small.cholesky(A, L, 2, 0.0, 1e-12)
-    assert L[1, 1] ** 2 == pytest.approx(1e-12)
-    A[1, 1] = 1.0 - 4 * EPS
-    assert not _small.cholesky(A, L, 2, 0.0, 0.0)
-    assert _small.cholesky(A, L, 2, 0.0, 1e-12)
+    for below, least, floor, found in (
+        (4 * EPS, 0.0, 0.0, True), (4 * EPS, 1e-12, 0.0, False), (4 * EPS, 0.0, 1e-12, True),
+        (-4 * EPS, 0.0, 0.0, False), (-4 * EPS, 0.0, 1e-12, True),
+    ):  # fmt: skip
+        root = np.zeros((2, 2))
+        assert _small.cholesky(np.array([[1.0, 1.0], [1.0, 1.0 + below]]), root, 2, least, floor) == found
+        if floor:
+            assert root[1, 1] ** 2 == pytest.approx(floor)
 
 
 def test_the_factor_without_branches_is_the_same_to_the_bit_and_nan_where_there_is_none() -> None:

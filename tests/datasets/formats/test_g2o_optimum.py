@@ -85,7 +85,7 @@ def test_gtsam_finds_the_optimum_of_graph_in_the_file(name: str, tmp_path: Path)
     given = 0 if log.prior.map is None else len(log.prior.map.ids)
     assert graph.factors.size() == len(log) + len(log.loop_to) + len(log.ids) - left_out + given
 
-    path, landmarks, _ = optimum(log)
+    path, landmarks, *_ = optimum(log)
     places = dict(zip(landmarks.ids.tolist(), landmarks.xy, strict=True))
     rng = np.random.default_rng(4)
     start = graph.values(
@@ -107,7 +107,7 @@ def test_gtsam_s_own_reader_finds_it_too_where_it_reads_every_row(tmp_path: Path
     assert write_g2o(tmp_path / "log.g2o", log, for_gtsam=True) == 0
     factors, _ = gtsam.readG2o(str(tmp_path / "log.g2o"), False)
     assert factors.size() == len(log) - 1 + len(log.ids)
-    path, landmarks, _ = optimum(log)
+    path, landmarks, *_ = optimum(log)
     first = int(log.ids.max()) + 1
     R = rotation(log.prior.pose[2])
     model = gtsam.noiseModel.Gaussian.Covariance(R.T @ log.prior.cov @ R)

@@ -639,7 +639,7 @@ def test_corners_are_as_good_as_stated(name: str, request: pytest.FixtureRequest
     ),
     ids=lambda effect: " ".join(f"{name} {value}" for name, value in effect.items()),
 )
-def test_what_moves_every_edge_moves_no_corner(webcam: Bench, effect: dict[str, float]) -> None:
+def test_what_moves_every_edge_moves_no_corner(webcam: Bench, effect: dict[str, Any]) -> None:
     """Spread ink and a tone curve make black larger or smaller, which is no change of distance.
 
     The mean of n errors of the size, in percent, has their standard deviation over sqrt(n); unmodelled, an ink of 0.03
