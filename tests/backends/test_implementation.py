@@ -59,6 +59,7 @@ def test_options_may_choose_between_programs() -> None:
 def test_a_plug_in_that_does_not_say_is_named_by_what_installed_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    registry.distributions.cache_clear()  # one is installed here
     (tmp_path / "silent_backend.py").write_text(MODULE)
     (tmp_path / "broken_backend.py").write_text(
         MODULE.replace("Reckoning)", "Reckoning, implementation=lambda _: 1 / 0)")
