@@ -66,6 +66,7 @@ def test_a_plug_in_that_does_not_say_is_named_by_what_installed_it(
     monkeypatch.syspath_prepend(tmp_path)
     for module in ("silent_backend", "broken_backend"):
         assert registry.implementation(f"{module}:build", None) == registry.NOT_STATED
+    registry.distributions.cache_clear()
     installed = tmp_path / "silent-1.0.dist-info"
     installed.mkdir()
     (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: silent\nVersion: 1.0\n")

@@ -2,7 +2,6 @@
 
 import os
 import sys
-from functools import cache
 
 from slamduel.bench.workers.local_executor import Local
 
@@ -21,9 +20,16 @@ def _place() -> tuple[str, ...]:
 
 HERE = _place()
 
-_lasting = cache(Lasting)
+_lasting: dict[int, Lasting] = {}
+"""By the number of workers."""
 
 
 def local(workers: int) -> Local:
     """The pool of so many workers that lasts; one for a single run where a worker of it would be elsewhere."""
-    return _lasting(workers) if _place() == HERE else Local(workers)
+    return _lasting.setdefault(workers, Lasting(workers)) if _place() == HERE else Local(workers)
+
+
+def end() -> None:
+    """Ends all workers; the next run begins others."""
+    for pool in _lasting.values():
+        Local.close(pool)

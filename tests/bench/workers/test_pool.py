@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import lasting_workers
 from places import SUPPORT
 from random_logs import random_log
 from slamduel.backends import registry as backends
@@ -79,6 +80,12 @@ def numbers(result: Result) -> dict[str, Any]:
     return {"status": result.status, "reason": result.reason, **row} | {
         name: (value.dtype, value.shape, value.tobytes()) for name, value in arrays.items()
     }
+
+
+@pytest.fixture(autouse=True, scope="module")
+def alone() -> None:
+    """Workers of other tests' runs are no children of these pools."""
+    lasting_workers.end()
 
 
 @pytest.fixture
