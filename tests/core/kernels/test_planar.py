@@ -68,7 +68,7 @@ def test_an_information_is_the_inverse() -> None:
     for _ in range(200):
         cov, W = any_cov(rng), np.zeros(8)
         assert _planar.information(np.concatenate(([7.0], six(cov))), 1, W, 2)
-        right: Array = np.linalg.inv(cov)
+        right = np.asarray(np.linalg.inv(cov), float)
         assert np.abs(W[2:] - six(right)).max() <= 100 * EPS * np.linalg.cond(cov) * np.abs(right).max()
         assert (W[:2] == 0).all()
 

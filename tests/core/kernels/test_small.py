@@ -85,9 +85,9 @@ def test_the_factor_without_branches_is_the_same_to_the_bit_and_nan_where_there_
         assert _small.cholesky(A, L, 3, 0.0, 0.0)
         assert np.array(_small.factored(*A[lower])).tobytes() == L[lower].tobytes()
     for k in range(3):
-        A = np.eye(3)
-        A[k, k] = -1.0
-        assert np.isnan(_small.factored(*A[lower])).any()
+        indefinite = np.eye(3)
+        indefinite[k, k] = -1.0
+        assert np.isnan(_small.factored(*indefinite[lower])).any()
 
 
 def test_an_inverse_is_that_of_lapack() -> None:

@@ -1,7 +1,7 @@
 """The fit of a printed pattern: its model, its derivatives, its covariance, and what it makes of frames without one."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
