@@ -75,7 +75,6 @@ def lasting_workers() -> None:
 @pytest.fixture
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """`bench run` without its pages, whose pictures are nearly all that a small run costs."""
-    from slamduel.bench.report.section import recorded
-    from slamduel.bench.run import benchmark
+    from pages import left_out
 
-    monkeypatch.setattr(benchmark, "write_report", recorded)
+    left_out(monkeypatch)

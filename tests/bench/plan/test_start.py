@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import pages
 import slamduel
 from lost_logs import RING, surveyed, unnamed
 from slamduel.bench.cli import main
@@ -44,7 +45,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def run(world: Path, out: Path, *words: str) -> int:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("slamduel.bench.run.benchmark.write_report", lambda store: None)
+        pages.left_out(patch)
         return main(["run", "--quiet", "--seeds", "1", "--out", str(out), *words])
 
 

@@ -133,7 +133,7 @@ def test_a_cell_is_judged_by_no_report() -> None:
         "bench.measure.drive",
         "bench.measure.score",
         "bench.measure.misfit",
-        "bench.measure.metrics",
+        "bench.measure.nees",
         "core.factors",
     } <= names
     assert {name for name in names if name.startswith("datasets.")} == set()

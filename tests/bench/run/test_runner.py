@@ -301,7 +301,7 @@ def test_a_worker_starts_with_all_backends_imported_and_numba_at_work() -> None:
 
 
 def test_two_runs_cannot_share_a_folder(tmp_path: Path, log_folder: Path) -> None:
-    with claimed(tmp_path / "run"), pytest.raises(InputError, match="another run or study is writing"):
+    with claimed(tmp_path / "run"), pytest.raises(InputError, match="another run or study writes to it"):
         go(tmp_path / "run", "ekf", log_folder)
     assert not (tmp_path / "run").exists()  # nothing came of either
 

@@ -359,7 +359,7 @@ def test_a_run_in_a_terminal_is_all_of_it(tmp_path: Path) -> None:
     """A pseudo-terminal of 60 columns, from the command's start to its last line."""
     code = (
         "import sys; from slamduel.bench.run import benchmark; from slamduel.bench import cli; "
-        "benchmark.write_report = lambda store: None;"
+        "from slamduel.bench.report.section import recorded; benchmark.write_report = recorded;"
         "sys.exit(cli.main(sys.argv[1:]))"
     )
     words = ["run", "--dataset", "circle[steps=30]", "--backend", "dead-reckoning,ekf", "--seeds", "2"]

@@ -15,6 +15,7 @@ from urllib.parse import unquote
 
 import pytest
 
+import pages
 from slamduel.bench.cli import main
 from slamduel.bench.record.files import export
 from slamduel.bench.record.schema import COLUMNS, FILE, MORE, Row
@@ -54,7 +55,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     (place / "small.toml").write_text(TEXT)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SLAMDUEL_CACHE", str(place / "cache"))
-        patch.setattr(benchmark, "write_report", lambda store: None)
+        pages.left_out(patch)
         words = [str(place / "small.toml"), "--out", str(place / "site"), "--executor", "here", "--quiet"]
         assert main(["suite", *words]) == 0
         yield place / "site"
@@ -109,7 +110,7 @@ def test_each_run_is_an_ordinary_folder(made: Path) -> None:
 
 def test_what_has_a_result_is_not_run_again(site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr(benchmark, "write_report", lambda store: None)
+    pages.left_out(monkeypatch)
 
     def times() -> list[Any]:
         (record,) = site.glob(f"small/*/circle/{FILE}")
