@@ -80,8 +80,8 @@ def distance(dr: float, db: float, a: float, b: float, c: float) -> float:
     return (c * dr * dr - 2.0 * b * dr * db + a * db * db) / det
 
 
-# `within` and `cross_block` take a belief by its pieces, as callers store it in three ways: as a matrix, as the rows of
-# a triangle, and by what is left of it after a motion.
+# It takes a belief by its pieces, as callers store it in three ways: as a matrix, as a triangle's rows, and by what
+# is left of it after a motion.
 @compiled
 def within(
     pose: Array,
@@ -136,6 +136,7 @@ def within(
     return False
 
 
+# By its pieces, as `within`.
 @compiled
 def cross_block(
     h: Array, t: Array, C: Array, l00: float, l01: float, l10: float, l11: float, g: Array, i: int, j: int, cov: Array

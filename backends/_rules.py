@@ -9,9 +9,9 @@ from ..core.kernels._arrays import Arrays, Integers, Numbers, at
 from ..core.kernels._planar import wrap
 from ..core.kernels.compiled import compiled
 from ..core.se2 import Array, Ints
-from ._answer import answer_at
 from ._assignment import cheapest, nearest
 from ._expected import ROUNDING, distance
+from ._expected_arrays import expected_at
 from ._joint_compatibility import Frame, Gates, search
 
 NEAREST, CHEAPEST, JOINT = 0, 1, 2
@@ -180,12 +180,12 @@ def decision_by(rule: int, match: float, gates: Array, far: float, most: int) ->
 
 
 @compiled
-def conclude(answer: int, z: Array, R: Array) -> None:
-    """Makes the decision that the `Answer` at that address is for, if there is one: `decide_frame`, as ids.
+def conclude(expected: int, z: Array, R: Array) -> None:
+    """Makes the decision that the `ExpectedArrays` at that address is for, if there is one: `decide_frame`, as ids.
 
-    The sightings z (k, 2), R (k, 2, 2) are those that the answer is to.
+    The sightings z (k, 2), R (k, 2, 2) are those for which it was asked.
     """
-    a = answer_at(answer)
+    a = expected_at(expected)
     if a.decision[0] == 0:
         return
     d, n = decision_at(a.decision[0]), a.count[0]

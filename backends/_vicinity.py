@@ -14,8 +14,8 @@ from ..core.kernels._arrays import Arrays, Integers, Numbers, Table, at
 from ..core.kernels._planar import moved, wrap
 from ..core.kernels.compiled import compiled
 from ..core.se2 import Array
-from ._answer import answer_at
 from ._expected import LEAST_RANGE, Gaussian, carried, jointly, may_be_seen, spread
+from ._expected_arrays import expected_at
 
 X, Y, HEADING, NOISE, TURNS, TURNS_X, TURNS_Y, TURNS_AWAY, SD, HEADING_SD, SINCE = range(11)
 BEFORE, POSE, STATE = 15, 18, 21
@@ -217,15 +217,15 @@ def expect(
     gate: float,
     into: int,
 ) -> None:
-    """Remembers the first n landmarks `asked` for, and fills the `Answer` at `into` with those within the gate.
+    """Remembers the first n landmarks `asked` for, and fills the `ExpectedArrays` at `into` with those within the gate.
 
     Nothing is decided yet.
     `pose` (3,) before the motion, the landmarks' places `at` (n, 2) and their covariance (2n + 3, 2n + 3), the pose
-    last, of which the rows of the pose and what is on and below the diagonal are read; the answer has room for n.
+    last, of which the rows of the pose and what is on and below the diagonal are read; there is room for n.
     """
     g = places_at(address)
     rows = g.asked[: len(at)]
-    n, x, out = 2 * len(rows), pose.copy(), answer_at(into)
+    n, x, out = 2 * len(rows), pose.copy(), expected_at(into)
     for k in range(len(rows)):
         i = 2 * k
         learn(g, rows[k], pose, joint[n:, n:], at[k, 0], at[k, 1], joint[n:, i : i + 2], joint[i : i + 2, i : i + 2])

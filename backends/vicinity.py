@@ -12,8 +12,8 @@ from ..core.se2 import Array, Ints, compose, rotation
 from . import _vicinity
 from ._expected import Gaussian, after_motion, near_ones, spreads
 from ._vicinity import STATE, SUMS, Places
-from .answers import answer, as_expected
 from .api import Diverged, Expected
+from .expected import as_expected, room_for
 from .models import place, sight
 from .newcomers import Newcomers, Sighting
 
@@ -44,7 +44,7 @@ class Vicinity:
         self._rows: dict[int, int] = {}
         self.count = 0  # of rows, with those of landmarks that are left out
         self._places = _places(SPACE)
-        self._answer = answer(SPACE)
+        self._expected = room_for(SPACE)
         self._no_cov = np.zeros((3, 3))
         self.motion = np.zeros((4, 3))  # asked about: dx, dy, dtheta and their covariance
         self.used = False
@@ -86,7 +86,7 @@ class Vicinity:
         new: list[int],
         marginals: Marginals,
     ) -> Expected:
-        """The answer of `Expects.expected` for a robot at `pose` with covariance `cov` before the odometry.
+        """The landmarks of `Expects.expected` for a robot at `pose` with covariance `cov` before the odometry.
 
         `new` are the landmarks that were added since this was last asked. With `follows`, `cov` is not needed.
         """
@@ -97,11 +97,11 @@ class Vicinity:
         )  # fmt: skip
         if n == 0:
             return NOTHING
-        if n > len(self._answer.ids):
-            self._answer = answer(2 * n)
+        if n > len(self._expected.ids):
+            self._expected = room_for(2 * n)
         here, at, joint = marginals(self._places.ids[self.asked(n)].tolist())
-        _vicinity.expect(address, here, at, joint, moves, self.motion, seen.z, seen.cov, gate, self._answer.address)
-        return as_expected(self._answer)
+        _vicinity.expect(address, here, at, joint, moves, self.motion, seen.z, seen.cov, gate, self._expected.address)
+        return as_expected(self._expected)
 
     def place(self, xy: Array, sd: Array) -> None:
         """Places the first landmarks, (n, 2) m, with deviations of at most sd (n,) m in any direction."""

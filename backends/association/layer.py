@@ -17,8 +17,8 @@ from ...core.se2 import Array, Ints, compose
 from .._expected import carried
 from .._joint_compatibility import Frame, Gates
 from .._rules import NEW, Decision, decide, decide_frame, decision_by
-from ..answers import answer, filled, fills
 from ..api import Backend, Belief, Expected, Pose, Solution, TakenOut, TakesOut, WantsTruth
+from ..expected import filled, fills, room_for
 from ..locating.locate import locate
 from ..locating.virtual import virtual
 from ._line import agreeing, polar
@@ -57,7 +57,7 @@ class Associating:
         self._gates = gates(options.joint, LARGEST)
         self._waits = options.lookahead > 0 or options.confirm > 0
         self._plain = not self._waits and not options.retire
-        self._into, self._answer = fills(inner), answer(ROOM)
+        self._into, self._expected = fills(inner), room_for(ROOM)
         self._decision = self._decided_by(self._gates)
         self._line = deque[Step]()
         self._pose: Array | None = prior.pose.copy()
@@ -180,9 +180,9 @@ class Associating:
         decision = self._decision
         decision.first[0] = self._next
         if self._into:
-            self._answer = inner.expect_into(step.odometry, seen, self._far, self._answer)
+            self._expected = inner.expected_into(step.odometry, seen, self._far, self._expected)
         else:
-            self._answer = filled(self._answer, inner.expected(step.odometry, seen, self._far), seen)
+            self._expected = filled(self._expected, inner.expected(step.odometry, seen, self._far), seen)
         new, tried = decision.said.tolist()
         if new and self._options.rescue and new >= max(FEW_NEW, count / 2):
             return None
@@ -357,7 +357,7 @@ class Associating:
     def _decided_by(self, joint: Array) -> Decision:
         """The decision by these joint gates, for compiled code: that of the answers from now on."""
         decision = decision_by(self._rule, self._match, joint, self._far, self._options.nodes)
-        self._answer.decision[0] = decision.address
+        self._expected.decision[0] = decision.address
         return decision
 
     def _translated(self, ids: list[int]) -> Ints:

@@ -4,7 +4,7 @@ import numpy as np
 
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._answer import answer_at
+from .._expected_arrays import expected_at
 from .._rules import conclude
 from .._vicinity import choose, expect, places_at
 from ._beliefs import group_at
@@ -73,9 +73,9 @@ def ask(
     belief: int, places: int, landmarks: int, slots: Ints, moves: bool, motion: Array, z: Array, R: Array, gate: float,
     into: int,
 ) -> int:  # fmt: skip
-    """Fills the `Answer` at `into` with the landmarks within the gate after a motion (see `_vicinity`), and decides.
+    """Fills the `ExpectedArrays` at `into` with the landmarks within the gate after a motion, and decides.
 
-    `belief` is the address of `GroupArrays`; `places` is the address of the `Places`, of which
+    See `_vicinity`; `belief` is the address of `GroupArrays`; `places` is the address of the `Places`, of which
     the first `landmarks` rows are those of its landmarks `slots`. Returns the number of landmarks whose joint
     covariance was computed; minus that, and nothing is filled, where there is no room for them.
     """
@@ -83,7 +83,7 @@ def ask(
     here, none = group_at(belief).pose.copy(), np.empty((3, 3))
     here[0] += origin[0]
     here[1] += origin[1]
-    n, out = choose(places, landmarks, here, none, True, moves, motion, z, R, gate), answer_at(into)
+    n, out = choose(places, landmarks, here, none, True, moves, motion, z, R, gate), expected_at(into)
     if n > len(out.ids):
         return -n
     out.count[0] = 0

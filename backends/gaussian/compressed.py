@@ -25,7 +25,7 @@ from .._vicinity import choose
 from ..vicinity import Vicinity
 from . import _compressed, _triangle
 from ._ekf import OWED, POSE
-from ._expecting import remember, sds
+from ._expected import remember, sds
 from .joint import Joint
 
 MOST = 64

@@ -27,12 +27,12 @@ from ...core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Relativ
 from ...core.options import option
 from ...core.se2 import Array
 from .. import common_options
-from .._answer import Answer
-from ..answers import answer, as_expected, roomier
+from .._expected_arrays import ExpectedArrays
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution, TruthWanted
+from ..expected import as_expected, room_for, roomier
 from ._beliefs import Frame
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, POSE, STANDARD, frame
-from ._expecting import expect
+from ._expected import expect
 from ._loops import close, keep
 from .compressed import Active
 from .joint import Joint
@@ -94,7 +94,7 @@ class Ekf:
         self._slot: dict[int, int] = {}  # landmark id -> its index in the whole
         self._ids = np.zeros(0, np.int64)  # and the inverse when last asked what is expected; UNKNOWN for kept poses
         self._truth: Truth | None = None
-        self._answer = answer(SIGHTINGS)
+        self._expected = room_for(SIGHTINGS)
         self._frame = Frame(motion=np.zeros((4, 3)), truth=np.zeros(3), **_sightings(SIGHTINGS))
         self._nis, self._nis_dof, self._refused, self._left_out = 0.0, 0, 0, 0
         self._kept = KeptPoses(options.poses) if prior.loops else None
@@ -161,10 +161,12 @@ class Ekf:
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief after the motion."""
-        self._answer = self.expect_into(odometry, seen, gate, self._answer)
-        return as_expected(self._answer)
+        self._expected = self.expected_into(odometry, seen, gate, self._expected)
+        return as_expected(self._expected)
 
-    def expect_into(self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: Answer) -> Answer:
+    def expected_into(
+        self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: ExpectedArrays
+    ) -> ExpectedArrays:
         """The same, in compiled arrays."""
         moves, part, ids = odometry is not None, self._whole, self._ids
         known = len(ids)

@@ -33,9 +33,9 @@ from ...core.factors import Map, Odometry, Prior, RangeBearing, RelativePoses, S
 from ...core.kernels._blas import routine
 from ...core.options import option
 from ...core.se2 import Array
-from .._answer import Answer
-from ..answers import answer, as_expected, roomier
+from .._expected_arrays import ExpectedArrays
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
+from ..expected import as_expected, room_for, roomier
 from ..vicinity import Vicinity
 from . import _invariant, _invariant_loops, _plain, _triangle
 from ._beliefs import GroupArrays
@@ -76,7 +76,7 @@ class InvariantEkf:
         self._strip[:, :3] = prior.cov  # both errors agree at the origin
         self._nis = np.zeros(0)  # of each sighting of the last step, -1 for none
         self._loops_nis, self._loops_used, self._left_out = 0.0, 0, 0
-        self._vicinity, self._answer = Vicinity(follows=True), answer(SIGHTINGS)
+        self._vicinity, self._expected = Vicinity(follows=True), room_for(SIGHTINGS)
         self._near = np.zeros(0, np.int64)  # numbers of the landmarks in the vicinity, by its rows
         self._kept = KeptPoses(options.poses) if prior.loops else None
         self._entries = NOWHERE  # (k, 2) of the kept poses
@@ -101,10 +101,12 @@ class InvariantEkf:
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief in plain coordinates, to first order."""
-        self._answer = self.expect_into(odometry, seen, gate, self._answer)
-        return as_expected(self._answer)
+        self._expected = self.expected_into(odometry, seen, gate, self._expected)
+        return as_expected(self._expected)
 
-    def expect_into(self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: Answer) -> Answer:
+    def expected_into(
+        self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: ExpectedArrays
+    ) -> ExpectedArrays:
         """The same, in compiled arrays."""
         around = self._vicinity
         new = list(islice(reversed(self._slot), len(self._slot) - around.count))[::-1]

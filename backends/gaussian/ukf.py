@@ -26,12 +26,12 @@ import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...core.options import option
-from .._answer import Answer
-from ..answers import answer, as_expected, roomier
+from .._expected_arrays import ExpectedArrays
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose
+from ..expected import as_expected, room_for, roomier
 from . import _ukf
 from ._ekf import STANDARD
-from ._expecting import expect
+from ._expected import expect
 from .joint import Joint
 
 
@@ -54,7 +54,7 @@ class Ukf:
         self._ids = np.zeros(0, np.int64)  # and the inverse, of those known when last asked what is expected
         self._known = np.zeros((0, 2))  # landmarks held fixed, m
         self._joint = Joint(prior.pose, prior.cov, fixed_points=False)
-        self._answer = answer(16)
+        self._expected = room_for(16)
         self._motion = np.zeros((4, 3))  # dx, dy, dtheta and their covariance
         self._nis, self._nis_dof = 0.0, 0
         if prior.map is not None:
@@ -80,10 +80,12 @@ class Ukf:
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief, to first order."""
-        self._answer = self.expect_into(odometry, seen, gate, self._answer)
-        return as_expected(self._answer)
+        self._expected = self.expected_into(odometry, seen, gate, self._expected)
+        return as_expected(self._expected)
 
-    def expect_into(self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: Answer) -> Answer:
+    def expected_into(
+        self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: ExpectedArrays
+    ) -> ExpectedArrays:
         """The same, in compiled arrays."""
         joint = self._joint
         if odometry is not None:

@@ -71,15 +71,13 @@ def add_sighting(g: Graph, s: int, F: Array, w: int, ip: int, il: int) -> None:
     add_seen(x[0], x[1], x[2], m[0], m[1], g.seen, s, g.settings, F, w, ip, il)
 
 
+# `fixed-lag` has poses and landmarks in other tables, so they are numbers: a view of a row costs a reference count.
 @compiled
 def add_seen(
     x: float, y: float, heading: float, mx: float, my: float,
     seen: Array, s: int, settings: Array, F: Array, w: int, ip: int, il: int,
 ) -> None:  # fmt: skip
-    """Likewise for row `s` of `seen` (n, 5), sighted from a pose, and a landmark at (mx, my).
-
-    `fixed-lag` has poses and landmarks in other tables; so they are numbers: a view of a row costs a reference count.
-    """
+    """Likewise for row `s` of `seen` (n, 5), sighted from a pose, and a landmark at (mx, my)."""
     dx, dy, e0, e1, q = distance(x, y, heading, mx, my, seen, s)
     scale = weight(settings[LOSS], settings[SCALE], q)
     z0, z1, z2 = scale * seen[s, 2], scale * seen[s, 3], scale * seen[s, 4]

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._answer import answer_at
+from .._expected_arrays import expected_at
 from .._rules import conclude
 from .._vicinity import choose, expect, places_at
 from ._covariances import joint
@@ -94,6 +94,7 @@ def root_offset(address: int) -> float:
     return most
 
 
+# One by one, as they come from Python objects at every step: a record of them would cost more than the call.
 @compiled
 def ask(
     address: int,
@@ -109,14 +110,13 @@ def ask(
     gate: float,
     into: int,
 ) -> int:
-    """Fills the `Answer` at `into` with the landmarks within the gate after a motion (see `_vicinity`), and decides.
+    """Fills the `ExpectedArrays` at `into` with the landmarks within the gate after a motion, and decides.
 
-    `address` is that of the graph, `places` that of the `Places`, of which the first `landmarks` rows are those of
-    `variables`; `pose` (3,) is the newest one and `cov` (3, 3) its covariance. Returns the number of landmarks whose
-    joint covariance was computed; minus that, and nothing is filled, where there is no room for them. The arguments are
-    one by one, as they come from Python objects at every step, and a record of them would cost more than the call.
+    See `_vicinity`; `address` is that of the graph, `places` that of the `Places`, of which the first `landmarks` rows
+    are those of `variables`; `pose` (3,) is the newest one and `cov` (3, 3) its covariance. Returns the number of
+    landmarks whose joint covariance was computed; minus that, and nothing is filled, where there is no room for them.
     """
-    n, out = choose(places, landmarks, pose, cov, True, moves, motion, z, R, gate), answer_at(into)
+    n, out = choose(places, landmarks, pose, cov, True, moves, motion, z, R, gate), expected_at(into)
     if n > len(out.ids):
         return -n
     out.count[0] = 0

@@ -18,10 +18,10 @@ from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...core.options import option
 from ...core.se2 import Array, Ints
 from .. import common_options
-from .._answer import Answer
-from ..answers import answer, as_expected, filled, roomier
+from .._expected_arrays import ExpectedArrays
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..common_options import LOSSES
+from ..expected import as_expected, filled, room_for, roomier
 from ..newcomers import Newcomers
 from ..vicinity import Vicinity, first_expected, with_held
 from . import _log, _opening, _step
@@ -89,7 +89,7 @@ class Smoother:
         _log.move(forest.g, self._motion, forest.pose, forest.cov)
         self._newest = _log.add_pose_after(forest.g, NO_VARIABLE, 0)
         self._prior, self._vicinity = prior, Vicinity(follows=True)
-        self._answer = answer(CAP)
+        self._expected = room_for(CAP)
         self._near = np.zeros(0, np.int64)  # variables of the landmarks in the vicinity, by its rows
         self._given = prior.map is not None and len(prior.map.ids) > 0
         if prior.map is not None:
@@ -125,10 +125,12 @@ class Smoother:
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by joint marginals; one that is held back is offered, too."""
-        self._answer = self.expect_into(odometry, seen, gate, self._answer)
-        return as_expected(self._answer)
+        self._expected = self.expected_into(odometry, seen, gate, self._expected)
+        return as_expected(self._expected)
 
-    def expect_into(self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: Answer) -> Answer:
+    def expected_into(
+        self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: ExpectedArrays
+    ) -> ExpectedArrays:
         """The same, in compiled arrays."""
         if self._steps == 0:
             return filled(into, first_expected(self._prior, seen, gate), seen)

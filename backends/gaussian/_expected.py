@@ -7,8 +7,8 @@ import numpy as np
 from ...core.kernels._planar import moved, propagate
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from .._answer import answer_at
 from .._expected import ROUNDING, cross_block, spread, within
+from .._expected_arrays import expected_at
 from .._rules import conclude
 from .._vicinity import learn, note, places_at
 from ._beliefs import belief_at
@@ -86,10 +86,11 @@ def expect(
     """Expected sightings, after the `motion`, of landmarks that one of the sightings z (k, 2), R (k, 2, 2) may be of.
 
     The belief is that of `JointArrays` at `address`; `ids` (pairs,) are its landmarks, and pairs that it marks as of
-    kept poses are passed over. Fills the `Answer` at `into` and makes its decision; False if it has no room. A landmark
-    far away is passed over by the bound of its deviation alone, which is as it was when the landmark was last near.
+    kept poses are passed over. Fills the `ExpectedArrays` at `into` and makes its decision; False if it has no room. A
+    landmark far away is passed over by the bound of its deviation alone, which is as it was when the landmark was last
+    near.
     """
-    g, out = belief_at(address), answer_at(into)
+    g, out = belief_at(address), expected_at(into)
     mean, cross, flat, agreed, bound = g.mean, g.cross, g.flat, g.agreed, g.bound
     x, point, P = mean[:3].copy(), g.points[:3].copy(), g.pose.copy()
     gx, gy = predicted(x, point, P, motion, where) if moves else (0.0, 0.0)

@@ -6,15 +6,17 @@ import numpy as np
 
 from ..core.factors import Odometry, RangeBearing
 from ..core.se2 import Array, Ints
-from ._answer import Answer
+from ._expected_arrays import ExpectedArrays
 from ._rules import conclude
 from .api import Expected
 
 
-class ExpectsInto(Protocol):
-    """A backend that fills an `Answer` as well: a method of this package, which no plug-in needs."""
+class ExpectsArrays(Protocol):
+    """A backend that fills an `ExpectedArrays` as well: a method of this package, which no plug-in needs."""
 
-    def expect_into(self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: Answer) -> Answer:
+    def expected_into(
+        self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: ExpectedArrays
+    ) -> ExpectedArrays:
         """As `Expects.expected`, and makes the decision; returns `into`, or another one with more room."""
         ...
 
@@ -22,26 +24,26 @@ class ExpectsInto(Protocol):
 def fills(backend: object) -> bool:
     """Tells if it is such a backend; not if a subclass has replaced what is expected, in the other way alone."""
     own = next((vars(kind) for kind in type(backend).__mro__ if "expected" in vars(kind)), {})
-    return "expect_into" in own
+    return "expected_into" in own
 
 
-def answer(landmarks: int) -> Answer:
-    """An answer with room for that many landmarks, for no decision."""
-    return Answer(count=np.zeros(1, np.int64), decision=np.zeros(1, np.int64), **_room(landmarks))
+def room_for(landmarks: int) -> ExpectedArrays:
+    """Arrays with room for that many landmarks, for no decision."""
+    return ExpectedArrays(count=np.zeros(1, np.int64), decision=np.zeros(1, np.int64), **_room(landmarks))
 
 
-def roomier(found: Answer, landmarks: int) -> Answer:
-    """An answer for the same decision with room for that many, of which none is kept."""
+def roomier(found: ExpectedArrays, landmarks: int) -> ExpectedArrays:
+    """Arrays for the same decision with room for that many, of which none is kept."""
     return found.replaced(**_room(landmarks))
 
 
-def as_expected(found: Answer) -> Expected:
-    """Copies the answer into arrays of its own."""
+def as_expected(found: ExpectedArrays) -> Expected:
+    """A copy in arrays of its own."""
     n = int(found.count[0])
     return Expected(found.ids[:n].copy(), found.z[:n].copy(), found.cov[: 4 * n * n].reshape(2 * n, 2 * n).copy())
 
 
-def filled(into: Answer, found: Expected, seen: RangeBearing) -> Answer:
+def filled(into: ExpectedArrays, found: Expected, seen: RangeBearing) -> ExpectedArrays:
     """`into`, or another one with more room, with what is `found` for the sightings; the decision is made."""
     n = len(found.ids)
     if n > len(into.ids):

@@ -9,9 +9,9 @@ import pytest
 from driven import make
 from random_logs import random_log
 from slamduel.backends._rules import CHEAPEST, JOINT, NEAREST, NEW, Decision, decide_frame, decision_by
-from slamduel.backends.answers import answer, as_expected, filled, fills
 from slamduel.backends.api import Expected
 from slamduel.backends.association.quantiles import gates, quantile
+from slamduel.backends.expected import as_expected, filled, fills, room_for
 from slamduel.backends.gaussian.ekf import Ekf
 from slamduel.bench.speed.world import world
 from slamduel.core.factors import UNKNOWN, Odometry, RangeBearing, Step
@@ -82,13 +82,13 @@ def turned(seen: RangeBearing, angle: float) -> RangeBearing:
 @pytest.mark.parametrize("name", FILL)
 def test_the_decision_made_when_asked_is_that_of_asking_and_then_deciding(name: str, rule: int) -> None:
     """At the first step, where nothing is expected, at others, and with sightings that are of no landmark."""
-    decision, into = decision_of(rule), answer(1)
+    decision, into = decision_of(rule), room_for(1)
     into.decision[0] = decision.address
     known = new = 0
     for backend, step in asked(name):
         for angle in (0.0, 0.02, 2.0):
             seen = turned(step.sightings, angle)
-            into = backend.expect_into(step.odometry, seen, FAR, into)
+            into = backend.expected_into(step.odometry, seen, FAR, into)
             found = decided(decision, len(seen.ids))
             assert found == in_two_calls(rule, backend.expected(step.odometry, seen, FAR), seen)
             known, new = known + sum(landmark >= 0 for landmark in found.names), new + found.new
@@ -98,7 +98,7 @@ def test_the_decision_made_when_asked_is_that_of_asking_and_then_deciding(name: 
 
 @pytest.mark.parametrize("rule", [NEAREST, CHEAPEST, JOINT])
 def test_what_is_filled_in_from_any_backend_is_decided_on_likewise(rule: int) -> None:
-    decision, into = decision_of(rule), answer(1)
+    decision, into = decision_of(rule), room_for(1)
     into.decision[0] = decision.address
     for backend, step in asked("ekf"):
         expected = backend.expected(step.odometry, step.sightings, FAR)
@@ -113,8 +113,8 @@ def test_an_answer_grows_and_is_the_same_as_what_is_expected() -> None:
         for step in here.survey:
             backend.step(step)
         step = here.drive[0]
-        into = answer(1)
-        found = backend.expect_into(step.odometry, step.sightings, 18.4, into)
+        into = room_for(1)
+        found = backend.expected_into(step.odometry, step.sightings, 18.4, into)
         assert found is not into
         for mine, other in zip(as_expected(found), backend.expected(step.odometry, step.sightings, 18.4), strict=True):
             assert len(mine) >= 12

@@ -3,7 +3,7 @@
 from ..core.kernels._arrays import Arrays, Integers, Numbers, Table, at
 
 
-class Answer(Arrays):
+class ExpectedArrays(Arrays):
     """`Expected`, of n landmarks that come first in arrays with room for c; and what it is for.
 
     Who fills it calls `_rules.conclude` at the end: one compiled call asks a backend and decides.
@@ -16,5 +16,5 @@ class Answer(Arrays):
     decision: Integers  # (1,) the address of the `Decision` to be made by it, or 0
 
 
-answer_at = at(Answer)
-"""The answer at an address."""
+expected_at = at(ExpectedArrays)
+"""The expected sightings at an address."""
