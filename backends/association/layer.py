@@ -57,7 +57,7 @@ class Associating:
         self._gates = gates(options.joint, LARGEST)
         self._waits = options.lookahead > 0 or options.confirm > 0
         self._plain = not self._waits and not options.retire
-        self._into, self._expected = fills(inner), room_for(ROOM)
+        self._into, self._arrays = fills(inner), room_for(ROOM)
         self._decision = self._decided_by(self._gates)
         self._line = deque[Step]()
         self._pose: Array | None = prior.pose.copy()
@@ -180,9 +180,9 @@ class Associating:
         decision = self._decision
         decision.first[0] = self._next
         if self._into:
-            self._expected = inner.expected_into(step.odometry, seen, self._far, self._expected)
+            self._arrays = inner.expected_into(step.odometry, seen, self._far, self._arrays)
         else:
-            self._expected = filled(self._expected, inner.expected(step.odometry, seen, self._far), seen)
+            self._arrays = filled(self._arrays, inner.expected(step.odometry, seen, self._far), seen)
         new, tried = decision.said.tolist()
         if new and self._options.rescue and new >= max(FEW_NEW, count / 2):
             return None
@@ -357,7 +357,7 @@ class Associating:
     def _decided_by(self, joint: Array) -> Decision:
         """The decision by these joint gates, for compiled code: that of the answers from now on."""
         decision = decision_by(self._rule, self._match, joint, self._far, self._options.nodes)
-        self._expected.decision[0] = decision.address
+        self._arrays.decision[0] = decision.address
         return decision
 
     def _translated(self, ids: list[int]) -> Ints:
