@@ -30,6 +30,9 @@ from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.maps.obstacles import Obstacles
 from slamduel.frontend.maps.occupancy import occupancy
 from slamduel.frontend.maps.top_view import top_view
+from slamduel.frontend.markers import template
+from slamduel.frontend.markers._share import RIM
+from slamduel.frontend.markers.prior import UNKNOWN_CAMERA
 
 BACKENDS: dict[str, list[dict[str, Any]]] = {
     "bias-ekf": [{"range_share": 0.3, "bearing_share": 0.3, "gate": 0.99}],
@@ -122,6 +125,20 @@ def front_ends() -> None:
         "aruco-room[seconds=2,noise=propagated,boxes=2,camera=fisheye,outliers=0.2,shadow=0.5,occlusion=0.3]",
     ):
         world(name)
+    assert noisy_marker() is not None
+
+
+def noisy_marker() -> template.PatternFit | None:
+    """A marker whose picture is so grainy that its worst module is looked at."""
+    rng = np.random.default_rng(0)
+    pattern = np.pad(np.pad(rng.integers(0, 2, (4, 4)).astype(float), 1), RIM, constant_values=1.0)
+    grey = np.kron(40 + 160 * pattern, np.ones((12, 12)))
+    image = np.clip(grey + rng.normal(0, 20, grey.shape), 0, 255).astype(np.uint8)
+    h, w = image.shape
+    rays = np.stack(np.meshgrid((np.arange(w) - w / 2) / 300, (np.arange(h) - h / 2) / 300), axis=-1)
+    low, high = 12.0 * RIM - 0.5, 12.0 * (len(pattern) - RIM) - 0.5
+    corners = np.array([[low, low], [high, low], [high, high], [low, high]])
+    return template.fit(image, rays, pattern, (corners - (w / 2, h / 2)) / 300, corners, UNKNOWN_CAMERA)
 
 
 def noise() -> None:
