@@ -1,28 +1,20 @@
 """Expected sightings that stay in compiled arrays on the way from a backend to data association."""
 
-from typing import Protocol
-
 import numpy as np
 
-from ..core.factors import Odometry, RangeBearing
+from ..core.factors import RangeBearing
 from ..core.se2 import Array, Ints
 from ._expected_arrays import ExpectedArrays
 from ._rules import conclude
 from .api import Expected
 
 
-class ExpectsArrays(Protocol):
-    """A backend that fills an `ExpectedArrays` as well: a method of this package, which no plug-in needs."""
-
-    def expected_into(
-        self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: ExpectedArrays
-    ) -> ExpectedArrays:
-        """As `Expects.expected`, and makes the decision; returns `into`, or another one with more room."""
-        ...
-
-
 def fills(backend: object) -> bool:
-    """Tells if it is such a backend; not if a subclass has replaced what is expected, in the other way alone."""
+    """Tells if it fills `ExpectedArrays` as well, which no plug-in needs to do.
+
+    That is `expected_into(odometry, seen, gate, into)`: as `Expects.expected`, and makes the decision; it returns
+    `into`, or arrays with more room. Not if a subclass has replaced `expected` alone.
+    """
     own = next((vars(kind) for kind in type(backend).__mro__ if "expected" in vars(kind)), {})
     return "expected_into" in own
 

@@ -41,28 +41,34 @@ INDEFINITE, AT_ROBOT = 1, 2
 
 
 @compiled
-def predict(b: JointArrays, n: int, m: int, motion: Array, truth: Array, where: int) -> None:
-    """Eqs (5)-(9) for the body-frame `motion`: rows of dx, dy, dtheta and of its covariance, (4, 3).
+def advance(pose: Array, point: Array, motion: Array, truth: Array, where: int) -> tuple[float, float, float]:
+    """Moves a pose's mean and its linearisation point, in place, by `motion`: rows of dx, dy, dtheta and covariance.
 
-    The Jacobian of eq. (3) is [1, 0, -(y' - y); 0, 1, x' - x; 0, 0, 1] for a motion from (x, y) to (x', y'): from
-    `points`, where the pose was linearised last, to its present place. With dead reckoning, the mean's deviation from
-    it is transformed likewise, and no angle is wrapped.
+    Returns gx, gy and the heading that the motion is turned by. The Jacobian of eq. (3) is [1, 0, gx; 0, 1, gy; 0, 0,
+    1] with gx = -(y' - y), gy = x' - x for a motion from (x, y) to (x', y'): from `point`, where the pose was
+    linearised last, to its present place. With dead reckoning, the mean's deviation from it is transformed likewise,
+    and no angle is wrapped.
     """
-    mean, points, cross, transition = b.mean, b.points, b.cross, b.transition
-    x, y = points[0], points[1]
-    turned = points[2] if where in (IDEAL, ODOMETRY) else mean[2]
+    x, y, turned = point[0], point[1], point[2] if where in (IDEAL, ODOMETRY) else pose[2]
     if where == ODOMETRY:
-        off = mean[2] - turned
-        points[0], points[1], _ = moved(x, y, turned, motion[0, 0], motion[0, 1], motion[0, 2])
-        points[2] += motion[0, 2]
-        mean[0] += points[0] - x - (points[1] - y) * off
-        mean[1] += points[1] - y + (points[0] - x) * off
-        mean[2] += motion[0, 2]
+        off = pose[2] - turned
+        point[0], point[1], _ = moved(x, y, turned, motion[0, 0], motion[0, 1], motion[0, 2])
+        point[2] += motion[0, 2]
+        pose[0] += point[0] - x - (point[1] - y) * off
+        pose[1] += point[1] - y + (point[0] - x) * off
+        pose[2] += motion[0, 2]
     else:
-        mean[0], mean[1], mean[2] = moved(mean[0], mean[1], mean[2], motion[0, 0], motion[0, 1], motion[0, 2])
+        pose[0], pose[1], pose[2] = moved(pose[0], pose[1], pose[2], motion[0, 0], motion[0, 1], motion[0, 2])
         for i in range(3):
-            points[i] = truth[i] if where == IDEAL else mean[i]
-    gx, gy = -(points[1] - y), points[0] - x
+            point[i] = truth[i] if where == IDEAL else pose[i]
+    return y - point[1], point[0] - x, turned
+
+
+@compiled
+def predict(b: JointArrays, n: int, m: int, motion: Array, truth: Array, where: int) -> None:
+    """Eqs (5)-(9) for the body-frame `motion`: rows of dx, dy, dtheta and of its covariance, (4, 3)."""
+    cross, transition = b.cross, b.transition
+    gx, gy, turned = advance(b.mean, b.points, motion, truth, where)
     for j in range(n):
         cross[0, j] += gx * cross[2, j]
         cross[1, j] += gy * cross[2, j]

@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from ...core.kernels._planar import moved, propagate
+from ...core.kernels._planar import propagate
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from .._expected import ROUNDING, cross_block, spread, within
@@ -12,31 +12,8 @@ from .._expected_arrays import expected_at
 from .._rules import conclude
 from .._vicinity import learn, note, places_at
 from ._beliefs import belief_at
-from ._ekf import ODOMETRY, POSE
+from ._ekf import ODOMETRY, POSE, advance
 from ._triangle import row
-
-
-@compiled
-def predicted(pose: Array, point: Array, P: Array, motion: Array, where: int) -> tuple[float, float]:
-    """Moves copies of the pose's mean, its linearisation point and its covariance, in place, as `predict` does.
-
-    Returns gx, gy: the Jacobian by the pose is [1, 0, gx; 0, 1, gy; 0, 0, 1].
-    """
-    x, y, turned = point[0], point[1], point[2] if where == ODOMETRY else pose[2]
-    if where == ODOMETRY:
-        off = pose[2] - turned
-        point[0], point[1], _ = moved(x, y, turned, motion[0, 0], motion[0, 1], motion[0, 2])
-        point[2] += motion[0, 2]
-        pose[0] += point[0] - x - (point[1] - y) * off
-        pose[1] += point[1] - y + (point[0] - x) * off
-        pose[2] += motion[0, 2]
-    else:
-        pose[0], pose[1], pose[2] = moved(pose[0], pose[1], pose[2], motion[0, 0], motion[0, 1], motion[0, 2])
-        for i in range(3):
-            point[i] = pose[i]
-    gx, gy = y - point[1], point[0] - x
-    propagate(P, gx, gy, turned, motion)
-    return gx, gy
 
 
 @compiled
@@ -93,7 +70,10 @@ def expect(
     g, out = belief_at(address), expected_at(into)
     mean, cross, flat, agreed, bound = g.mean, g.cross, g.flat, g.agreed, g.bound
     x, point, P = mean[:3].copy(), g.points[:3].copy(), g.pose.copy()
-    gx, gy = predicted(x, point, P, motion, where) if moves else (0.0, 0.0)
+    gx, gy = 0.0, 0.0
+    if moves:
+        gx, gy, turned = advance(x, point, motion, x, where)
+        propagate(P, gx, gy, turned, motion)
     pose_sd, furthest, wide = spread(P[0, 0], P[1, 0], P[1, 1]), 0.0, sqrt(gate * ROUNDING)
     for i in range(len(z)):
         furthest = max(furthest, z[i, 0] + wide * sqrt(R[i, 0, 0]))

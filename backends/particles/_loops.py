@@ -32,6 +32,21 @@ class Loops(NamedTuple):
 
 
 @compiled
+def widened(
+    f1: float, f2: float, f3: float, g1: float, g2: float, g3: float, h1: float, h2: float, h3: float
+) -> tuple[float, float, float, float, float, float]:
+    """The Cholesky factor of 1 + F F', row by row, for the rows f, g and h of F."""
+    return factored(
+        1 + f1 * f1 + f2 * f2 + f3 * f3,
+        f1 * g1 + f2 * g2 + f3 * g3,
+        1 + g1 * g1 + g2 * g2 + g3 * g3,
+        f1 * h1 + f2 * h2 + f3 * h3,
+        g1 * h1 + g2 * h2 + g3 * h3,
+        1 + h1 * h1 + h2 * h2 + h3 * h3,
+    )
+
+
+@compiled
 def fold_loop(work: Array, count: int, earlier: Array, start: int, z: Array, cov: Array) -> None:
     """Corrects `count` proposals, mean and A in `work`, by a loop closure z (3,) of covariance (3, 3).
 
@@ -63,14 +78,7 @@ def fold_loop(work: Array, count: int, earlier: Array, start: int, z: Array, cov
             (t3 - ld * f3 - le * g3) / lf,
         )
         # G = l l', n = l^-1 e, k = l'^-1 n
-        l11, l21, l22, l31, l32, l33 = factored(
-            1 + f1 * f1 + f2 * f2 + f3 * f3,
-            f1 * g1 + f2 * g2 + f3 * g3,
-            1 + g1 * g1 + g2 * g2 + g3 * g3,
-            f1 * h1 + f2 * h2 + f3 * h3,
-            g1 * h1 + g2 * h2 + g3 * h3,
-            1 + h1 * h1 + h2 * h2 + h3 * h3,
-        )
+        l11, l21, l22, l31, l32, l33 = widened(f1, f2, f3, g1, g2, g3, h1, h2, h3)
         n1 = e1 / l11
         n2 = (e2 - l21 * n1) / l22
         n3 = (e3 - l31 * n1 - l32 * n2) / l33
@@ -83,14 +91,7 @@ def fold_loop(work: Array, count: int, earlier: Array, start: int, z: Array, cov
         work[2 * BLOCK + m] += t1 * v1 + t2 * v2 + t3 * v3
         work[17 * BLOCK + m] = n1 * n1 + n2 * n2 + n3 * n3 + 2 * log(l11 * l22 * l33)
         # B = l l', A l'^-1
-        l11, l21, l22, l31, l32, l33 = factored(
-            1 + f1 * f1 + g1 * g1 + h1 * h1,
-            f1 * f2 + g1 * g2 + h1 * h2,
-            1 + f2 * f2 + g2 * g2 + h2 * h2,
-            f1 * f3 + g1 * g3 + h1 * h3,
-            f2 * f3 + g2 * g3 + h2 * h3,
-            1 + f3 * f3 + g3 * g3 + h3 * h3,
-        )
+        l11, l21, l22, l31, l32, l33 = widened(f1, g1, h1, f2, g2, h2, f3, g3, h3)
         a1, b1, t1 = a1 / l11, b1 / l11, t1 / l11
         a2, b2, t2 = (a2 - l21 * a1) / l22, (b2 - l21 * b1) / l22, (t2 - l21 * t1) / l22
         work[3 * BLOCK + m], work[6 * BLOCK + m], work[9 * BLOCK + m] = a1, b1, t1

@@ -125,6 +125,7 @@ def test_an_entry_of_the_changelog_is_one_line_whose_links_lead_somewhere() -> N
     for entry in entries:
         assert entry.startswith(("- ", "## [", "### ")) or entry[0] == "[", entry
         assert len(entry) < 160, entry
+        assert not entry.startswith("- ") or "](" in entry, entry
         for name, _, place in (link.partition("#") for link in re.findall(r"\]\(([^):]+)\)", entry)):
             headings = re.findall(r"^#+ (.*)$", (ROOT / name).read_text(), re.MULTILINE)
             assert not place or place in {re.sub(r"[^\w -]", "", one.lower()).replace(" ", "-") for one in headings}, (
