@@ -159,8 +159,10 @@ class Forest:
         """Relinearises until nothing moves; the estimate, and whether this was reached, None without an iteration.
 
         Where no share of a move lowers J, moves are damped (Levenberg's way) until one does, or hardly moves anything.
+        If J is flat where they end, there are no covariances: then the end is where damping began.
         """
-        last, damping, damped, converged = np.inf, 0.0, False, None
+        last, damping, converged = np.inf, 0.0, None
+        undamped: tuple[Graph, Array, Array] | None = None
         for _ in range(iterations):
             moved = self.relinearise(0.0)
             if moved.share > 0.0:
@@ -168,17 +170,19 @@ class Forest:
                 converged = damping == 0.0 and (moved.furthest <= TOLERANCE or before - last <= FALL * last)
                 lower = damping / TENFOLD if damping > FIRST_DAMPING else 0.0
             else:
-                still = damped and moved.furthest <= STILL
+                still = undamped is not None and moved.furthest <= STILL
                 converged = moved.rise <= (SMOOTH if still else FALL) * self.cost
                 lower = np.inf if still else max(damping * TENFOLD, FIRST_DAMPING)
             if converged or lower > MOST_DAMPING:
                 break
             if lower != damping:
-                damped, damping = True, lower
-                self._eliminate(damping)
-        if damping > 0.0:
-            self._eliminate(0.0)
-        return self.estimate(np.inf if damped else -1.0), converged
+                undamped = undamped or (self.g.copied(), self.pose.copy(), self.cov.copy())
+                damping = self._eliminated(lower)
+                if damping > MOST_DAMPING:
+                    break
+        if undamped is not None and damping > 0.0 and not self.eliminate(_offsets.top_down(self.g), 0.0):
+            (self.g, self.pose, self.cov), converged = undamped, False
+        return self.estimate(-1.0 if undamped is None else np.inf), converged
 
     def relinearise(self, threshold: float) -> Moved:
         """Moves linearisation points that are off by more than `threshold` (m, rad).
@@ -226,10 +230,13 @@ class Forest:
             raise Diverged(NO_COVARIANCE)
         return out
 
-    def _eliminate(self, damping: float) -> None:
-        """Eliminates everything again."""
-        if not self.eliminate(_offsets.top_down(self.g), damping):
-            raise Diverged(INDEFINITE_J)
+    def _eliminated(self, damping: float) -> float:
+        """Eliminates everything again, with at least this damping; the one that was enough, infinite where none is."""
+        while not self.eliminate(_offsets.top_down(self.g), damping):
+            damping = max(damping * TENFOLD, FIRST_DAMPING)
+            if damping > MOST_DAMPING:
+                return np.inf
+        return damping
 
     def _share_that_falls(self, off: Array, steps_off: Array) -> tuple[float, float]:
         """The share of all offsets that lowers J; 0 if not even a small one does, and by how much that raises it."""

@@ -1,5 +1,6 @@
 """The end of a smoother: damped where it must be, and whether it converged is said."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -44,6 +45,26 @@ def test_where_no_share_of_a_step_lowers_j_it_is_damped(monkeypatch: pytest.Monk
     stuck = final("smoother", log)
     assert stuck.converged is False
     assert cost(log, stuck.path, stuck.map) > 2 * cost(log, usual.path, usual.map)
+
+
+@pytest.mark.parametrize("flat", [lambda damping: damping == 0.0, lambda damping: True], ids=["undamped", "all"])
+def test_where_j_is_flat_at_the_end_it_is_where_damping_began(
+    flat: Callable[[float], bool], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Damped eliminations go well and the last one does not, or none goes well: the path and covariances of before."""
+    log = with_wrong_ids(5)
+    monkeypatch.setattr(forest, "HALVINGS", 1)
+    with monkeypatch.context() as patch:
+        patch.setattr(forest, "FIRST_DAMPING", 2 * forest.MOST_DAMPING)
+        before = final("smoother", log)
+    eliminate = forest.Forest.eliminate
+    monkeypatch.setattr(
+        forest.Forest, "eliminate", lambda own, order, damping: eliminate(own, order, damping) and not flat(damping)
+    )
+    found = final("smoother", log)
+    assert found.converged is False
+    assert np.array_equal(found.cov, before.cov)
+    assert cost(log, found.path, found.map) < cost(log, before.path, before.map)  # without the step that raises it
 
 
 def test_a_log_on_which_the_iterations_run_out_says_so() -> None:
