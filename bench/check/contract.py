@@ -7,6 +7,7 @@ import numpy as np
 from ...backends.api import Backend, Belief, Solution
 from ...core import se2
 from ...core.factors import Log
+from ..measure.answers import is_convergence
 from ..words.numerals import counted
 from .answers import check_array, check_map
 from .candidate import Candidate, Failed, NotApplicable, Trial, first
@@ -73,6 +74,8 @@ def _check_solution(trial: Trial, steps: int) -> None:
         raise Failed("the solution's map and map() hold different landmarks, expected the same")
     if solution.cov is not None:
         check_array(solution.cov, (steps, 3, 3), np.float64, "the solution's covariances")
+    if not is_convergence(solution.converged):
+        raise Failed(f"the solution's converged is {solution.converged!r}, expected True, False or None")
 
 
 def headings_are_wrapped(candidate: Candidate) -> str:

@@ -99,8 +99,15 @@ def checked_solution(solution: Any, n: int) -> Solution | None:
     cov = solution.cov
     if cov is not None and not is_floats(cov, (n, *COV)):
         cov = _shaped(cov, (n, *COV), "finish(): the poses' covariance")
+    if not is_convergence(solution.converged):
+        raise Broken(f"finish(): converged is {solution.converged!r}, expected True, False or None")
     converged = None if solution.converged is None else bool(solution.converged)
     return Solution(path, checked_map(solution.map, "finish()"), cov, converged)
+
+
+def is_convergence(value: Any) -> bool:
+    """Tells if a solution can say this of its convergence."""
+    return value is None or isinstance(value, bool | np.bool)
 
 
 def checked_map(found: Any, where: str) -> Map:
