@@ -6,8 +6,9 @@
 
 Metres, radians, seconds. Other lines (PARAM, ODOM, RLASER, ...) are not used. Times are those of `ipc_time`: relations
 of the Freiburg benchmark (Kuemmerle et al., Autonomous Robots 27(4), 2009) are given by them, exactly; scans a few
-microseconds apart are different scans. NAME.relations beside NAME.clf is the ground truth. In FLASER, 180 or 360 beams
-start at -90 degrees and stop a step before +90, and an odd number takes in both ends.
+microseconds apart are different scans. Where most stamps are alike (0 in every row, or rounded to six digits, as some
+published logs have them), the scans are taken in the order of their rows. NAME.relations beside NAME.clf is the ground
+truth. In FLASER, 180 or 360 beams start at -90 degrees and stop a step before +90, and an odd number takes in both ends.
 """
 
 import gzip
@@ -36,6 +37,12 @@ from .relations import beside, build
 
 APART = 1e-6
 """s; stamps that are closer are of the same scan."""
+
+ROW = 1.0
+"""s from one scan to the next where the stamps tell nothing: slow enough for no speed to matter."""
+
+SPARSE = 0.4
+"""m between scans, in the median, from which on they cannot be matched without the wheels' motion."""
 
 MOST_BEAMS = 10_000
 
@@ -100,6 +107,10 @@ class Line(NamedTuple):
     angles: tuple[float, float] | None  # rad, the first and the step; None: those of FLASER
     ranges: Array  # (b,)
 
+    def is_repeated(self, other: "Line") -> bool:
+        """Tells if the other row has the same scan, with the same odometry."""
+        return self.odometry == other.odometry and np.array_equal(self.ranges, other.ranges, equal_nan=True)
+
 
 def read(path: Path, options: Options) -> tuple[LaserRecording, list[str]]:
     """As `read_scans`, with the options of the dataset."""
@@ -121,18 +132,19 @@ def read_scans(path: Path, given: Reading) -> tuple[LaserRecording, list[str]]:
                 f"{path}, line {line.number}: found a scan of {len(line.ranges)} beams, expected {len(first.ranges)} "
                 f"at the same angles, as in line {first.number}."
             )
-    lines.sort(key=lambda line: line.t)
-    kept = [lines[0]]
-    kept += [line for before, line in pairwise(lines) if line.t - before.t > APART]
-    remarks = list[str]()
-    if len(kept) < len(lines):
-        remarks.append(f"{len(lines) - len(kept)} of {len(lines)} scans have the stamp of another one and are left out")
+    kept, remarks = _in_order(lines)
     odometry = np.array([line.odometry for line in kept])
     moves = bool((odometry != odometry[0]).any())
     if given.odometry == "wheels" and not moves:
         raise InputError(f"{path}: option odometry=wheels: the odometry never moves, expected odometry=none.")
     if given.odometry == "auto" and not moves:
         remarks.append("its odometry never moves: the front end goes by the scans alone")
+    way = float(np.median(np.hypot(*np.diff(odometry[:, :2], axis=0).T)))
+    if given.odometry == "none" and way > SPARSE:
+        raise InputError(
+            f"{path}: option odometry=none: the robot moves {way:.2g} m from scan to scan (median, by its odometry), "
+            f"expected at most {SPARSE:g} m, or the odometry: farther apart, scans alone do not tell how it moved."
+        )
     if moves and given.odometry != "none":
         jumped = jump(odometry)
         if jumped is not None:
@@ -161,6 +173,21 @@ def read_scans(path: Path, given: Reading) -> tuple[LaserRecording, list[str]]:
         Prior(odometry[0], START_SD**2 * np.eye(3)),
         {"source": path.name.encode("utf-8", "replace").decode()},
     ), remarks
+
+
+def _in_order(lines: list[Line]) -> tuple[list[Line], list[str]]:
+    """The scans in the order of time, each once, and remarks; in that of their rows where most stamps are alike."""
+    in_time = sorted(lines, key=lambda line: line.t)
+    kept = [in_time[0], *(line for before, line in pairwise(in_time) if line.t - before.t > APART)]
+    different = [lines[0], *(line for before, line in pairwise(lines) if not line.is_repeated(before))]
+    if len(kept) >= 2 and 2 * len(kept) > len(different):
+        left_out = len(lines) - len(kept)
+        why = f"{left_out} of {len(lines)} scans have the stamp of another one and are left out"
+        return kept, [why] if left_out else []
+    return [line._replace(t=ROW * row) for row, line in enumerate(different)], [
+        f"its time stamps are of no use, {len(kept)} different for {len(lines)} scans: scans are taken in the order of "
+        f"their rows, {ROW:g} s apart"
+    ]
 
 
 def _lines(path: Path) -> Iterator[Line]:

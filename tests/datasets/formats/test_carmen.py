@@ -57,6 +57,33 @@ def test_wheels_that_never_move_are_none(drive: LaserRecording, tmp_path: Path) 
         read(path, Options(odometry="wheels"))
 
 
+@pytest.mark.parametrize("stamp", [lambda t: 0.0, lambda t: float(f"{1.01893e9 + t:.6g}")], ids=["zero", "rounded"])
+def test_where_stamps_are_alike_the_order_of_rows_is_that_of_time(
+    stamp: Callable[[float], float], drive: LaserRecording, tmp_path: Path
+) -> None:
+    assert drive.odometry is not None
+    rows = zip(drive.t.tolist(), drive.ranges, drive.odometry, strict=True)
+    lines = [flaser(stamp(t), ranges, wheels) for t, ranges, wheels in rows]
+    (tmp_path / "floor.clf").write_text("\n".join([*lines, lines[-1]]))
+    recording, remarks = read(tmp_path / "floor.clf", Options())
+    assert np.abs(recording.ranges - drive.ranges).max() < 1e-9
+    assert recording.odometry is not None
+    assert np.abs(recording.odometry - drive.odometry).max() < 1e-9
+    assert recording.t.tolist() == list(range(len(drive.t)))
+    assert remarks == [
+        f"its time stamps are of no use, 1 different for {len(lines) + 1} scans: scans are taken in the order of their "
+        "rows, 1 s apart"
+    ]
+
+
+def test_sparse_scans_need_the_wheels(drive: LaserRecording, tmp_path: Path) -> None:
+    path = written(tmp_path / "floor.clf", drive)
+    path.write_text("\n".join(path.read_text().splitlines()[::8]))
+    with pytest.raises(InputError, match=r"odometry=none: the robot moves 0\.\d+ m from scan to scan .*at most 0\.4 m"):
+        read(path, Options(odometry="none"))
+    assert read(path, Options())[0].odometry is not None
+
+
 def spoilt(change: Callable[[list[str]], object]) -> Callable[[list[str]], list[str]]:
     def made(lines: list[str]) -> list[str]:
         words = lines[7].split()
