@@ -8,7 +8,8 @@ Metres, radians, seconds. Other lines (PARAM, ODOM, RLASER, ...) are not used. T
 of the Freiburg benchmark (Kuemmerle et al., Autonomous Robots 27(4), 2009) are given by them, exactly; scans a few
 microseconds apart are different scans. Where most stamps are alike (0 in every row, or rounded to six digits, as some
 published logs have them), the scans are taken in the order of their rows. NAME.relations beside NAME.clf is the ground
-truth. In FLASER, 180 or 360 beams start at -90 degrees and stop a step before +90, and an odd number takes in both ends.
+truth. In FLASER, 180 or 360 beams start at -90 degrees and stop a step before +90, and an odd number takes in both
+ends.
 """
 
 import gzip
@@ -184,10 +185,11 @@ def _in_order(lines: list[Line]) -> tuple[list[Line], list[str]]:
         left_out = len(lines) - len(kept)
         why = f"{left_out} of {len(lines)} scans have the stamp of another one and are left out"
         return kept, [why] if left_out else []
-    return [line._replace(t=ROW * row) for row, line in enumerate(different)], [
+    why = (
         f"its time stamps are of no use, {len(kept)} different for {len(lines)} scans: scans are taken in the order of "
         f"their rows, {ROW:g} s apart"
-    ]
+    )
+    return [line._replace(t=ROW * row) for row, line in enumerate(different)], [why]
 
 
 def _lines(path: Path) -> Iterator[Line]:

@@ -17,7 +17,7 @@ from ...frontend.markers.markers import Markers, find
 from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
 from ...frontend.markers.pipeline import Recording, build_log
 from ...frontend.wheels.encoder import Encoder
-from ...frontend.wheels.motion import Wheels
+from ...frontend.wheels.motion import Ticks, Wheels
 from ..hidden_ids import HiddenIds
 from ..on_map import OnMap
 from ..registry import Source
@@ -29,6 +29,7 @@ from ..rendering.scrambled import scrambled
 from ..rendering.surfaces import paint
 from .camera_options import CameraOptions
 from .outliers import swapped
+from .wheel_faults import WheelFaults, faulty_clock, faulty_wheels
 from .wheeled_robot import ClosedPath, count, drive
 
 DICTIONARY = "4X4_50"
@@ -52,7 +53,7 @@ BERTH = 0.3
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, CameraOptions):
+class Options(HiddenIds, OnMap, WheelFaults, CameraOptions):
     """The drive and the room."""
 
     markers: int = option(24, "markers in the room, half of them on the floor", minimum=2, maximum=50)
@@ -123,6 +124,7 @@ def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth
     unreadable = np.flatnonzero(chance.uniform(size=options.markers) < options.unreadable).tolist()
     encoder = replace(ENCODER, left=1 / options.counts_per_metre, right=1 / options.counts_per_metre)
     ticks = count(*drive(LOOP, options.speed, tick_times), tick_times, encoder, wheels, options.slip)
+    motion = Wheels(_with_faults(ticks, encoder, options, wheels), encoder)
     camera = CAMERAS[options.camera]
     renderer = Renderer(
         room,
@@ -139,13 +141,23 @@ def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth
     recording = Recording(
         name="aruco-room",
         frames=take(renderer, lambda t: drive(LOOP, options.speed, t)[0], frame_times, disturbances, sensor),
-        motion=Wheels(ticks, encoder),
+        motion=replace(motion, max_speed=np.inf) if options.has_wheel_faults else motion,
         detector=Detector(Markers(DICTIONARY, SIDE), options.known(camera), unread=options.unreadable > 0),
         noise=_noise(options),
         prior=Prior(poses[0], START_SD**2 * np.eye(3)),
         notes={"source": SOURCE},
     )
     return recording, Truth(frame_times, poses, room.landmarks, None, "truth")
+
+
+def _with_faults(ticks: Ticks, encoder: Encoder, faults: WheelFaults, rng: np.random.Generator) -> Ticks:
+    """The readings with the faults that the options name."""
+    if not faults.has_wheel_faults:
+        return ticks
+    odd, stamped = rng.spawn(2)
+    metres = np.array([encoder.left, encoder.right])
+    read = faulty_wheels(ticks.counts * metres, ticks.t, faults, odd)
+    return Ticks(faulty_clock(ticks.t, faults, stamped), np.round(read / metres))
 
 
 def _nearest(log: Log, truth: Truth) -> Ints:

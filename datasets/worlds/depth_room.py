@@ -3,7 +3,7 @@
 The world is simulated, but its frames are images, processed by the same front end as a real recording.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from ..rendering.sensor import Sensor
 from ..rendering.surfaces import paint
 from .aruco_room import BERTH, DICTIONARY, LOOP, ROOM, SIDE, START_SD, TICK
 from .mover import crossings
+from .wheel_faults import WheelFaults, faulty_clock, faulty_poses
 from .wheeled_robot import RISE, drive
 
 WHEELS = TrackNoise(forward=0.015, turning=0.02, turning_by_turn=0.02)
@@ -37,7 +38,7 @@ SOURCE = "slamduel's own world: frames are rendered, odometry simulated with the
 
 
 @dataclass(frozen=True)
-class Drive:
+class Drive(WheelFaults):
     """The room, the drive and the camera."""
 
     laps: float = option(2.0, "laps of a figure of eight of 11.3 m", minimum=0.05, maximum=100.0)
@@ -107,11 +108,14 @@ def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Tr
         options.disparity_sd,
     )
     ticks = TICK * np.arange(int(np.ceil(t[-1] / TICK)) + 2.0)
+    wheels = integrated(drive(LOOP, options.speed, ticks)[0], WHEELS, options.slip, rolling)
+    odd, stamped = rolling.spawn(2)
+    track = Track(faulty_clock(ticks, options, stamped), faulty_poses(wheels, ticks, options, odd), WHEELS)
     recording = DepthRecording(
         name="depth-room",
         camera=camera,
         frames=shots,
-        motion=Track(ticks, integrated(drive(LOOP, options.speed, ticks)[0], WHEELS, options.slip, rolling), WHEELS),
+        motion=replace(track, max_speed=np.inf) if options.has_wheel_faults else track,
         prior=known(poses[0], start),
         notes={"source": SOURCE},
     )

@@ -20,6 +20,7 @@ from ..grid_file import grid_files, localised
 from ..registry import Source
 from ._casting import cast
 from .floor_plan import CORRIDOR, Plan, floor_plan
+from .wheel_faults import WheelFaults, faulty_clock, faulty_poses
 
 SIZE, DEPTH = (36.0, 22.0), 5.0
 """m: the floor, and the rooms outside of the corridor."""
@@ -53,7 +54,7 @@ START_SD = 1e-3
 
 
 @dataclass(frozen=True)
-class Options(FalseLoops, Settings):
+class Options(FalseLoops, WheelFaults, Settings):
     """The drive, the scanner, and the front end."""
 
     drive: int = option(
@@ -99,6 +100,8 @@ def record(options: Options, rng: np.random.Generator) -> tuple[LaserRecording, 
     prior = Prior(poses[0] + 0.0, START_SD**2 * np.eye(3))
     scanner = Scanner(angles, np.zeros(3))
     odometry = wheels(poses, options.slip, rolling)
+    odd, stamped = rolling.spawn(2)
+    odometry, t = faulty_poses(odometry, t, options, odd), faulty_clock(t, options, stamped)
     return LaserRecording("laser-floor", scanner, t, ranges, odometry, prior), Truth(t, poses)
 
 

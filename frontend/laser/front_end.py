@@ -9,10 +9,8 @@ from collections import Counter, deque
 
 import numpy as np
 
-from ...core.se2 import Array, between, compose, rotation, wrap
+from ...core.se2 import Array, between, compose, rotation
 from ...core.small_matrices import inverse
-from ._matching import Hold, match
-from ._search import Search, correlated
 from .estimate import ScanStep, StepPoses
 from .finished import Finished
 from .localising import Localiser
@@ -21,36 +19,7 @@ from .rows import Rows
 from .scanner import Scan, Scanner
 from .settings import Settings
 from .submap import Submap
-from .wheels_check import WheelsCheck, contradicts
-
-AT_FIRST, AGAIN = 6, 4
-"""Cells around a point in which its wall is looked for at first: from the prediction, and after a search."""
-
-ITERATIONS = 20
-
-REACH, FIELD_SD = 14.0, 0.08
-"""m around the prediction in which a lost scan is searched for, and the width of the field."""
-
-FEW = 80
-"""Points of a scan that are searched with."""
-
-SEARCH, SEARCH_TURN = 0.3, 0.35
-"""m and rad that a search goes beyond the odometry's motion."""
-
-STEP, TURN_STEP = 0.08, 0.03
-"""m and rad between poses that are tried."""
-
-TRUST, TRUST_TURN = 0.6, 0.6
-"""sd, m and rad, of the search's prior, beside the motion."""
-
-COST, BETTER = 0.02, 0.03
-"""Share of points that a unit of squared distance from the odometry costs; by how much a search has to be better."""
-
-HELD = 25.0
-"""Times the information of the wheels' motion with which a scan is held where they say that it is."""
-
-OFTEN = 0.1
-"""s; scans in a burst are taken to be that far apart where a speed is computed."""
+from .tracking import OFTEN, Placed, Tracker, beyond, wheels_cov
 
 
 class FrontEnd:
@@ -66,7 +35,8 @@ class FrontEnd:
         self.t: list[float] = []
         self.finished = Finished(settings)
         self.turned_down: Counter[str] = Counter()
-        self.tried = self.lost = self.found_again = self.by_wheels = self.confirmed = 0
+        self.tried = self.confirmed = 0
+        self.tracker = Tracker(settings)
         self._active: list[Submap] = []
         self._way = 0.0  # m, with turning
         self._drawn: deque[tuple[Array, Scan]] = deque(maxlen=settings.cloud)
@@ -75,30 +45,20 @@ class FrontEnd:
         self._rates = Rows(2)  # m/s, rad/s at the steps
         self._estimate = StepPoses(settings)
         self._surprises = Surprises(settings)
-        self._wheels_check, self._wheels_only = WheelsCheck(), False  # the step is by the wheels alone
+        self._doubts = list[Placed]()  # since the last step: scans or wheels that do not count, places not told apart
         self._corrected, self._loops_then = 0.0, 0  # the way, and the number of loops, at the last correction
 
     def scan(self, t: float, motion: Array | None, ranges: Array) -> None:
         """Takes a scan; `motion` (3,) is the odometry's since the one before, None at first or without wheels."""
         scan = Scan(self.scanner.points(ranges), self.settings.spacing)
-        if not self.t:
-            self._record(t, np.zeros(3))
-            self._draw(np.zeros(3), scan)
-            self._new_step(t, np.zeros(3), np.zeros((3, 3)), scan, np.zeros(2))
+        if not self._active:
+            first = self.tracker.start(t, scan)
+            self._record(t, first.pose)
+            self._draw(first.pose, scan)
+            self._new_step(first, np.zeros(2))
             return
-        delta, cov = self._predicted(t, motion)
-        pose, information = self._matched(scan, delta, cov)
-        if motion is not None:
-            pose = self._checked(scan, pose, motion)
-        moved = between(self.path[-1], pose) / max(t - self.t[-1], OFTEN)
-        rate = np.array([np.hypot(moved[0], moved[1]), abs(moved[2])])
-        s = self.settings
-        if _beyond(between(self._drawn[-1][0], pose), s.insert_step, s.insert_turn):
-            self._draw(pose, scan)
-        new = _beyond(between(self._poses.array[-1], pose), s.step, s.turn)
-        self._record(t, pose)
-        if new:
-            self._new_step(t, pose, information, scan, rate)
+        for placed in self.tracker.take(t, motion, scan, self._active[0]):
+            self._place(placed)
 
     @property
     def path(self) -> Array:
@@ -121,7 +81,9 @@ class FrontEnd:
         return 0 if self.localiser is None else 1 - self.first
 
     def finish(self) -> None:
-        """Optimises the estimate once more, and leaves out the loops that all others contradict."""
+        """Places the last scans, optimises the estimate once more, and leaves out loops that all others contradict."""
+        for placed in self.tracker.decide():
+            self._place(placed)
         while self.loops:
             self._estimate.move(self.steps, self.loops, 100)
             wrong = contradicted(self.loops, self.estimate)
@@ -134,56 +96,18 @@ class FrontEnd:
         self.t.append(t)
         self._path.append(pose)
 
-    def _predicted(self, t: float, motion: Array | None) -> tuple[Array, Array]:
-        """The motion since the last scan, and its covariance, both in the axes of the last pose."""
-        s = self.settings
-        if motion is not None:
-            return motion, _wheels_cov(motion, s)
-        if len(self.t) < 2:
-            return np.zeros(3), np.eye(3) * s.blind**2
-        before = max(self.t[-1] - self.t[-2], 1e-3)
-        return between(self.path[-2], self.path[-1]) * min((t - self.t[-1]) / before, 2.0), np.eye(3) * s.blind**2
-
-    def _matched(self, scan: Scan, delta: Array, cov: Array) -> tuple[Array, Array]:
-        """The pose of a scan on the submap, and the information of its points."""
-        s, submap, last = self.settings, self._active[0], self.path[-1]
-        predicted = compose(last, delta)
-        if not len(scan.few):
-            self.lost += 1
-            return predicted, np.zeros((3, 3))
-        R = rotation(float(last[2]))
-        grid, hold = submap.grid, Hold(predicted, inverse(R @ cov @ R.T))
-        pose, information, inside = match(grid, scan.few, predicted, hold, s.sd, AT_FIRST, ITERATIONS)
-        if inside >= s.lost:
-            return pose, information
-        self.lost += 1
-        way = float(np.hypot(delta[0], delta[1]))
-        field, origin = submap.field_around(predicted, REACH, FIELD_SD)
-        few, turned = scan.few[:: max(1, len(scan.few) // FEW)], abs(delta[2])
-        search = Search(few, predicted, SEARCH + way, SEARCH_TURN + turned, TURN_STEP)
-        guess = correlated(field, origin, s.cell, search, STEP, TRUST + way, TRUST_TURN + turned)
-        other, its, others_inside = match(grid, scan.few, guess, hold, s.sd, AGAIN, ITERATIONS)
-        if others_inside - COST * _distance(other, hold) > inside - COST * _distance(pose, hold) + BETTER:
-            self.found_again += 1
-            return other, its
-        return pose, information
-
-    def _checked(self, scan: Scan, pose: Array, motion: Array) -> Array:
-        """The pose of a scan, by the wheels from half a metre back where they contradict it and explain more points."""
-        s, submap = self.settings, self._active[0]
-        start, moved = self._wheels_check.motion(self.path[-1], motion)
-        information = inverse(_wheels_cov(moved, s))
-        if not contradicts(between(start, pose), moved, information) or not len(scan.few):
-            return pose
-        grid, by_wheels, R = submap.grid, compose(start, moved), rotation(float(start[2]))
-        hold, free = Hold(by_wheels, HELD * R @ information @ R.T), Hold(pose, np.zeros((3, 3)))
-        other, _, explained = match(grid, scan.few, by_wheels, hold, s.sd, AGAIN, ITERATIONS)
-        if explained < match(grid, scan.few, pose, free, s.sd, AGAIN, ITERATIONS)[2] + BETTER:
-            return pose
-        self._wheels_check.forget()
-        self.by_wheels += 1
-        self._wheels_only = True
-        return other
+    def _place(self, placed: Placed) -> None:
+        """Takes a scan whose pose is known: draws it, and ends a step."""
+        s, pose = self.settings, placed.pose
+        moved = between(self.path[-1], pose) / max(placed.t - self.t[-1], OFTEN)
+        if not (placed.wheels and placed.points) or placed.off is not None:
+            self._doubts.append(placed)
+        if beyond(between(self._drawn[-1][0], pose), s.insert_step, s.insert_turn):
+            self._draw(pose, placed.scan)
+        new = beyond(between(self._poses.array[-1], pose), s.step, s.turn)
+        self._record(placed.t, pose)
+        if new:
+            self._new_step(placed, np.array([np.hypot(moved[0], moved[1]), abs(moved[2])]))
 
     def _draw(self, pose: Array, scan: Scan) -> None:
         """Draws a scan into the active submaps, and starts and ends them."""
@@ -202,21 +126,24 @@ class FrontEnd:
             done.finish(self._way)
             self.finished.add(done, self.estimate)
 
-    def _new_step(self, t: float, pose: Array, information: Array, scan: Scan, rate: Array) -> None:
+    def _new_step(self, placed: Placed, rate: Array) -> None:
         """Ends a step: its odometry factor, and its loops."""
-        s, k = self.settings, len(self.steps)
+        s, k, pose, scan = self.settings, len(self.steps), placed.pose, placed.scan
         self._rates.append(rate)
         if k == 0:
-            self.steps.append(ScanStep(t, 0, pose, np.zeros(3), np.zeros((3, 3))))
+            self.steps.append(ScanStep(placed.t, 0, pose, np.zeros(3), np.zeros((3, 3))))
             self._estimate.append(pose, 0)
         else:
             last = self._poses.array[-1]
             delta, R = between(last, pose), rotation(float(last[2]))
-            fused = inverse(_wheels_cov(delta, s)) + (0 if self._wheels_only else R.T @ information @ R)
-            self._wheels_only = False
+            wheels, points = (all(getattr(one, name) for one in self._doubts) for name in ("wheels", "points"))
+            fused = inverse(wheels_cov(delta, s)) if wheels else np.eye(3) / s.blind**2
+            fused = fused + (R.T @ placed.information @ R if points else 0)
             cov = s.explained * inverse(fused) + np.diag([s.floor**2, s.floor**2, s.turn_floor**2])
             cov += self._stale(k) + self._stale(k - 1)
-            self.steps.append(ScanStep(t, len(self.t) - 1, pose, delta, (cov + cov.T) / 2))
+            cov += sum(np.outer(one.off, one.off) for one in self._doubts if one.off is not None)
+            self._doubts = []
+            self.steps.append(ScanStep(placed.t, len(self.t) - 1, pose, delta, (cov + cov.T) / 2))
             self._estimate.append(compose(self.estimate[-1], delta), len(self.loops))
         self._poses.append(pose)
         for submap in self._active:
@@ -258,7 +185,7 @@ class FrontEnd:
                 matches.append((float(np.hypot(off[0], off[1])), found, submap, off))
         matches.sort(key=lambda one: one[0])  # nearest to the estimate first: the others have to agree with it
         for _, found, submap, off in matches:
-            if _beyond(off - matches[0][3], s.alone, s.alone_turn):
+            if beyond(off - matches[0][3], s.alone, s.alone_turn):
                 self.turned_down["submaps disagree"] += 1
                 continue
             self._take(loop_of(found, submap, k, poses, s, self._stale(k)), off, since)
@@ -282,22 +209,3 @@ class FrontEnd:
             self._corrected, self._loops_then = self._way, len(self.loops)
         else:
             self.turned_down["surprises not confirmed"] += 1
-
-
-def _beyond(motion: Array, way: float, turn: float) -> bool:
-    return bool(np.hypot(motion[0], motion[1]) > way or abs(motion[2]) > turn)
-
-
-def _wheels_cov(motion: Array, s: Settings) -> Array:
-    """Covariance of a motion by the wheels: wide enough for slipping ones."""
-    way, turned = float(np.hypot(motion[0], motion[1])), abs(float(motion[2]))
-    sd = s.still + s.by_way * way
-    turn_sd = s.turn_still + s.by_turn * turned + s.turn_by_way * way
-    return np.diag([sd**2, sd**2, turn_sd**2])
-
-
-def _distance(pose: Array, hold: Hold) -> float:
-    """Squared Mahalanobis distance of a pose from the one it is held to."""
-    off = pose - hold.pose
-    off[2] = wrap(off[2])
-    return float(off @ hold.information @ off)

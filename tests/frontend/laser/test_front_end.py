@@ -130,7 +130,7 @@ def test_wheels_that_jump_are_caught_by_a_search() -> None:
     log = log_of(recording, matched(recording, Settings(), found.append))
     errors = _off(log.delta[1:], between(*_ends(log, drive.truth)))
     assert np.abs(errors[:, 2]).max() < 0.03
-    assert found[-1].lost > 0
+    assert found[-1].tracker.lost > 0
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -166,7 +166,7 @@ def test_somebody_who_walks_ahead_does_not_hold_the_robot_back() -> None:
     front_end = matched(recording, Settings())
     off = between(between(true[0], true[59]), front_end.path[-1])
     assert np.hypot(off[0], off[1]) < 0.1
-    assert front_end.by_wheels == 1
+    assert front_end.tracker.by_wheels == 1
 
 
 def test_wheels_that_spin_are_not_believed() -> None:
@@ -180,7 +180,7 @@ def test_wheels_that_spin_are_not_believed() -> None:
     front_end = matched(replace(recording, odometry=np.array(odometry)), Settings())
     off = between(between(true[0], true[59]), front_end.path[-1])
     assert np.hypot(off[0], off[1]) < 0.05
-    assert front_end.by_wheels == 0
+    assert front_end.tracker.by_wheels == 0
 
 
 def test_a_scan_without_a_return_leaves_the_odometry() -> None:
