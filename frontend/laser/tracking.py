@@ -86,6 +86,7 @@ class Placed(NamedTuple):
     wheels: bool  # their motion counts
     points: bool = True  # the scan counts
     off: Array | None = None  # (3,) to another place that the scans do not tell from it
+    moved_last: Array | None = None  # (3,) where it was when the wheels last moved; None: they do
 
 
 class Guess(NamedTuple):
@@ -152,18 +153,22 @@ class Tracker:
         s, grid = self.settings, submap.grid
         past = [*self._last, *branch]
         last = past[-1]
+        moved_last = None
+        if motion is not None and not motion.any():
+            moved_last = last.pose if last.moved_last is None else last.moved_last
         guesses = self._guesses(past, t, motion)
         first = guesses[0]
         if not len(scan.few):
             self.lost += not branch
-            return [Placed(t, scan, first.hold.pose, np.zeros((3, 3)), 0.0, 0.0, True)]
+            nothing = np.zeros((3, 3))
+            return [Placed(t, scan, first.hold.pose, nothing, 0.0, 0.0, True, moved_last=moved_last)]
 
         def placed(start: Array, hold: Hold, reach: int) -> Placed:
             pose, information, explained = match(grid, scan.few, start, hold, s.sd, reach, ITERATIONS)
             off = min([_distance(pose, one.hold) + one.cost for one in guesses])
             wheels = motion is None or _distance(pose, first.hold) < APART
             score = explained - COST * min(off, FARTHEST)
-            return Placed(t, scan, pose, information, explained, score, wheels)
+            return Placed(t, scan, pose, information, explained, score, wheels, moved_last=moved_last)
 
         found = [placed(first.hold.pose, first.hold, AT_FIRST)]
         is_lost = found[0].explained < s.lost
@@ -199,7 +204,15 @@ class Tracker:
             carried = compose(last, between(past[-2].pose, last) * min((t - past[-1].t) / before, 2.0))
         if motion is None:
             return [Guess(Hold(carried, blind), 0.0), Guess(Hold(last, blind), OTHER)]
-        by_wheels = Hold(compose(last, motion), inverse(R @ wheels_cov(motion, s) @ R.T))
+        cov = wheels_cov(motion, s)
+        start = last
+        if motion.any() and past[-1].moved_last is not None:  # they repeated a reading, and now say all that was since
+            start = past[-1].moved_last
+            R = rotation(float(start[2]))
+        elif not motion.any():
+            before = between(last, carried)
+            cov = cov + np.outer(before, before)
+        by_wheels = Hold(compose(start, motion), inverse(R @ cov @ R.T))
         return [Guess(by_wheels, 0.0), Guess(Hold(carried, blind), OTHER), Guess(Hold(last, blind), OTHER)]
 
     def _extent(self, guesses: list[Guess], last: Array) -> tuple[float, float]:
