@@ -24,8 +24,7 @@ from .findings import Findings, by_count, told
 from .folder import Request, written
 from .page import write_map
 
-MANY_LOST = 0.1
-"""Share of lost scans from which on something must be wrong."""
+MANY_LOST = 0.1  # share of lost scans from which on something must be wrong
 
 
 @dataclass(frozen=True, eq=False)

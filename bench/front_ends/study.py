@@ -1,15 +1,13 @@
 """`bench speed --frontend`: cost, accuracy and consistency of the front ends for markers, laser scans and depth."""
 
 import argparse
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 
 from ...core.errors import InputError
-from ...core.files import write_whole
+from ...core.files import csv_text, write_whole
 from ..words.console import ProgressBar
 from . import depth, laser
 from .cameras import DISTANCES, CameraAccuracy, CameraStudy
@@ -182,11 +180,7 @@ def _measure_depth(study: depth.DepthStudy, console: Console) -> list[depth.Dept
 
 def as_csv(rows: Records) -> str:
     """Writes one line per row, in COLUMNS; blank where a study has no such figure."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    return csv_text(COLUMNS, ([row.get(name) for name in COLUMNS] for row in rows))
 
 
 def _write(folder: Path, rows: Records, corners: Sequence[Row]) -> list[Path]:

@@ -25,8 +25,7 @@ from .sources import Sources
 FOOTPRINT, BASES = "base_footprint", ("base_link", "base_footprint")
 """Frames of the robot: its origin on the floor, and those of its odometry where that does not name one."""
 
-ELSEWHERE, TURNED = 0.05, 0.05
-"""m and rad by which tf and robot.toml may differ without a remark."""
+ELSEWHERE, TURNED = 0.05, 0.05  # m and rad by which tf and robot.toml may differ without a remark
 
 
 class _Seen(NamedTuple):

@@ -34,8 +34,7 @@ from ..prior import START_SD
 from ..registry import Source
 from .relations import beside, build
 
-APART = 1e-6
-"""s; stamps that are closer are of the same scan."""
+APART = 1e-6  # s; stamps that are closer are of the same scan
 
 MOST_BEAMS = 10_000
 

@@ -64,9 +64,10 @@ def _frames_of(path: Path, robot: Robot) -> Path:
         return path
     if named is not None:
         raise InputError(f"{path}: there is no {named}, which is the [frames] source in {ROBOT}.")
-    if not found and (inside := _recordings_below(path)):
+    below = sorted(one for one in path.glob("*/*") if is_bag(one) or one.suffix.lower() in VIDEOS)
+    if not found and below:
         raise InputError(
-            f"{path}: has no metadata.yaml and no recording itself, but {inside[0]} has one: name that one, with "
+            f"{path}: has no metadata.yaml and no recording itself, but {below[0]} has one: name that one, with "
             f"--robot FILE, or write the folder's metadata.yaml with `ros2 bag reindex`."
         )
     if len(found) != 1:
@@ -75,11 +76,6 @@ def _frames_of(path: Path, robot: Robot) -> Path:
             f"{path}: found {names}, expected one recording: {_KINDS}. [frames] source in {ROBOT} selects one."
         )
     return found[0]
-
-
-def _recordings_below(folder: Path) -> list[Path]:
-    """The bags and videos one level below."""
-    return sorted(one for one in folder.glob("*/*") if is_bag(one) or one.suffix.lower() in VIDEOS)
 
 
 def _has_words(folder: Path) -> bool:

@@ -175,7 +175,12 @@ class _FramesOnClock:
             inside += bool(first <= t <= last)
             if frame.image is not None:
                 decoded += 1
-                self._check_size(number - 1, *frame.image.shape[:2])
+                height, width = frame.image.shape[:2]
+                if (width, height) != (self.camera.width, self.camera.height):
+                    raise InputError(
+                        f"{self.path}: frame {number - 1} has {width}x{height} pixels, expected the "
+                        f"{self.camera.width}x{self.camera.height} of the camera's calibration."
+                    )
             yield Frame(t, frame.image)
         if not number:
             raise InputError(f"{self.path}: found no frames, expected at least one.")
@@ -185,11 +190,4 @@ class _FramesOnClock:
             raise InputError(
                 f"{self.path}: no frame is within the time of the motion's readings: frames are from {begin} to {end} "
                 f"s, readings from {first} to {last} s; [camera] time_offset in {ROBOT} is added to the frames' times."
-            )
-
-    def _check_size(self, number: int, height: int, width: int) -> None:
-        if (width, height) != (self.camera.width, self.camera.height):
-            raise InputError(
-                f"{self.path}: frame {number} has {width}x{height} pixels, expected the {self.camera.width}x"
-                f"{self.camera.height} of the camera's calibration."
             )

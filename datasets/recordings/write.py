@@ -32,15 +32,10 @@ FORMATS = {
 }
 """Formats of a drive."""
 
-_Add = Callable[[float, Image], None]
-"""Writes the next frame, at its time (s)."""
+_Add = Callable[[float, Image], None]  # writes the next frame, at its time (s)
 
 
-def write(
-    places: Mapping[Path, str],
-    recording: Recording,
-    truth: Truth | None,
-) -> None:
+def write(places: Mapping[Path, str], recording: Recording, truth: Truth | None) -> None:
     """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`.
 
     A folder must not exist or be empty, and appears complete or not at all. InputError if one cannot be written, or the

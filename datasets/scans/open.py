@@ -56,7 +56,14 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
             raise InputError(f"{file}: has no [laser], expected it where a topic of scans or their odometry is named.")
         return None
     if robot is None:
-        if not (is_carmen(path) or (is_bag(path) and path.exists() and _has_scans(path))):
+        if not (
+            is_carmen(path)
+            or (
+                is_bag(path)
+                and path.exists()
+                and any(topic.type == SCAN and topic.messages for topic in Bag(path).listed())
+            )
+        ):
             return None
         robot = LaserRobot()
     if topics is not None:
@@ -86,10 +93,6 @@ def build(opened: OpenedScans) -> Dataset:
 def is_carmen(path: Path) -> bool:
     """Tells if the path is that of a CARMEN log, by its ending."""
     return path.name.lower().endswith(CARMEN) and not path.is_dir()
-
-
-def _has_scans(path: Path) -> bool:
-    return any(topic.type == SCAN and topic.messages for topic in Bag(path).listed())
 
 
 def _carmen(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:

@@ -31,17 +31,10 @@ ITERATIONS = 20
 REACH, FIELD_SD = 14.0, 0.08
 """m around the prediction in which a lost scan is searched for, and the width of the field."""
 
-FEW = 80
-"""Points of a scan that are searched with."""
-
-SEARCH, SEARCH_TURN = 0.3, 0.35
-"""m and rad that a search goes beyond the odometry's motion."""
-
-STEP, TURN_STEP = 0.08, 0.03
-"""m and rad between poses that are tried."""
-
-TRUST, TRUST_TURN = 0.6, 0.6
-"""sd, m and rad, of the search's prior, beside the motion."""
+FEW = 80  # points of a scan that are searched with
+SEARCH, SEARCH_TURN = 0.3, 0.35  # m and rad that a search goes beyond the odometry's motion
+STEP, TURN_STEP = 0.08, 0.03  # m and rad between poses that are tried
+TRUST, TRUST_TURN = 0.6, 0.6  # sd, m and rad, of the search's prior, beside the motion
 
 COST, BETTER = 0.02, 0.03
 """Share of points that a unit of squared distance from the odometry costs; by how much a search has to be better."""
@@ -49,8 +42,7 @@ COST, BETTER = 0.02, 0.03
 HELD = 25.0
 """Times the information of the wheels' motion with which a scan is held where they say that it is."""
 
-OFTEN = 0.1
-"""s; scans in a burst are taken to be that far apart where a speed is computed."""
+OFTEN = 0.1  # s; scans in a burst are taken to be that far apart where a speed is computed
 
 
 class FrontEnd:

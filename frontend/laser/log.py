@@ -20,19 +20,15 @@ from .localising import Localiser
 from .recording import LaserRecording, matched
 from .settings import Settings
 
-APART, TURNED = 0.1, 0.1
-"""m and rad between the scans that are kept beside a log."""
+APART, TURNED = 0.1, 0.1  # m and rad between the scans that are kept beside a log
 
 LEFT_OUT = (
     "the map's error that matches with one submap share, the opposite errors of neighbouring steps, and a submap's "
     "bend: a step's covariance holds, those of long chains are cautious"
 )
 
-EXACT = 1e-6
-"""m and rad; standard deviation of the map's frame."""
-
-BEFORE = 0.1
-"""s from the map's frame to the first scan."""
+EXACT = 1e-6  # m and rad; standard deviation of the map's frame
+BEFORE = 0.1  # s from the map's frame to the first scan
 
 ON_MAP = "found_at_step"
 """The note of a log that was localised on a map: the front end's step at which it was found."""
@@ -53,10 +49,7 @@ class Factors(NamedTuple):
 
 
 def build_log(recording: LaserRecording, settings: Settings) -> Log:
-    """Makes the log: a step every so often, with one odometry factor by scans and wheels, and loop closures.
-
-    InputError for a recording without two steps.
-    """
+    """Makes the log: steps with odometry by scans and wheels, and loop closures; InputError without two steps."""
     return log_of(recording, matched(recording, settings))
 
 
