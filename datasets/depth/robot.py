@@ -35,10 +35,9 @@ from ...frontend.wheels.counters import MAX_SPEED
 from ...frontend.wheels.motion import Track, TrackNoise
 from ..bags.odometry import FRAME
 from ..prior import read_prior
+from ..robot_files import CALIBRATION, ROBOT
 from ..robot_tables import TRACK, calibrated, names_of, pose_in, robot_of, settings_in, track_noise, without_none
 from .frames import WITHIN
-
-ROBOT, CALIBRATION = "robot.toml", "calibration.yaml"
 
 FLOORS = ("floor", "turn_floor", "floor_share")
 

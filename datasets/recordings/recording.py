@@ -29,9 +29,9 @@ from ..depth.open import build as build_depth
 from ..depth.open import open_depth
 from ..readings import ODOMETRY, TICKS
 from ..registry import Source
+from ..robot_files import ROBOT, robot_beside
 from ..scans.open import ScanTopics, open_scans
 from ..scans.open import build as build_scans
-from ..scans.robot import ROBOT
 from ..truth import with_truth
 from .open import is_live, read_streams
 from .robot import Robot, read_robot
@@ -91,11 +91,10 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
     if not is_live(path) and not path.exists():
         raise InputError(f"{path}: there is no such file or folder, expected a recording.")
     if robot is None:
-        beside = [] if is_live(path) else [folder / ROBOT for folder in (path, path.absolute().parent)]
-        found = [file for file in beside if file.is_file()]
-        if not found:
+        found = None if is_live(path) else robot_beside(path)
+        if found is None:
             raise InputError(f"{path}: found no {ROBOT}, expected one, or --robot FILE.")
-        robot = read_robot(found[0])
+        robot = read_robot(found)
     streams = read_streams(path, robot, seconds)
     camera = robot.camera
     if camera is not None and streams.camera is not None:
