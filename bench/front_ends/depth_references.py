@@ -14,7 +14,7 @@ def matches(first: Features, second: Features, ratio: float) -> Ints:
     kind = cv2.NORM_HAMMING if first.descriptors.dtype == np.uint8 else cv2.NORM_L2
     found = cv2.BFMatcher(kind).knnMatch(first.descriptors, second.descriptors, k=2)
     pairs = [pair for pair in found if len(pair) == 2 and pair[0].distance < ratio * pair[1].distance]
-    rows = [(first.queryIdx, first.trainIdx) for first, _ in pairs]
+    rows = [(nearest.queryIdx, nearest.trainIdx) for nearest, _ in pairs]
     return np.array(rows, np.int64).reshape(-1, 2)
 
 

@@ -36,7 +36,7 @@ def choice(study: Study, only: Sequence[str]) -> Callable[[PlannedCell], bool]:
         for pattern in _VALUE.findall(values):
             found = [value for value in known if _is_meant(pattern.strip(), value)]
             if not found:
-                texts = [text for value in known if (text := text_of(value))]
+                texts = [word for word in map(text_of, known) if word]
                 expected = f"one of {', '.join(texts[:MOST])}{', ...' * (len(texts) > MOST)}"
                 raise InputError(f"--only {text}: no cell has {name}={pattern.strip()}, expected {expected}.")
             allowed.setdefault(name, set()).update(found)

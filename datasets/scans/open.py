@@ -57,14 +57,8 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
             raise InputError(f"{file}: has no [laser], expected it where a topic of scans or their odometry is named.")
         return None
     if robot is None:
-        if not (
-            is_carmen(path)
-            or (
-                is_bag(path)
-                and path.exists()
-                and any(topic.type == SCAN and topic.messages for topic in Bag(path).listed())
-            )
-        ):
+        scans = is_bag(path) and path.exists() and any(one.type == SCAN and one.messages for one in Bag(path).listed())
+        if not (scans or is_carmen(path)):
             return None
         robot = LaserRobot()
     if topics is not None:
