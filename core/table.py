@@ -138,7 +138,7 @@ def scan_spaced(path: Path, columns: Sequence[str]) -> Scan[Table]:
 
 
 def text(path: Path) -> str:
-    """The content of `path` with line ends, unpacked if it is a .gz.
+    """The content of `path` with \n line ends, unpacked if it is a .gz.
 
     InputError if it is missing, no regular file, damaged, empty or not UTF-8.
     """

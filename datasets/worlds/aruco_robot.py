@@ -86,8 +86,8 @@ def aruco_robot(options: Options, rng: np.random.Generator) -> Dataset:
     z, _ = polar(poses[step], xy, sd, seeing)
     z_cov = NOISE.cov(z)  # from the readings, as on a robot
     ids, beginning = np.arange(options.markers), prior(poses[0], start)
-    source = "simulated after ArUco EKF SLAM and its implementation; room, drive and floors are ours"
-    notes = {"source": source, "noise": NOISE.settings}
+    after = "simulated after ArUco EKF SLAM and its implementation; room, drive and floors are ours"
+    notes = {"source": after, "noise": NOISE.settings}
     log = Log.from_arrays("aruco-robot", beginning, t, delta, delta_cov, step, ids[marker], z, z_cov, notes=notes)
     return with_faults(Dataset(log, Truth(t, poses, Map(ids, places[:, :2], None), None, "truth")), options, rng)
 

@@ -77,8 +77,8 @@ def bailey(options: Options, rng: np.random.Generator) -> Dataset:
     z, z_cov = polar(poses[step], xy[row], sighting_sd, seeing)
     t = CONTROL * CONTROLS * np.arange(len(poses), dtype=np.float64)
     ids = np.arange(options.landmarks)
-    source = "simulated after Bailey and others, IROS 2006 and ICRA 2006; waypoints and landmarks are ours"
-    beginning, notes = prior(poses[0], start), {"source": source}
+    after = "simulated after Bailey and others, IROS 2006 and ICRA 2006; waypoints and landmarks are ours"
+    beginning, notes = prior(poses[0], start), {"source": after}
     log = Log.from_arrays("bailey", beginning, t, delta, delta_cov, step, ids[row], z, z_cov, notes=notes)
     return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
