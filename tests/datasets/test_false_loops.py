@@ -69,7 +69,6 @@ def test_so_many_are_added_and_everything_else_stays(share: float) -> None:
     for name in ("t", "delta", "delta_cov", "ids", "z"):
         assert getattr(found.log, name) is getattr(log, name)
     assert found.log.prior.pose is log.prior.pose
-    assert truth is not None
     assert true(found).poses is truth.poses
 
 
@@ -100,7 +99,6 @@ def test_they_are_anywhere_the_robot_was_with_the_covariances_of_correct_ones() 
 
 def test_they_are_false_by_far() -> None:
     log, truth = made(0.5)
-    assert truth is not None
     which = false(Dataset(log, truth))
     right = between(truth.poses[log.loop_to[which]], truth.poses[log.loop_step[which]])
     off = np.abs(log.loop_delta[which] - right) / np.sqrt(np.einsum("lii->li", log.loop_cov[which]))
@@ -123,7 +121,6 @@ def test_without_the_option_nothing_changes() -> None:
 
 def test_a_log_without_ground_truth_gets_one_without_path_or_map() -> None:
     log, truth = planted(Dataset(world().log, None), 0.1, np.random.default_rng(0))
-    assert truth is not None
     assert len(truth.t) == 0
     assert truth.map is None
     assert rows(log, false(Dataset(log, truth))) == rows(made(0.1).log, false(made(0.1)))
@@ -209,7 +206,6 @@ def test_a_folder_says_where_a_flag_is_odd(tmp_path: Path) -> None:
 )
 def test_a_truth_that_names_no_loop_is_refused(which: list[float], message: str) -> None:
     log, truth = world()
-    assert truth is not None
     with pytest.raises(InputError, match=f"false_loops.*{message}"):
         check_truth(log, truth._replace(false_loops=np.array(which)), "x")
 
@@ -217,9 +213,6 @@ def test_a_truth_that_names_no_loop_is_refused(which: list[float], message: str)
 def test_false_loops_do_not_rule_the_reference() -> None:
     log, truth = planted(Dataset(world().log, None), 0.1, np.random.default_rng(0))
     plain, found = reference.reference(world().log), reference.known(log, truth)
-    assert plain is not None
-    assert found is not None
-    assert truth is not None
     assert plain.words == ""
     count = len(false(Dataset(log, truth)))
     assert (

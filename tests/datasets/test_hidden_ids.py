@@ -51,7 +51,6 @@ def with_ids(text: str, ids: str) -> str:
 
 
 def assigned(dataset: Dataset) -> Ints:
-    assert dataset.truth is not None
     assert dataset.truth.assigned is not None
     return dataset.truth.assigned
 

@@ -86,7 +86,6 @@ def test_a_robot_is_found_on_its_map_and_not_on_anothers() -> None:
         for step in log:
             backend.step(step)
         belief = backend.belief()
-        assert belief is not None
         assert belief.located == wanted
         if wanted:
             assert np.hypot(*(belief.pose - truth.poses[-1])[:2]) < 0.5

@@ -131,7 +131,6 @@ def test_every_block_of_python_is_run_here() -> None:
 @pytest.mark.usefixtures("no_report")
 def test_the_python_with_a_log_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log, truth = random_log(np.random.default_rng(2), 25, 6)
-    assert truth is not None
     names = ("t", "delta", "delta_cov", "sighting_step", "ids", "z", "z_cov")
     known = {name: getattr(log, name) for name in names} | {"poses": truth.poses}
     monkeypatch.chdir(tmp_path)

@@ -86,7 +86,6 @@ def test_every_format_gives_the_same_frames_and_factors(
         np.testing.assert_allclose(getattr(made, column)[1:], getattr(log, column)[1:], rtol=0, atol=1e-9)
     np.testing.assert_allclose(made.prior.pose, log.prior.pose, atol=1e-12)
     np.testing.assert_allclose(made.prior.cov, log.prior.cov, rtol=1e-12)
-    assert known is not None
     rows = np.searchsorted(truth.t, made.t - 1e-6)
     np.testing.assert_allclose(known.t, made.t, atol=1e-12)
     np.testing.assert_allclose(known.poses[:, :2], truth.poses[rows, :2], atol=1e-9)

@@ -40,7 +40,6 @@ def test_a_tum_folder_is_read_with_its_own_units_and_times(tmp_path: Path) -> No
     for k, frame in enumerate(frames):
         np.testing.assert_array_equal(frame.grey, grey_at(k))
         np.testing.assert_array_equal(frame.depth, (depth_at(k) / 1000).astype(np.float32))
-        assert frame.colour is not None
         np.testing.assert_array_equal(frame.colour[:, :, 1], grey_at(k))
     assert found.length == 6
     assert found.recording.name == "depth robot"
@@ -117,7 +116,6 @@ def test_the_truth_is_of_the_camera_and_may_cover_a_part(tmp_path: Path) -> None
         lines.append(" ".join(f"{number:.9f}" for number in numbers))
     (folder / "groundtruth.txt").write_text("\n".join(lines) + "\n")
     truth = opened(folder).truth
-    assert truth is not None
     np.testing.assert_allclose(truth.t, START + 0.1 + 0.1 * np.arange(3), atol=1e-9)
     np.testing.assert_allclose(truth.poses, planar, atol=1e-8)
 

@@ -112,7 +112,6 @@ def test_a_folder_of_unregistered_depth_is_registered_on_reading(tmp_path: Path)
     (tmp_path / "b.png").write_bytes(png(np.rint(1000 * measured).astype(np.uint16)))
     (tmp_path / "frames.csv").write_text("image,depth,t\na.png,b.png,0.5\n")
     found = open_depth(tmp_path)
-    assert found is not None
     (frame,) = found.recording.frames
     expected = Registration(source, CAMERA, BESIDE).registered((np.rint(1000 * measured) / 1000).astype(np.float32))
     assert frame.depth.shape == SIZE[::-1]

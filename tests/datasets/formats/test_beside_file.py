@@ -44,10 +44,8 @@ def test_what_is_written_is_read(driven: Driven, tmp_path: Path) -> None:
 
 def test_they_come_with_the_folder_of_the_log(driven: Driven, tmp_path: Path) -> None:
     log = log_of(*driven)
-    assert log.scans is not None
     log_folder.write(tmp_path / "log", log, None)
     again = log_folder.read(tmp_path / "log").log
-    assert again.scans is not None
     np.testing.assert_array_equal(again.scans.ranges, log.scans.ranges)
     assert again.digest == log.digest
     (tmp_path / "log" / FILES["scans"]).unlink()

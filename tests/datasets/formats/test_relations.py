@@ -50,7 +50,6 @@ def beside(drive: tuple[Path, Truth], folder: Path, rows: list[tuple[float, floa
 
 def test_true_relations_of_the_drive_are_met(drive: tuple[Path, Truth], tmp_path: Path) -> None:
     log, truth = load(str(beside(drive, tmp_path)))
-    assert truth is not None
     assert truth.kind == "relations"
     assert truth.relations is not None
     assert truth.relations.exact.all()
@@ -95,8 +94,6 @@ def test_stamps_between_scans_count_and_those_outside_do_not(drive: tuple[Path, 
     t = drive[1].t
     rows = [(float(t[3]), float(t[30])), (float(t[4]) + 0.07, float(t[31])), (float(t[5]), float(t[-1]) + 9)]
     log, truth = load(str(beside(drive, tmp_path, rows)))
-    assert truth is not None
-    assert truth.relations is not None
     assert truth.relations.exact.tolist() == [True, False]
     assert any("1 of 3 relations are left out" in remark for remark in log.remarks)
 
@@ -146,7 +143,6 @@ def test_a_kept_log_is_made_anew_where_its_files_have_changed(drive: tuple[Path,
     assert without is None or without.kind == "reference"
     related(tmp_path / "floor.relations", drive[1])
     _, found = load(str(path))
-    assert found is not None
     assert found.kind == "relations"
     shorter = gzip.decompress(path.read_bytes()).splitlines(keepends=True)[:-100]
     before, _ = load(str(path))

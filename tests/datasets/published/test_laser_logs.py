@@ -65,7 +65,6 @@ def test_a_log_and_its_relations_arrive_in_one_folder(
     assert found == {"intel.clf": scans, "intel.relations": RELATIONS}
     assert f"{hashlib.sha256(scans).hexdigest()}  intel.clf\n" in sums
     log, truth = load("intel-lab")
-    assert truth is not None
     assert truth.kind == "relations"
     assert log.name == "intel-lab"
     assert log.notes["source"].startswith("D. Haehnel; relations: Kuemmerle et al.")

@@ -88,7 +88,6 @@ def test_a_drive_is_fetched_and_read(
     # The wheels count 1 % too much; nothing in the pictures is found again.
     way = log.delta[1:, 0].sum()
     assert way == pytest.approx(1.01 * 0.05 * RATE * (log.t[-1] - log.t[0]), rel=1e-6)
-    assert truth is not None
     assert (truth.t >= START + 0.2).all()
     assert 0 < len(truth.t) < len(log)  # it covers a part
     expected = np.column_stack((0.05 * RATE * (truth.t - START), np.full(len(truth.t), 0.1), np.zeros(len(truth.t))))

@@ -208,7 +208,6 @@ def whole() -> Dataset:
 def test_nothing_of_the_log_is_lost(whole: Dataset, tmp_path: Path):
     log, truth = whole
     assert (len(log), len(log.ids)) == (7230, 52974)
-    assert truth is not None
     assert len(truth.t) == 4109
     assert list(problems(log)) == []
     log_folder.write(tmp_path / "log", log, truth)
@@ -217,7 +216,6 @@ def test_nothing_of_the_log_is_lost(whole: Dataset, tmp_path: Path):
 
 def test_dead_reckoning_is_far_off_after_half_an_hour_and_near_over_a_minute(whole: Dataset):
     log, truth = whole
-    assert truth is not None
     path = dead_reckoned(log)[np.searchsorted(log.t, truth.t)]
 
     def apart(rows: Ints) -> float:

@@ -55,24 +55,20 @@ def written(folder: Path, words: str) -> Path:
 
 def test_every_key_of_robot_toml_counts(tmp_path: Path) -> None:
     robot = read_laser_robot(written(tmp_path, FULL))
-    assert robot is not None
     assert (robot.name, robot.topic, robot.source, robot.odometry_topic) == (
         "cart",
         "/front",
         "drive.bag",
         "/wheel_odom",
     )
-    assert robot.pose is not None
     assert robot.pose.tolist() == [0.1, -0.2, 0.3]
     assert (robot.min_range, robot.max_range, robot.max_gap) == (0.2, 40.0, 0.4)
     assert (robot.odometry, robot.odom_frame) == ("wheels", "world")
     s = robot.settings
     assert (s.step, s.turn, s.cell, s.loops, s.loop_every) == (0.3, 0.2, 0.04, False, 3)
-    assert robot.prior is not None
     assert robot.prior.pose.tolist() == [1.0, 2.0, 0.5]
     np.testing.assert_allclose(np.diag(robot.prior.cov), [0.01, 0.01, 0.0025])
     bare = read_laser_robot(written(tmp_path / "bare", "[laser]\n"))
-    assert bare is not None
     assert bare.settings == LaserRobot().settings
     assert (bare.pose, bare.prior, bare.topic, bare.max_range) == (None, None, None, 25.0)
 
@@ -169,7 +165,6 @@ def test_what_cannot_be_opened_is_named(drive: LaserRecording, tmp_path: Path) -
         open_scans(tmp_path / "drive")
     written(tmp_path / "drive", '[laser]\nsource = "b.clf"\n')
     found = open_scans(tmp_path / "drive")
-    assert found is not None
     assert found.recording.name == "b"
     written(tmp_path / "drive", '[laser]\nsource = "c.clf"\n')
     with pytest.raises(InputError, match=r"which is the \[laser\] source in robot\.toml"):
@@ -201,7 +196,6 @@ def test_carmens_no_return_is_none_with_any_range(drive: LaserRecording, tmp_pat
     path = floor.carmen(tmp_path / "floor.clf", drive)
     written(tmp_path, "[laser]\nmax_range = 100\nmin_range = 0.0\n")
     found = open_scans(path)
-    assert found is not None
     missing = drive.ranges[5] > 20
     assert missing.any()
     points = found.recording.scanner.points(found.recording.ranges[5])
@@ -215,7 +209,6 @@ def test_a_damaged_log_is_read_or_refused_with_a_sentence(drive: LaserRecording,
     few = replace(drive, t=drive.t[:12], ranges=drive.ranges[:12, ::6], odometry=drive.odometry[:12])  # pyright: ignore[reportOptionalSubscript]
 
     def usable(opened: OpenedScans | None) -> None:
-        assert opened is not None
         recording = opened.recording
         assert (np.diff(recording.t) > 0).all()
         assert np.isfinite(recording.scanner.angles).all()

@@ -80,7 +80,6 @@ def test_the_last_moment_and_the_first() -> None:
 @pytest.mark.parametrize("world", ["aruco-robot", "bailey", "city[steps=300,landmarks=200", "linear", "matlab-report"])
 def test_it_happens_in_every_simulated_world(world: str) -> None:
     log, truth = slamduel.load(f"{world}{',' if '[' in world else '['}kidnap=20]")
-    assert truth is not None
     assert len(truth.t) == len(log)
     jump = log.notes["faults"]["kidnapped at step"]
     assert log.t[jump] == pytest.approx(20, abs=1.0)

@@ -169,7 +169,6 @@ def test_real_views_give_the_published_focal_length() -> None:
     found = []
     for name in ("img_00.jpg", "img_01.jpg", "img_02.jpg", "img_03.jpg"):  # choriginal.jpg is img_01.jpg again
         image = cv2.imread(str(Path(folder) / "aruco" / name), cv2.IMREAD_GRAYSCALE)
-        assert image is not None
         view = find_corners(board, name, np.asarray(image, np.uint8))
         assert isinstance(view, View)
         assert len(view.ids) == 24

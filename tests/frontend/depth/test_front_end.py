@@ -31,7 +31,6 @@ def poses_at(log: Log, poses: Array, t: Array) -> Array:
 
 def test_a_step_begins_where_the_wheels_have_moved_enough() -> None:
     recording = short()
-    assert recording.motion is not None
     log = build_log(recording, Settings(step=0.2, turn=0.2))
     counts = log.notes["depth"]["counts"]
     assert counts["frames"] == 16
@@ -65,7 +64,6 @@ def test_the_points_of_frames_are_not_in_memory() -> None:
     recording = short()
     front_end = looked_at(recording, Settings())
     log = log_of(recording, front_end)
-    assert log.clouds is not None
     points = log.clouds.points.nbytes + log.clouds.colours.nbytes
     assert held(front_end.steps) < 1000 * len(log) < points / 10
     assert front_end.search.places
@@ -160,7 +158,6 @@ def test_where_frames_show_nothing_the_wheels_tell_the_motion() -> None:
     frames[8] = DepthFrame(frames[8].seconds, np.full((480, 640), 90, np.uint8), np.zeros((480, 640), np.float32))
     log = build_log(replace(recording, frames=frames), VISUAL)
     counts = log.notes["depth"]["counts"]
-    assert recording.motion is not None
     assert "steps without a motion" not in counts
     assert counts["steps by the wheels alone"] == 2
     k = int(np.flatnonzero(log.t == frames[8].seconds)[0])

@@ -63,7 +63,6 @@ def test_covariance_is_that_of_drawn_errors() -> None:
         level = leveller.level(depth.astype(np.float32))
         assert level.found
         errors[k] = off(level, body)
-    assert level is not None
     squared = np.einsum("ni,ij,nj->n", errors, np.linalg.inv(level.cov), errors) / 3
     assert 0.6 < squared.mean() < 1.4  # the mean of 60 errs by sqrt(2 / 3 / 60) = 0.1
 

@@ -126,7 +126,6 @@ def test_points_on_a_line_or_too_few_are_no_motion() -> None:
 def test_residuals_beyond_the_stated_noise_widen_the_covariance() -> None:
     seen = seen_twice(np.random.default_rng(17), 200, SETTINGS, noise=1.4)
     found = registered(seen.first, seen.second, SETTINGS, np.random.default_rng(0))
-    assert found is not None
     assert found.chi > 1.2
     (p, p_sd), (q, q_sd) = columns(seen.first.taken(found.inliers)), columns(seen.second.taken(found.inliers))
     A, inside = np.empty((6, 6)), np.zeros(len(found.inliers), bool)

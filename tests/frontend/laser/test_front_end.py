@@ -119,7 +119,6 @@ def _ends(log: Log, truth: Truth) -> tuple[Array, Array]:
 def test_wheels_that_jump_are_caught_by_a_search() -> None:
     """The odometry says that the robot turned by half a radian while it drove straight on."""
     drive = Driven(2, laps=0.2, people=0)
-    assert drive.recording.odometry is not None
     motion = between(drive.recording.odometry[:-1], drive.recording.odometry[1:])
     motion[60, 2] += 0.5
     odometry = [drive.recording.odometry[0]]
@@ -171,7 +170,6 @@ def test_somebody_who_walks_ahead_does_not_hold_the_robot_back() -> None:
 
 def test_wheels_that_spin_are_not_believed() -> None:
     recording, true = first(60, 1001, laps=0.2, people=0)
-    assert recording.odometry is not None
     motion = between(recording.odometry[:-1], recording.odometry[1:])
     motion[30:36, 0] += 0.1  # 0.6 m, as much as the person above
     odometry = [recording.odometry[0]]
@@ -204,7 +202,6 @@ def test_a_robot_that_stands_still_is_no_log() -> None:
 
 def test_a_finished_submap_keeps_no_more_than_the_floor() -> None:
     drive = lap()
-    assert drive.front_end is not None
     for submap in drive.front_end.finished.kept:
         assert submap.cells.base is None  # no view that keeps the whole grid
         rows, columns = submap.cells.shape[:2]

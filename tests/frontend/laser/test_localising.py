@@ -51,7 +51,6 @@ def localised(recording: LaserRecording, truth: Truth, grid: Occupancy, start: s
     for step in log:
         batch.step(step)
     found = batch.finish()
-    assert found is not None
     assert first_scan(log) == 1
     right = truth.poses[np.searchsorted(truth.t, log.t[1:])]
     off = found.path[1:] - right
@@ -61,7 +60,6 @@ def localised(recording: LaserRecording, truth: Truth, grid: Occupancy, start: s
 def later(recording: LaserRecording, first: int, count: int) -> LaserRecording:
     """Some of the scans; where the robot then is, is not known."""
     rows = slice(first, first + count)
-    assert recording.odometry is not None
     return replace(recording, t=recording.t[rows], ranges=recording.ranges[rows], odometry=recording.odometry[rows])
 
 

@@ -60,7 +60,6 @@ def judged(path: Path, options: Options, seed: int | None = None) -> tuple[Judge
 def _agree(found: Judged, front_end: FrontEnd, table: Table) -> None:
     """The columns of a run, of the front end's own path: the same errors where the stamps are those of scans."""
     truth, _ = related(table, front_end)
-    assert truth.relations is not None
     exact = truth.relations.exact
     assert exact.sum() == found.exact.sum()
     errors = truth.relations.errors(np.array(front_end.estimate))

@@ -139,7 +139,6 @@ def test_a_real_photograph() -> None:
     if folder is None:
         pytest.skip("SLAMDUEL_DATA is not set")
     image = cv2.imread(str(Path(folder, "aruco", "singlemarkersoriginal.jpg")))
-    assert image is not None
     lens = (0.0995485, -0.206384, 0.00754589, 0.00336531, 0.0)
     camera = Camera(640, 480, (628.158, 628.156), (324.099, 260.908), lens, mounting(0, 0, 0, 0))
     found, rejected = Detector(Markers("6X6_250", 0.05), camera).detect(np.asarray(image, np.uint8))

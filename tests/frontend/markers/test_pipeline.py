@@ -150,7 +150,6 @@ NARROW = Detector(Markers("4X4_50", 0.1), replace(CAMERA, readout=0.4))
 def test_a_rolling_shutters_motion_is_the_mean_of_the_readings_around_the_frame() -> None:
     made = recording(blank(0.5), detector=ROLLING)
     motion = camera_motion(made, 0.53)
-    assert motion is not None
     delta, cov = made.motion.odometry(0.43, 0.63)
     expected = carried(Odometry(delta, cov), 0.2, CAMERA.mounting)
     np.testing.assert_allclose(motion.rates, expected.rates, atol=1e-12)
@@ -164,7 +163,6 @@ def test_a_rolling_shutters_motion_is_the_mean_of_the_readings_around_the_frame(
 def test_a_readout_longer_than_that_is_the_time_of_the_mean() -> None:
     made = recording(blank(0.5), detector=NARROW)
     motion = camera_motion(made, 0.5)
-    assert motion is not None
     expected = carried(made.motion.odometry(0.3, 0.7), 0.4, CAMERA.mounting)
     np.testing.assert_allclose(motion.rates, expected.rates, atol=1e-12)
 
@@ -173,7 +171,6 @@ def test_a_readout_longer_than_that_is_the_time_of_the_mean() -> None:
 def test_where_readings_begin_or_end_it_is_the_mean_of_those_there_are(t: float, start: float, end: float) -> None:
     made = recording(blank(0.5), detector=ROLLING)
     motion = camera_motion(made, t)
-    assert motion is not None
     expected = carried(made.motion.odometry(start, end), end - start, CAMERA.mounting)
     np.testing.assert_allclose(motion.rates, expected.rates, atol=1e-12)
 
