@@ -9,11 +9,11 @@ import pytest
 
 import slamduel
 from laps import laps
+from refusals import refused
 from slamduel.bench.plan import reference
 from slamduel.bench.plan.spec import read_options
 from slamduel.core.check import check_truth, problems
 from slamduel.core.dead_reckoning import dead_reckoned
-from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log, Truth
 from slamduel.core.se2 import Array, Ints, between, compose
 from slamduel.datasets import archive, registry
@@ -128,8 +128,7 @@ def test_a_log_without_ground_truth_gets_one_without_path_or_map() -> None:
 
 def test_a_log_without_loops_has_none_to_add_to() -> None:
     bare = Dataset(world().log.without_loops(), world().truth)
-    with pytest.raises(InputError, match=r"^option false_loops=0\.1: laps has no loop closures, expected some to add"):
-        planted(bare, 0.1, np.random.default_rng(0))
+    refused(r"^option false_loops=0\.1: laps has no loop closures,", planted, bare, 0.1, np.random.default_rng(0))
 
 
 # --- the option
@@ -143,8 +142,8 @@ def test_every_dataset_with_loops_of_its_own_can_have_false_ones() -> None:
 
 @pytest.mark.parametrize("share", ["0.6", "-0.1", "some"])
 def test_a_share_is_between_none_and_half(share: str) -> None:
-    with pytest.raises(InputError, match=f"option false_loops={share}"):
-        read_options(registry.find("toro").options, [("false_loops", share)], "dataset toro")
+    toro = registry.find("toro").options
+    refused(f"option false_loops={share}", read_options, toro, [("false_loops", share)], "dataset toro")
 
 
 def test_a_graph_file_with_false_loops_is_the_file_in_everything_else() -> None:
@@ -191,8 +190,7 @@ def test_a_folder_says_where_a_flag_is_odd(tmp_path: Path) -> None:
     lines = path.read_text().splitlines()
     assert lines[0].endswith(",false")
     path.write_text("\n".join([*lines[:3], lines[3][:-1] + "7", *lines[4:]]) + "\n")
-    with pytest.raises(InputError, match=r"loops\.csv, line 4: false is 7\.0, expected 0 or 1"):
-        log_folder.read(tmp_path / "log")
+    refused(r"loops\.csv, line 4: false is 7\.0, expected 0 or 1", log_folder.read, tmp_path / "log")
 
 
 @pytest.mark.parametrize(
@@ -206,8 +204,7 @@ def test_a_folder_says_where_a_flag_is_odd(tmp_path: Path) -> None:
 )
 def test_a_truth_that_names_no_loop_is_refused(which: list[float], message: str) -> None:
     log, truth = world()
-    with pytest.raises(InputError, match=f"false_loops.*{message}"):
-        check_truth(log, truth._replace(false_loops=np.array(which)), "x")
+    refused(f"false_loops.*{message}", check_truth, log, truth._replace(false_loops=np.array(which)), "x")
 
 
 def test_false_loops_do_not_rule_the_reference() -> None:

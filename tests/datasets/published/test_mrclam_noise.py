@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from motions import chained
 from slamduel.core.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
-from slamduel.core.se2 import Array, Ints, between, compose, wrap
+from slamduel.core.se2 import Array, Ints, between, wrap
 from slamduel.core.truth_errors import sighting_errors
 from slamduel.datasets.published.mrclam_noise import HORIZON, motion_errors, noise
 
@@ -13,19 +14,12 @@ FORWARD = np.array([0.1, 0.0, 0.05])
 PLACES = Map(np.array([9, 6, 7]), np.array([[5.0, 1.0], [-2.0, 6.0], [0.0, -1.0]]), None)
 
 
-def driven(deltas: Array) -> Array:
-    path = [np.zeros(3)]
-    for delta in deltas:
-        path.append(compose(path[-1], delta))
-    return np.array(path)
-
-
 def dataset(rng: np.random.Generator, alike: float = 0.0) -> Dataset:
     """A robot that drives circles, a step a second, and sights a landmark in each, its errors `alike` those of before.
 
     Each landmark is sighted twenty times in a row. The truth has a gap; the last three sightings are of nobody known.
     """
-    poses = driven(np.broadcast_to(FORWARD, (STEPS - 1, 3)))
+    poses = chained(np.broadcast_to(FORWARD, (STEPS - 1, 3)))
     ids = np.array([9, 6, 7])[np.arange(STEPS) // 20 % 3]
     white = rng.normal(size=(STEPS, 2))
     errors = white.copy()
@@ -96,7 +90,5 @@ def test_where_nothing_is_known_nothing_is_said(rng: np.random.Generator):
     log, truth = dataset(rng)
     unknown = truth._replace(map=None)
     assert not len(sighting_errors(log, unknown).row)
-    assert noise(log.head(5), unknown._replace(t=truth.t[:5], poses=truth.poses[:5])) == {
-        "sightings compared": 0,
-        "gross": 0,
-    }
+    few = unknown._replace(t=truth.t[:5], poses=truth.poses[:5])
+    assert noise(log.head(5), few) == {"sightings compared": 0, "gross": 0}

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from slamduel.core.errors import InputError
+from refusals import refused
 from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.boxes import Box, place_boxes
 from slamduel.datasets.rendering.cameras import CAMERAS
@@ -100,8 +100,7 @@ def test_faces_enclose_the_box() -> None:
 
 def test_no_room_is_said() -> None:
     blocked = np.array([[0.0, 0.0, 3.0]])
-    with pytest.raises(InputError, match="boxes: found room for 0 boxes, expected 3"):
-        place_boxes(3, 4.0, 4.0, blocked, np.random.default_rng(0))
+    refused("boxes: found room for 0 boxes, expected 3", place_boxes, 3, 4.0, 4.0, blocked, np.random.default_rng(0))
 
 
 def slabs(box: Box, origin: Array, rays: Array) -> tuple[Array, Array]:
@@ -152,9 +151,7 @@ def test_boxes_hide_what_is_behind_them(heading: float) -> None:
 def test_the_edge_between_two_faces_lets_nothing_through() -> None:
     box = Box(np.array([1.5, 0.1, 0.5]), (0.5, 0.4, 0.5))
     made = renderer((box,))
-    dark = replace(
-        made, surfaces=made.surfaces._replace(boxes=(tuple(np.full((9, 9), 10, np.uint8) for _ in "12345"),))
-    )
+    dark = replace(made, surfaces=made.surfaces._replace(boxes=((np.full((9, 9), 10, np.uint8),) * 5,)))
     image = dark.scene(view(0.0, 0.0, 0.0))
     inside = image < 10.01
     assert inside.sum() > 5000

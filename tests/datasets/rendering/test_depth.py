@@ -26,10 +26,8 @@ POSES = [(0.0, 0.0, 0.0), (0.4, -0.3, 0.6), (-0.3, 0.2, 2.4), (1.0, 1.2, -2.0)]
 
 def followed(room: Room, origin: Array, ray: Array) -> float:
     """The multiple of `ray` at which it leaves the room or enters a box, by clipping it with slabs."""
-    low, high = (
-        np.array([-room.length / 2, -room.width / 2, 0.0]),
-        np.array([room.length / 2, room.width / 2, room.height]),
-    )
+    half = np.array([room.length / 2, room.width / 2, 0.0])
+    low, high = half * [-1, -1, 0], half + np.array([0, 0, room.height])
     best = _through_slabs(origin, ray, low, high)[1]
     for box in room.boxes:
         c, s = np.cos(box.place[2]), np.sin(box.place[2])

@@ -7,8 +7,8 @@ import pytest
 
 import slamduel
 from drawn_errors import errors, known
+from refusals import refused
 from slamduel.core.check import check_truth, problems
-from slamduel.core.errors import InputError
 from slamduel.core.factors import UNKNOWN, Dataset
 from slamduel.core.se2 import Array, between
 from slamduel.datasets.cache import generator
@@ -68,8 +68,7 @@ def test_it_goes_with_other_faults_and_hidden_ids() -> None:
 
 @pytest.mark.parametrize("time", [399.0, 1e6, float("inf")])
 def test_a_time_that_the_log_does_not_have_is_refused(time: float) -> None:
-    with pytest.raises(InputError, match=r"dataset circle: option kidnap=.*: expected a time within the log, of 399 s"):
-        made(kidnap=time)
+    refused(r"dataset circle: option kidnap=.*: expected a time within the log, of 399 s", made, kidnap=time)
 
 
 def test_the_last_moment_and_the_first() -> None:

@@ -112,9 +112,8 @@ def test_sightings_are_where_the_points_are_from_the_true_pose() -> None:
         z, cov = sightings(frame, rows, settings)
         bearing = z[:, 1] + pose[2]
         places.append(pose[:2] + z[:, :1] * np.column_stack((np.cos(bearing), np.sin(bearing))))
-        J = np.stack(
-            (np.cos(bearing), -z[:, 0] * np.sin(bearing), np.sin(bearing), z[:, 0] * np.cos(bearing)), axis=-1
-        ).reshape(-1, 2, 2)
+        c, s = np.cos(bearing), np.sin(bearing)
+        J = np.stack((c, -z[:, 0] * s, s, z[:, 0] * c), axis=-1).reshape(-1, 2, 2)
         covs.append(J @ cov @ J.swapaxes(1, 2))
     off = places[0] - places[1]
     squared = np.einsum("ni,nij,nj->n", off, np.linalg.inv(covs[0] + covs[1]), off) / 2
@@ -164,10 +163,7 @@ def test_frames_of_different_places_are_no_pair() -> None:
     settings = Settings()
     recording, shown, _ = drive(1, Drive(), 16)
     _, others, _ = drive(2, Drive(), 4)
-    one, two = (
-        keyframe(0, shown[0], recording, settings),
-        keyframe(1, others[0], recording, settings),
-    )
+    one, two = (keyframe(0, shown[0], recording, settings), keyframe(1, others[0], recording, settings))
     trial = Pairs(recording.camera, settings).register(one, two, 12, None)
     assert trial.pair is None
     assert trial.reason

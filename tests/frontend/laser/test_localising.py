@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from slamduel.backends.graphs import graph
+from driven import final
+from refusals import refused
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Log, Truth
 from slamduel.core.se2 import Array, between, compose, wrap
@@ -47,10 +48,7 @@ class Placed(NamedTuple):
 
 def localised(recording: LaserRecording, truth: Truth, grid: Occupancy, start: str = "known") -> Placed:
     log = build_log(replace(recording, map=grid, start=start), Settings())  # pyright: ignore[reportArgumentType]
-    batch = graph.build.make(log.prior, graph.Options(), np.random.default_rng(0))
-    for step in log:
-        batch.step(step)
-    found = batch.finish()
+    found = final("graph", log)
     assert first_scan(log) == 1
     right = truth.poses[np.searchsorted(truth.t, log.t[1:])]
     off = found.path[1:] - right
@@ -115,10 +113,8 @@ def test_in_another_building_the_robot_is_not_found() -> None:
     states = np.full((300, 200), FREE, np.uint8)
     states[[0, -1]] = states[:, [0, -1]] = WALL
     room = of_states(np.zeros(2), 0.05, states)
-    with pytest.raises(
-        InputError, match=r"the robot was not found on the grid in \d+ steps: .*; expected a drive on it"
-    ):
-        build_log(replace(later(recording, 0, 150), map=room, start="unknown"), Settings())
+    elsewhere = replace(later(recording, 0, 150), map=room, start="unknown")
+    refused(r"not found on the grid in \d+ steps: .*; expected a drive on it", build_log, elsewhere, Settings())
 
 
 def test_where_all_places_look_alike_none_is_taken() -> None:
@@ -126,15 +122,13 @@ def test_where_all_places_look_alike_none_is_taken() -> None:
     recording, _ = again(0)
     grid = mapped(0)
     twice = Occupancy(grid.origin, grid.size, np.concatenate((grid.cells, grid.cells), axis=0))
-    with pytest.raises(InputError, match=r"several places \(\d+\)"):
-        build_log(replace(later(recording, 0, 150), map=twice, start="unknown"), Settings())
+    alike = replace(later(recording, 0, 150), map=twice, start="unknown")
+    refused(r"several places \(\d+\)", build_log, alike, Settings())
 
 
 def test_a_start_far_off_is_a_sentence() -> None:
     """The prior is 8 m off: nothing near it matches."""
     recording, _ = again(0)
     prior = recording.prior._replace(pose=recording.prior.pose + np.array((0.0, 8.0, 0.0)))
-    with pytest.raises(
-        InputError, match=r"none of its \d+ steps matches the grid, from a start at x .*; expected a drive"
-    ):
-        build_log(replace(later(recording, 0, 100), map=mapped(0), prior=prior), Settings())
+    astray = replace(later(recording, 0, 100), map=mapped(0), prior=prior)
+    refused(r"none of its \d+ steps matches the grid, from a start at x .*; expected", build_log, astray, Settings())
