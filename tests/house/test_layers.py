@@ -311,8 +311,10 @@ PLANTED = {
     "from slamduel.core import se2": "by its own name",
     "from datasets import load_dataset": "as if it were installed by that name",
 }
-LOOKING_UP = [("core/se2.py", f"from ..{above} import api") for above in ("frontend", "backends", "datasets", "bench")]
-LOOKING_UP += [("frontend/wheels.py", "from ..datasets import registry")]
+LOOKING_UP = [
+    *(("core/se2.py", f"from ..{above} import api") for above in ("frontend", "backends", "datasets", "bench")),
+    ("frontend/wheels.py", "from ..datasets import registry"),
+]
 
 
 @pytest.fixture
