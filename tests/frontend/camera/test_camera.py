@@ -45,12 +45,9 @@ def test_project_is_the_lens_model_written_out() -> None:
     np.testing.assert_allclose(camera(lens).project(points), np.stack((u, v), axis=-1), atol=1e-9)
 
 
-def test_without_a_lens_it_is_the_reports_equation_3_5() -> None:
+def test_without_a_lens_it_is_the_reports_equation_3_5_and_nothing_gives_nothing() -> None:
     (pixel,) = camera(()).project(np.array([[0.2, -0.1, 2.0]]))
     assert pixel == pytest.approx([576.0 * 0.1 + 321.7, 570.0 * -0.05 + 238.4])
-
-
-def test_nothing_gives_nothing() -> None:
     assert camera(()).undistort(np.zeros((0, 2))).shape == (0, 2)
     assert camera(()).project(np.zeros((0, 3))).shape == (0, 2)
 
@@ -135,23 +132,17 @@ def test_undistort_undoes_a_fisheye(distortion: tuple[float, ...], focal: float)
     np.testing.assert_array_equal(np.isfinite(rays).all(axis=1), distorted < most)
 
 
-def test_a_fisheyes_angles_are_the_model_written_out() -> None:
+def test_a_fisheyes_angles_are_the_model_written_out_and_its_axis_is_straight_ahead() -> None:
     k1, k2, k3, k4 = lens = (-0.0121, 0.0043, -0.0021, 0.0003)
     x, y, z = 0.4, -0.9, 0.5
     a = np.arctan2(np.hypot(x, y), z)
     d = a * (1 + k1 * a**2 + k2 * a**4 + k3 * a**6 + k4 * a**8) / np.hypot(x, y)
     (pixel,) = fisheye(lens, 245.0).project(np.array([[x, y, z]]))
     assert pixel == pytest.approx([245 * d * x + 321.7, 245 * 0.99 * d * y + 238.4])
-
-
-def test_a_fisheyes_axis_is_straight_ahead() -> None:
     np.testing.assert_allclose(fisheye((0.1, 0.0, 0.0, 0.0), 200.0).undistort(np.array([[321.7, 238.4]])), [[0, 0]])
 
 
-def test_a_fisheye_has_four_coefficients() -> None:
+def test_a_fisheye_of_five_coefficients_and_an_unknown_model_are_refused() -> None:
     refused("camera distortion: found 5 coefficients, expected 4", fisheye((0.0,) * 5, 200.0).project, np.ones((1, 3)))
-
-
-def test_an_unknown_model_is_refused() -> None:
     lens = Camera(640, 480, (1.0, 1.0), (0.0, 0.0), (), np.eye(4), "mirror")  # pyright: ignore[reportArgumentType]
     refused("camera model: found 'mirror', expected pinhole or fisheye", lens.project, np.ones((1, 3)))

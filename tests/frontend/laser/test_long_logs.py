@@ -71,7 +71,7 @@ def test_a_packed_submap_is_searched_as_before() -> None:
     assert all((one == other).all() for one, other in zip(submap.pyramid, pyramid, strict=True))
 
 
-SCANNER = Scanner(np.zeros(1), np.zeros(3))
+SCANNER = Scanner(np.zeros(1), np.zeros(3), most=2.0)
 
 
 def submap_of(first: int, count: int, died: float) -> Submap:
