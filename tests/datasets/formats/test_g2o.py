@@ -171,7 +171,7 @@ def test_a_row_that_cannot_be_used_is_named(small: Path, old: str, new: str, wor
 
 def test_huge_ids_take_no_room(small: Path) -> None:
     huge = {"12": str(2**53), "3": str(2**53 - 2)}
-    rows: list[list[str]] = [line.split(" ") for line in SMALL.split("\n")]
+    rows = [list[str](line.split(" ")) for line in SMALL.split("\n")]
     for line in rows:
         ends = 3 if line[0] in ("EDGE_SE2", "EDGE_SE2_XY") else 2
         line[:ends] = [huge.get(word, word) for word in line[:ends]]
