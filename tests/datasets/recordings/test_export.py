@@ -178,10 +178,12 @@ def test_what_is_there_stays(drive: Drive, tmp_path: Path) -> None:
 
 
 AGAIN = r"frame 2 is at 0\.5 s, expected later than 0\.5 s"
-REFUSED = [(kind, (480, 640), (0.0, 0.5, 0.5), AGAIN) for kind in ("frames", "video", "mp4", "ros1")]
-REFUSED += [(kind, (480, 641), (0.0, 0.5), "of 641x480 pixels, expected even") for kind in ("video", "mp4")]
-REFUSED += [(kind, (481, 640), (0.0, 0.5), "of 640x481 pixels, expected even") for kind in ("video", "mp4")]
-REFUSED += [("ros1", (480, 640), (-1.0,), r"found a time of -1\.0 s")]
+REFUSED: list[Any] = [
+    *((kind, (480, 640), (0.0, 0.5, 0.5), AGAIN) for kind in ("frames", "video", "mp4", "ros1")),
+    *((kind, (480, 641), (0.0, 0.5), "of 641x480 pixels, expected even") for kind in ("video", "mp4")),
+    *((kind, (481, 640), (0.0, 0.5), "of 640x481 pixels, expected even") for kind in ("video", "mp4")),
+    ("ros1", (480, 640), (-1.0,), r"found a time of -1\.0 s"),
+]
 
 
 @pytest.mark.parametrize(("kind", "shape", "times", "words"), REFUSED)
