@@ -212,8 +212,7 @@ def test_false_loops_do_not_rule_the_reference() -> None:
     plain, found = reference.reference(world().log), reference.known(log, truth)
     assert plain.words == ""
     count = len(false(Dataset(log, truth)))
-    assert (
-        found.words == f"the batch optimum with a Cauchy loss ({count} of {len(log.loop_to)} loop closures do not fit)"
-    )
+    said = f"the batch optimum with a Cauchy loss ({count} of {len(log.loop_to)} loop closures do not fit)"
+    assert found.words == said
     np.testing.assert_array_equal(found.false_loops, truth.false_loops)
     assert np.abs((found.poses - plain.poses)[:, :2]).max() < 0.05

@@ -91,10 +91,7 @@ def test_a_robot_is_found_on_its_map_and_not_on_anothers() -> None:
             assert np.hypot(*(belief.pose - truth.poses[-1])[:2]) < 0.5
 
 
-def test_an_unknown_start_without_a_map_is_refused() -> None:
+def test_an_unknown_start_without_a_map_and_a_second_map_are_refused() -> None:
     refused(r"dataset city: option start=unknown: there is no map to start on, expected", made, ",start=unknown")
-
-
-def test_a_second_map_is_refused() -> None:
     log, truth = made(",map=surveyed")
     refused("has a map of its own", localising, log, true(truth), "dataset city")
