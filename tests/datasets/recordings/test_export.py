@@ -69,7 +69,7 @@ def test_lossless_formats_give_the_same_factors(name: str, drive: Drive, log: Lo
 
 
 def test_a_rolling_shutter_is_written_and_read(tmp_path: Path) -> None:
-    made, truth = record(Options(seconds=1.0, readout=0.04, noise="propagated"), generator("aruco-room", 3))
+    made, truth = record(Options(seconds=0.5, readout=0.04, noise="propagated"), generator("aruco-room", 3))
     made = replace(made, frames=list(made.frames))
     write({tmp_path / "a": "frames"}, made, truth)
     robot = read_robot(tmp_path / "a" / "robot.toml")
