@@ -45,7 +45,7 @@ def test_project_is_the_lens_model_written_out() -> None:
     np.testing.assert_allclose(camera(lens).project(points), np.stack((u, v), axis=-1), atol=1e-9)
 
 
-def test_without_a_lens_it_is_the_reports_equation_3_5_and_nothing_gives_nothing() -> None:
+def test_without_a_lens_it_is_the_reports_equation_3_5() -> None:
     (pixel,) = camera(()).project(np.array([[0.2, -0.1, 2.0]]))
     assert pixel == pytest.approx([576.0 * 0.1 + 321.7, 570.0 * -0.05 + 238.4])
     assert camera(()).undistort(np.zeros((0, 2))).shape == (0, 2)
