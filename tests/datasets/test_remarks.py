@@ -1,6 +1,5 @@
 """Remarks: none on logs as they are published, drawn or studied, and some on logs whose units do not agree."""
 
-import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+import recorded
+from refusals import refused
 from slamduel.bench.plan.load import load, made
 from slamduel.bench.study import file as study_file
-from slamduel.core.errors import InputError
 from slamduel.core.factors import REMARKS, Dataset
 from slamduel.datasets import archive
 from slamduel.datasets.formats import log_folder
@@ -21,11 +21,8 @@ from small_log import small_dataset
 
 DRAWN = ("aruco-robot", "bailey", "circle", "city", "linear", "matlab-report", "victoria-park")
 
-PUBLISHED = {
-    "dlr": "dlr/map.circles",
-    "freiburg": "freiburg",
-    **{f"mrclam[robot={robot},": "mrclam/MRCLAM_Dataset6" for robot in range(1, 6)},
-}
+MRCLAM = "mrclam/MRCLAM_Dataset6"
+PUBLISHED = {"dlr": "dlr/map.circles", "freiburg": "freiburg", **{f"mrclam[robot={k},": MRCLAM for k in range(1, 6)}}
 
 
 def at_hand(name: str) -> bool:
@@ -40,9 +37,7 @@ def test_a_log_as_it_comes_has_no_remark(name: str) -> None:
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_a_published_log_has_no_remark(name: str) -> None:
-    path = Path(os.environ.get("SLAMDUEL_DATA", "")) / PUBLISHED[name]
-    if "SLAMDUEL_DATA" not in os.environ or not path.exists():
-        pytest.skip("SLAMDUEL_DATA is not set, or has no such log")
+    path = recorded.at_hand(PUBLISHED[name])
     assert remarks(load(f"{name}path={path}]" if "[" in name else f"{name}[path={path}]")) == []
 
 
@@ -113,5 +108,4 @@ def test_a_readers_remark_goes_wherever_the_log_goes(tmp_path: Path) -> None:
 
 def test_strict_refuses_with_the_first_of_them() -> None:
     refuse("drive", [])
-    with pytest.raises(InputError, match=r"--strict: drive: readings are missing; and 1 more\."):
-        refuse("drive", ["readings are missing", "so are frames"])
+    refused(r"--strict: drive: hole; and 1 more\.", refuse, "drive", ["hole", "so are frames"])
