@@ -261,7 +261,6 @@ def test_decisions_are_kept_where_particles_are_resampled_and_nothing_is_seen() 
 
 def test_on_a_given_map_that_is_held_fixed_its_ids_are_found() -> None:
     log, truth = ring()
-    assert truth is not None
     backend = make(log.prior._replace(map=truth.map), particles=100)
     for step in without_ids(log):
         backend.step(step)

@@ -59,7 +59,6 @@ def test_the_belief_is_the_optimum_of_the_log_so_far(kind: str) -> None:
         if k % 8:
             continue
         best = dense(log.head(k + 1), final("smoother", log.head(k + 1)), 3)
-        assert belief.cov is not None
         assert pose == pytest.approx(best.path[k], abs=1e-4)
         there = best.cov[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
         assert np.abs(belief.cov - there).max() < 0.01 * np.abs(there).max()

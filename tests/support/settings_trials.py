@@ -152,7 +152,6 @@ def laser_figures(settings: LaserSettings) -> Figures:
     for name in SCANS:
         end = matched(scans(name), settings)
         truth, _ = related(read_relations(beside(DATA / name)), end)
-        assert truth.relations is not None
         found[name.partition(".")[0]] = float(truth.relations.judged().errors(np.array(end.estimate))[:, 0].mean())
     return found
 

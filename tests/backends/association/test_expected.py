@@ -33,8 +33,6 @@ BATCH = {
 def test_on_an_exact_log_it_is_that_of_the_whole_log(name: str, seed: int) -> None:
     made = random_log(np.random.default_rng(seed), 40, 10, errors=0.0, noise=0.1, radius=4.0)
     log, truth = made
-    assert truth is not None
-    assert truth.map is not None
     places = dict(zip(truth.map.ids.tolist(), truth.map.xy, strict=True))
     backend = make(name.partition(" ")[0], log.prior, **BATCH[name])
     asked = 0

@@ -119,8 +119,6 @@ def test_on_a_given_map_its_ids_are_found() -> None:
 
 def test_made_up_ids_are_none_of_a_given_map_that_was_made_without_ids() -> None:
     log, truth = ring()
-    assert truth is not None
-    assert truth.map is not None
     kept = np.arange(0, len(truth.map.ids), 2)  # the others are new
     given = Map(FIRST - kept, truth.map.xy[kept], 1e-4 * np.eye(2 * len(kept)))
     lost = replace(without_ids(log), prior=log.prior._replace(map=given))
@@ -158,7 +156,6 @@ def driven_to_the_end(name: str, log: Log, **options: Any) -> Any:
 def test_steps_that_wait_are_all_handed_on_and_the_pose_until_then_is_odometrys(more: dict[str, Any]) -> None:
     made = ring()
     log, truth = made
-    assert truth is not None
     backend = make("smoother", log.prior, association="jcbb", **more)
     path = []
     for step in without_ids(log):

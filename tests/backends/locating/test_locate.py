@@ -31,7 +31,6 @@ def test_a_robot_is_found_with_and_without_ids(named: bool) -> None:
     on = indexed(known)
     for first in STARTS:
         fix = locate(window(log if named else unnamed(log), first, 8), on)
-        assert fix is not None
         assert not astray(fix.pose, truth.poses[first + 7], known)
 
 
@@ -53,7 +52,6 @@ def test_each_sighting_is_told_its_landmark() -> None:
     log, _, known = ring()
     steps = window(log, 60, 6)
     fix = locate(window(unnamed(log), 60, 6), known)
-    assert fix is not None
     true = np.concatenate([step.sightings.ids for step in steps])
     told = fix.ids != UNKNOWN
     assert told.sum() >= LEAST
@@ -64,8 +62,6 @@ def test_a_map_and_its_index_are_the_same() -> None:
     log, _, known = ring()
     steps = window(unnamed(log), 30, 4)
     one, other = locate(steps, known), locate(steps, indexed(known))
-    assert one is not None
-    assert other is not None
     assert one.pose.tobytes() == other.pose.tobytes()
     assert one.gain == other.gain
 
@@ -76,8 +72,6 @@ def test_the_pose_goes_where_the_map_goes() -> None:
     turned = Map(known.ids, act(motion, known.xy), known.cov)
     steps = window(unnamed(log), 90, 6)
     here, there = locate(steps, known), locate(steps, turned)
-    assert here is not None
-    assert there is not None
     assert there.pose == pytest.approx(compose(motion, here.pose), abs=1e-9)
 
 
@@ -104,7 +98,6 @@ def test_ids_tell_places_apart_that_look_alike() -> None:
     ids = np.concatenate((known.ids, known.ids.max() + 1 + known.ids))
     twice = Map(ids, np.concatenate((known.xy, known.xy + np.array((1000.0, 0.0)))), np.eye(4 * n) * 1e-4)
     fix = locate(window(log, 0, 8), twice)
-    assert fix is not None
     assert not astray(fix.pose, truth.poses[7], known)
 
 
@@ -112,7 +105,6 @@ def test_clutter_and_new_landmarks_are_left_out() -> None:
     log, truth, known = ring()
     kept = np.random.default_rng(1).random(len(known.ids)) < 0.8
     rows = np.repeat(kept, 2)
-    assert known.cov is not None
     part = Map(known.ids[kept], known.xy[kept], known.cov[np.ix_(rows, rows)])
     found = [locate(window(unnamed(log), first, 24), part) for first in STARTS]
     fixes = [(fix, first) for fix, first in zip(found, STARTS, strict=True) if fix is not None]
@@ -135,7 +127,6 @@ def test_fewer_landmarks_than_asked_for_are_not_enough() -> None:
 def test_a_fix_is_as_sure_as_it_says() -> None:
     log, _, known = ring()
     fix = locate(window(unnamed(log), 0, 8), known)
-    assert fix is not None
     assert MARGIN <= fix.margin <= fix.gain
     assert np.linalg.eigvalsh(fix.cov).min() > 0
 
@@ -145,7 +136,6 @@ def test_of_a_long_window_only_the_last_sightings_are_used() -> None:
     many = np.cumsum([len(step.sightings.ids) for step in log])
     steps = int(np.searchsorted(many, SIGHTINGS)) + 20
     fix = locate(window(unnamed(log), 0, steps), known)
-    assert fix is not None
     assert not astray(fix.pose, truth.poses[steps - 1], known)
     assert len(fix.ids) == many[steps - 1]
     assert (fix.ids[:-SIGHTINGS] == UNKNOWN).all()
@@ -159,8 +149,6 @@ def test_the_pose_is_that_of_the_last_step_however_long_ago_the_first_was() -> N
     rough = replace(log, delta_cov=100 * log.delta_cov)
     fix = locate(window(unnamed(rough), 0, 30), known)
     one = locate(window(unnamed(rough), 29, 1), known)
-    assert fix is not None
-    assert one is not None
     assert not astray(fix.pose, truth.poses[29], known)
     assert np.trace(fix.cov) <= 1.5 * np.trace(one.cov)
 

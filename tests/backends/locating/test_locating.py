@@ -50,7 +50,6 @@ def followed(name: str, log: Log, steps: int, **options: Any) -> tuple[Backend, 
         pose = backend.step(step)
         belief = backend.belief()
         assert pose is not None
-        assert belief is not None
         poses.append(pose)
         located.append(belief.located)
     return backend, np.array(poses), np.array(located)
@@ -85,7 +84,6 @@ def test_before_it_is_found_the_pose_is_the_priors_and_odometry_from_there() -> 
     assert poses[0] == pytest.approx(log.prior.pose)
     assert poses[1] == pytest.approx(compose(poses[0], log.delta[1]))
     belief = backend.belief()
-    assert belief is not None
     assert belief.cov is None
     assert np.array_equal(backend.map().ids, log.prior.map.ids)
 
@@ -100,7 +98,6 @@ def test_the_final_path_leads_back_to_the_first_step(name: str) -> None:
         log.z_cov[seen],
     ).head(80)  # fmt: skip
     found = outcome(name, late)
-    assert found.solution is not None
     path = found.solution.path
     assert len(path) == 80
     # Odometry leads back twelve steps of 0.02 m: a tenth of a metre would be six of its standard deviations.
@@ -114,7 +111,6 @@ def test_a_batch_method_is_asked_for_no_pose_on_the_way() -> None:
     found = outcome("graph", log.head(60))
     assert found.online is None
     assert found.located.any()
-    assert found.solution is not None
     assert np.hypot(*(found.solution.path - truth.poses[:60])[:, :2].T).max() < 0.5
 
 
@@ -186,7 +182,6 @@ def test_a_smoother_keeps_the_path_from_before_the_robot_was_carried_away() -> N
     drive_, true = kidnapped(log, truth, 0, 120, 260)
     backend, _, _ = followed("smoother", drive_, 180)
     solution = backend.finish()
-    assert solution is not None
     assert np.hypot(*(solution.path - true[:180])[:, :2].T).max() < 0.5
 
 
@@ -211,8 +206,6 @@ def test_asking_changes_nothing() -> None:
         pose, other = plain.step(step), asked.step(step)
         asked.belief()
         asked.map()
-        assert pose is not None
-        assert other is not None
         assert pose.tobytes() == other.tobytes()
 
 
@@ -229,12 +222,10 @@ def test_without_ids_the_robot_is_found_by_a_backend_that_needs_none() -> None:
 def test_a_batch_has_room_for_landmarks_that_are_given_and_never_sighted() -> None:
     log, _ = lost()
     known = replace(log.head(3), prior=log.prior._replace(start="known"))
-    assert log.prior.map is not None
     assert len(np.unique(known.ids)) < len(log.prior.map.ids) - 10
     backend = begun("graph", known)
     for step in known:
         backend.step(step)
     solution = backend.finish()
-    assert solution is not None
     assert np.array_equal(np.sort(solution.map.ids), np.sort(log.prior.map.ids))
     assert np.isfinite(solution.map.xy).all()

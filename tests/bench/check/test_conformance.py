@@ -111,7 +111,6 @@ def test_loops_that_are_used_wrongly_are_caught() -> None:
 
         def belief(self) -> Belief | None:
             found = super().belief()
-            assert found is not None
             cov = np.diag([0.0, 1.0, 1.0]) if self.closed else found.cov
             return found._replace(cov=cov)
 
@@ -195,8 +194,6 @@ def test_the_logs_are_what_the_checks_take_them_for() -> None:
     squares = np.einsum("ki,kij,kj->k", errors, np.linalg.inv(honest.log.delta_cov[1:]), errors)
     assert abs(squares.mean() - 3) < 6 * np.sqrt(6 / len(squares))
     fixed, drawn = (with_map(honest, cov, np.random.default_rng(2)).log.prior.map for cov in (None, 1e-2 * np.eye(24)))
-    assert fixed is not None
-    assert drawn is not None
     np.testing.assert_array_equal(fixed.xy, honest.map.xy)
     assert 0.05 < np.std(drawn.xy - fixed.xy) < 0.2
     log = behind(np.random.default_rng(3), 0.0, errors=0.0).log

@@ -30,7 +30,6 @@ def test_the_noise_is_printed_saved_and_stated_in_another_log(folder: Path, caps
     assert "95 % interval" in printed
     assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     model = read_noise(saved)
-    assert model.range is not None
     assert model.range.share > 0.5
     assert main(["noise", "circle[steps=50]", "--noise", str(saved), "--apply", str(out)]) == 0
     before, after = load("circle[steps=50]").log, load(out).log

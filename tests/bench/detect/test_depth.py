@@ -62,7 +62,6 @@ def test_every_kind_of_recording_becomes_the_same_log(
     assert main(["detect", str(folders[kind]), "--out", str(tmp_path / "log"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     log = log_folder.read(tmp_path / "log").log
-    assert log.clouds is not None
     assert found["steps"] == len(log) == len(log.clouds.first) - 1 > 6
     assert found["frames"] > 15
     assert found["keyframes"] == found["steps"]
@@ -106,7 +105,6 @@ def test_the_command_refuses_what_it_cannot_do(
 def test_the_map_shows_the_path_and_levels_the_rocking(folders: dict[str, Path], tmp_path: Path) -> None:
     found = run(folders["frames"], tmp_path / "log")
     picture = cv2.imread(str(tmp_path / "log" / "map.png"))
-    assert picture is not None
     assert max(picture.shape) > 400
     assert (picture == (178, 114, 0)).all(axis=2).sum() > 50  # the path's blue
     tilts = found.levels.tilts
@@ -233,7 +231,6 @@ def test_a_feature_has_the_colour_of_what_became_of_it() -> None:
     recording, shown, _ = depth_drives.drive(1, Drive(), 4)
     one, two = (depth_drives.keyframe(k, shown[k], recording, Settings()) for k in (0, 2))
     trial = Pairs(recording.camera, Settings()).register(one, two, 12, None)
-    assert trial.pair is not None
     rows = trial.pair.rows
     refused = trial._replace(pair=None, reason="it contradicts the wheels", contradicted=rows)
     half = trial._replace(pair=trial.pair._replace(rows=rows[::2]), contradicted=rows[1::2])

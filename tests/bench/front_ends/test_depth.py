@@ -56,7 +56,6 @@ def test_a_timed_front_end_makes_the_log_that_a_run_gets() -> None:
 @pytest.mark.parametrize("laps", [SHORT, pytest.param(CLOSED, marks=pytest.mark.slow)])
 def test_errors_and_nees_are_those_of_homogeneous_matrices(laps: float) -> None:
     (drive,) = drives(laps)
-    assert drive.truth is not None
     true = {t: matrix(pose) for t, pose in zip(drive.truth.t.tolist(), drive.truth.poses, strict=True)}
     rows = {row.kind: row for row in consistency([drive])}
     assert list(rows) == (["neighbours"] if laps == SHORT else ["neighbours", "loop"])

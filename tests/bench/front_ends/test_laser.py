@@ -40,8 +40,6 @@ def test_errors_and_nees_are_those_of_the_log_that_a_run_gets(laps: float) -> No
     """By homogeneous matrices, one factor after another, from the dataset of the same drive."""
     made = laser_floor(Options(laps=laps), np.random.default_rng([3, 0, 0]))
     log, truth = made.log, made.truth
-    assert truth is not None
-    assert truth.poses is not None
     frames = [matrix(pose) for pose in truth.poses]
     at = np.repeat(np.arange(len(log)), np.diff(log.loop_first))
     factors = {

@@ -34,7 +34,6 @@ def test_a_good_log_is_counted(folder: Path, capsys: pytest.CaptureFixture[str])
 
 def test_a_log_of_one_step_is_counted_in_the_singular(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     log, truth = small_dataset()
-    assert truth is not None
     first = log.head(1)
     one = truth._replace(t=truth.t[:1], poses=truth.poses[:1], map=None, assigned=None)
     log_folder.write(tmp_path / "log", first, one)

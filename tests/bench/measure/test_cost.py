@@ -60,8 +60,6 @@ def with_everything(seed: int) -> tuple[Log, Array, Map]:
     """A log with two loop closures and a given map; a path and a map that are off by centimetres."""
     rng = np.random.default_rng(seed)
     log, truth = random_log(rng, 30, 6)
-    assert truth is not None
-    assert truth.map is not None
     given = Map(truth.map.ids[1:4], truth.map.xy[1:4] + 0.05, random_covariance(rng, [0.1] * 6))
     steps = list(log)
     for k, to in ((12, 3), (25, 0)):
@@ -107,8 +105,6 @@ def test_it_is_twice_gtsams_error_where_no_residual_turns() -> None:
             graph.add(gtsam.BearingRangeFactor2D(k, names[i], gtsam.Rot2(phi), r, noise))
     found = misfit(log, path, landmarks)
     bare = misfit(Log.from_steps("without", log.prior._replace(map=None), list(log)), path, landmarks)
-    assert found is not None
-    assert bare is not None
     assert found.prior > bare.prior
     assert bare.total - bare.loops == pytest.approx(2 * graph.error(values), rel=1e-9)
 
@@ -138,7 +134,6 @@ def test_the_batch_optimum_has_the_least_and_an_online_path_pays_in_odometry() -
 def test_it_is_not_defined_where_a_given_landmark_was_lost() -> None:
     log, path, landmarks = with_everything(1)
     given = log.prior.map
-    assert given is not None
     kept = landmarks.ids != given.ids[0]
     blind = [
         step._replace(

@@ -39,7 +39,6 @@ def test_errors_of_another_size_than_stated_are_told(scale: float) -> None:
         assert truth is not None
         (remark,) = misstated(log, truth, OFF)
         found = re.fullmatch(f"the errors of the {noun} are typically (.*) times what is stated", remark)
-        assert found is not None
         assert float(found[1]) == pytest.approx(scale, rel=0.15)
 
 
@@ -80,6 +79,5 @@ def test_gross_errors_are_counted(with_map: bool) -> None:
 def test_a_wrong_id_is_an_error_of_its_sighting() -> None:
     log, truth = circle(",wrong_ids=0.1")
     assert truth is not None
-    assert truth.assigned is not None
     (remark,) = misstated(log, truth, OFF)
     assert 1 <= int(remark.split()[0]) <= np.sum(truth.assigned != log.ids)

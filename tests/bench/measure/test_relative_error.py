@@ -63,7 +63,6 @@ def test_errors_are_what_evos_command_line_prints(tmp_path: Path) -> None:
         over = ("rpe", *files, "-d", delta, "-u", unit, "--pairs_from_reference", *flat)
         commands += [over, (*over, "-a"), (*over, *turns), (*over, "-a", *turns)]
         found = relative_error(estimate, truth, pairs)
-        assert found is not None
         ours += [found.translation, found.translation, found.rotation, found.rotation]
     assert ours == pytest.approx(evo(tmp_path, *commands), abs=1e-6)
 

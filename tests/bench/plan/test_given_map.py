@@ -42,7 +42,6 @@ def halves(seed: int, landmarks: int = 10) -> tuple[Log, Log, Truth]:
     """A log cut in two, and the truth of the second half: its start is known from elsewhere, to 10 cm and 0.05 rad."""
     rng = np.random.default_rng(seed)
     log, truth = random_log(rng, 2 * HALF, landmarks)
-    assert truth is not None
     cov = np.diag((0.1, 0.1, 0.05)) ** 2
     pose = truth.poses[HALF] + rng.multivariate_normal(np.zeros(3), cov)
     pose[2] = wrap(pose[2])
@@ -163,8 +162,6 @@ def test_localising_on_a_map_of_ones_own_is_consistent_and_needs_its_joint_covar
         for found, cov in ((joint, known.cov), (alone, block_diagonal(blocks(known.cov)))):
             path, backend = followed("ekf", localising(second, known._replace(cov=cov), "second"))
             belief = backend.belief()
-            assert belief is not None
-            assert belief.cov is not None
             found[k] = nees(path[-1:], belief.cov[None], truth.poses[-1:])[0] / 3
     spread = np.sqrt(2 / (3 * seeds))  # of the mean of chi-square over its 3 degrees of freedom
     assert abs(joint.mean() - 1) < 4 * spread

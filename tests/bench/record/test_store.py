@@ -202,7 +202,6 @@ for k in range(10**6):
     print(k, flush=True)
 """
     with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as writer:
-        assert writer.stdout is not None
         said = [writer.stdout.readline() for _ in range(50)]
         writer.send_signal(signal.SIGKILL)
         said += writer.stdout.readlines()

@@ -68,7 +68,6 @@ def test_the_paths_and_the_last_map_are_the_recorded_ones(folder: Path, shown: R
     assert [ekf.remark, told.remark] == ["", ""]
     assert graph.remark == "no online path: the final one is shown"
     truth = shown.log.truth
-    assert truth is not None
     assert told.course.path.tobytes() == truth.poses.tobytes()
 
 
@@ -93,7 +92,6 @@ def test_numbers_are_those_of_the_record_and_of_the_log(folder: Path, shown: Rep
     assert np.allclose(panel.nees, before["nees"][shown.frames] / 3, rtol=1e-9)
     assert panel.step_us.tolist() == (before["step_ns"][shown.frames] / 1e3).tolist()
     truth = shown.log.truth
-    assert truth is not None
     off = before["online"] - truth.poses
     assert np.allclose(panel.error, np.sqrt(off[:, 0] ** 2 + off[:, 1] ** 2)[shown.frames])
     k = int(shown.frames[-1])

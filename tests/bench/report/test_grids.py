@@ -52,7 +52,6 @@ def test_bench_map_writes_a_map_for_ros(folder: Path, tmp_path: Path, capsys: py
         row, column = height - 1 - int((online[1] - y) / 0.1), int((online[0] - x) / 0.1)
         assert pixels[row, column] == 254
         picture = cv2.imread(str(place / "grid.png"), cv2.IMREAD_GRAYSCALE)
-        assert picture is not None
         assert picture.shape == pixels.shape
 
 

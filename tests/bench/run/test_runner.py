@@ -67,7 +67,6 @@ def test_a_run_leaves_what_the_design_says(tmp_path: Path, log_folder: Path) -> 
     assert about["environment"]["packages"]["gtsam"]
     assert "CPU time" in about["timing_policy"]
     log, truth = logfile.read(log_folder)
-    assert truth is not None
     place = out / about["folders"][f"log[path={log_folder}]"] / "0"
     t, poses = read_tum(place / "truth.tum")
     assert np.array_equal(t, truth.t)
@@ -149,7 +148,6 @@ def test_whatever_a_backend_does_it_is_one_row(
 
 def test_a_log_with_loop_closures_is_skipped_where_they_are_not_taken(tmp_path: Path) -> None:
     log, truth = random_log(np.random.default_rng(2), 10, 5)
-    assert truth is not None
     closed = type(log).from_arrays(
         "closed", log.prior, log.t, log.delta, log.delta_cov, log.sighting_step, log.ids, log.z, log.z_cov,
         loop_step=np.array([9]), loop_to=np.array([0]), loop_delta=np.zeros((1, 3)), loop_cov=10 * np.eye(3)[None],
@@ -335,7 +333,6 @@ def test_a_remark_outlives_the_worker_that_made_the_log_and_strictly_is_a_refusa
 
 def test_a_log_that_has_changed_is_not_mixed_with_its_past(tmp_path: Path, log_folder: Path) -> None:
     log, truth = logfile.read(log_folder)
-    assert truth is not None
     logfile.write(tmp_path / "log", log, truth)
     go(tmp_path / "run", "ekf", tmp_path / "log")
     for path in (tmp_path / "log").iterdir():
@@ -347,7 +344,6 @@ def test_a_log_that_has_changed_is_not_mixed_with_its_past(tmp_path: Path, log_f
 
 def test_a_truth_that_has_changed_is_not_mixed_with_its_past(tmp_path: Path, log_folder: Path) -> None:
     log, truth = logfile.read(log_folder)
-    assert truth is not None
     place = tmp_path / "log"
     logfile.write(place, log, truth)
     go(tmp_path / "run", "dead-reckoning", place)
@@ -389,7 +385,6 @@ def test_landmarks_without_a_true_path_judge_the_map_alone(tmp_path: Path, log_f
 
 def test_what_a_row_does_not_cover_is_remarked_on(tmp_path: Path, log_folder: Path) -> None:
     log, truth = logfile.read(log_folder)
-    assert truth is not None
     steps = list(log)
     steps[3] = steps[3]._replace(sightings=steps[3].sightings._replace(ids=np.full(len(steps[3].sightings.ids), -1)))
     some = truth._replace(t=truth.t[:10], poses=truth.poses[:10])

@@ -201,7 +201,6 @@ def test_time_left_is_by_dataset_and_backend() -> None:
     pace.took(("short", "graph"), 10.0)
     pace.took(("long", "ekf"), 4.0)
     left = pace.left()
-    assert left is not None
     alike = 2 * 1.0 + 2 * 10.0 + 2 * 4.0
     assert left == pytest.approx(alike + 3 * 40.0)  # as graph is to ekf on short, so on long
     pace.took(("long", "graph"), 40.0)

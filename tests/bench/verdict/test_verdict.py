@@ -45,7 +45,6 @@ def test_a_difference_that_is_borne_out_is_claimed_with_its_interval() -> None:
         r"\(Wilcoxon, Holm: p < 0.0001; closer on 20 of 20\)\.",
         found.sentences[0],
     )
-    assert claim is not None
     assert 1.85 < float(claim[1]) <= 2 <= float(claim[2]) < 2.15
     assert found.basis == "20 logs; the true path is known"
 
@@ -368,7 +367,6 @@ def test_a_lower_median_does_not_outrank_one_that_is_closer_for_sure() -> None:
     a = told("a", ate_m=[0.9 * h for h in hard[:8]] + [4.0] + [6.0] * 11)
     b = told("b", ate_m=[value * 1.2 for value in [0.9 * h for h in hard[:8]] + [4.0] + [6.0] * 11])
     found = ranking(lines(b + a), "ate_m")
-    assert found is not None
     assert [line.backend for line in found.lines] == ["a", "b"]
     assert found.between(*found.lines).ratio == pytest.approx(1.2)
 

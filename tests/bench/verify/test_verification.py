@@ -198,7 +198,6 @@ def better_path(folder: Path) -> str:
         rows = db.execute("SELECT key, seed FROM results WHERE backend = 'ekf'").fetchall()
         for key, seed in rows:
             truth = trusted[f"{DATASET}, seed {seed}"].dataset.truth
-            assert truth is not None
             (blob,) = db.execute("SELECT archive FROM arrays WHERE key = ?", (key,)).fetchone()
             dreamt = truth.poses + 1e-3 * np.sin(np.arange(len(truth.t)))[:, None]
             arrays = unpacked(blob) | {"online": dreamt, "aligned": dreamt}
@@ -286,7 +285,6 @@ def moved(folder: Path, size: float) -> str:
     with Store(folder) as store:
         (old,) = [known for name, known in store.logs_made().items() if name[2] == 0]
     before = LogFiles(folder).read("circle", old[0])
-    assert before is not None
     after = Dataset(replace(before.log, z=before.log.z + size), before.truth)
     known = old[0]._replace(digest=after.log.digest)
     LogFiles(folder).keep("circle", known, archive.packed(after))
@@ -311,7 +309,6 @@ def test_a_log_may_differ_by_rounding_where_it_is_not_the_same_on_every_machine(
     found = read(theirs)
     cells: list[CheckedCell] = []
     for cell in found.cells:
-        assert cell.log is not None
         source = replace(cell.log.dataset.source, portable=portable)
         cells.append(cell._replace(log=cell.log._replace(dataset=replace(cell.log.dataset, source=source))))
     with contextlib.closing(Here()) as executor:
@@ -322,7 +319,6 @@ def test_a_log_may_differ_by_rounding_where_it_is_not_the_same_on_every_machine(
     assert any("The same but for rounding" in one.sentence for one in findings) == (not verdict)
     if not verdict:  # cells run on the copy
         kept = trusted[f"{DATASET}, seed 0"].kept
-        assert kept is not None
         assert kept.path.is_file()
 
 

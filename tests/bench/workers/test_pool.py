@@ -148,7 +148,6 @@ def test_a_log_that_cannot_be_made_in_time_or_at_all_is_said_of_all_its_jobs(poo
     assert "not/there" in found[7].result.reason
     assert all(found[index].result.reason.startswith("the log could not be made: ") for index in (0, 1, 7))
     looked = found[None]
-    assert looked.log is not None
     assert (looked.result.status, len(looked.log.digest)) == ("done", 64)
 
 
@@ -266,7 +265,6 @@ def test_nobody_outlives_the_runner() -> None:
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment, text=True
     ) as runner:
-        assert runner.stdout is not None
         pids = {int(pid) for _ in range(2) for pid in runner.stdout.readline().split()}
         assert len(pids) == 2
         assert all(map(exists, pids))
@@ -309,7 +307,6 @@ def test_a_file_that_has_changed_is_read_again(tmp_path: Path) -> None:
         on_file = dataclasses.replace(batch(["dead-reckoning"]), dataset="log",
                                       options=log_folder.Options(str(tmp_path / "log")))  # fmt: skip
         (ended,) = pool.run([on_file], alone=False)
-        assert ended.log is not None
         assert ended.log.digest == ended.result.row["digest"]
         digests.append(ended.log.digest)
     pool.close()
