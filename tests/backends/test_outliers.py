@@ -110,8 +110,7 @@ def ratios(backend: str, clean: Dataset, planted: list[Dataset]) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    "backend",
-    first_quick(["ekf[gate=0.999]", "graph[gnc=true]", "graph[loss=cauchy]", "graph[loss=geman-mcclure]"], 2),
+    "backend", first_quick(["ekf[gate=0.999]", "graph[gnc=true]", "graph[loss=cauchy]", "graph[loss=geman-mcclure]"], 2)
 )
 def test_gated_and_robust_backends_stay_within_twice_their_clean_error(
     backend: str, clean: Dataset, planted: list[Dataset]

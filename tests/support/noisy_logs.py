@@ -29,11 +29,7 @@ PLAIN = Slow()
 
 
 def noisy(
-    world: str,
-    seed: int,
-    range_: Slow = PLAIN,
-    bearing: Slow = PLAIN,
-    odometry: tuple[float, float, float] = (1, 1, 1),
+    world: str, seed: int, range_: Slow = PLAIN, bearing: Slow = PLAIN, odometry: tuple[float, float, float] = (1, 1, 1)
 ) -> Dataset:
     """The world's log with other errors, drawn from `seed`; what it states stays."""
     log, truth = load(world, seed)

@@ -64,8 +64,7 @@ def test_a_misread_id_makes_no_landmark_one_that_moves(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "options"),
-    [("circle", {}), ("bailey", {"loops": 1}), ("city", {"landmarks": 100, "steps": 250})],
+    ("name", "options"), [("circle", {}), ("bailey", {"loops": 1}), ("city", {"landmarks": 100, "steps": 250})]
 )
 def test_where_nothing_moves_and_none_is_misread_nothing_is_named(name: str, options: dict[str, Any]) -> None:
     log, truth = world(name, **options)

@@ -12,7 +12,7 @@ from slamduel.backends.locating.locate import LEAST, MARGIN, SIGHTINGS, locate
 from slamduel.backends.locating.map_index import indexed
 from slamduel.bench.measure.nees import nees
 from slamduel.core.factors import UNKNOWN, Log, Map, Truth
-from slamduel.core.se2 import Array, act, compose
+from slamduel.core.se2 import act, compose
 
 STARTS = range(0, 360, 30)
 
@@ -55,6 +55,7 @@ def test_each_sighting_is_told_its_landmark() -> None:
     true = np.concatenate([step.sightings.ids for step in steps])
     told = fix.ids != UNKNOWN
     assert told.sum() >= LEAST
+    assert MARGIN <= fix.margin <= fix.gain
     assert np.array_equal(fix.ids[told], true[told])
 
 
@@ -121,14 +122,8 @@ def test_fewer_landmarks_than_asked_for_are_not_enough() -> None:
     steps = window(unnamed(log), 0, 1)
     assert locate(steps, known, least=len(steps[0].sightings.ids) + 1) is None
     assert locate(steps, known, margin=1e6) is None
-    assert locate(window(unnamed(log), 0, 8), Map(known.ids[:3], known.xy[:3], None)) is None
-
-
-def test_a_fix_is_as_sure_as_it_says() -> None:
-    log, _, known = ring()
-    fix = locate(window(unnamed(log), 0, 8), known)
-    assert MARGIN <= fix.margin <= fix.gain
-    assert np.linalg.eigvalsh(fix.cov).min() > 0
+    for few in range(4):
+        assert locate(window(unnamed(log), 0, 8), Map(known.ids[:few], known.xy[:few], None)) is None
 
 
 def test_of_a_long_window_only_the_last_sightings_are_used() -> None:
@@ -151,10 +146,3 @@ def test_the_pose_is_that_of_the_last_step_however_long_ago_the_first_was() -> N
     one = locate(window(unnamed(rough), 29, 1), known)
     assert not astray(fix.pose, truth.poses[29], known)
     assert np.trace(fix.cov) <= 1.5 * np.trace(one.cov)
-
-
-@pytest.mark.parametrize("shape", [(0, 2), (1, 2), (2, 2)])
-def test_a_map_of_hardly_a_landmark_finds_nobody(shape: tuple[int, int]) -> None:
-    log, _, _ = ring()
-    xy: Array = np.ones(shape)
-    assert locate(window(unnamed(log), 0, 4), Map(np.arange(len(xy)), xy, None)) is None

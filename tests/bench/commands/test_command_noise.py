@@ -79,28 +79,6 @@ def test_json_has_every_number_with_its_interval(folder: Path, capsys: pytest.Ca
     assert found["noise"]["range"]["time"] == pytest.approx(9.0, rel=0.8)
 
 
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        (["circle", "city", "--apply", "x"], "--apply x: found 2 logs, expected one"),
-        (["circle", "--noise", "n.toml"], "--noise: expected --apply FOLDER beside it"),
-        (["circle", "--noise", "n.toml", "--apply", "x", "--json"], "--json: nothing is measured with --noise"),
-        (["circle", "--noise", "n.toml", "--apply", "x"], "n.toml"),
-        (["circle", "--own"], "--own: expected --apply FOLDER beside it"),
-        (["circle", "--out", "page.pdf"], "--out page.pdf: found the ending '.pdf'"),
-        (["circle", "--save", "noise.json"], "--save noise.json: found the ending '.json'"),
-        (["nothing"], "bench: noise: there is no dataset 'nothing'"),
-    ],
-)
-def test_what_cannot_be_done_is_refused_with_a_sentence(
-    given: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["noise", *given]) == 2
-    assert said in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.skipif(not DATA.is_dir(), reason="SLAMDUEL_DATA is not set, or has no mrclam")
 @pytest.mark.slow
 def test_mrclams_errors_are_found_to_stay_correlated(capsys: pytest.CaptureFixture[str]) -> None:

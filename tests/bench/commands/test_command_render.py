@@ -8,7 +8,6 @@ import pytest
 
 from command import run
 from slamduel.bench.commands import render as command_render
-from slamduel.core.errors import InputError
 from slamduel.datasets.cache import generator
 from slamduel.datasets.depth.open import open_depth
 from slamduel.datasets.recordings.recording import build, open_recording
@@ -48,22 +47,3 @@ def test_a_drive_of_a_depth_camera_is_the_one_that_bench_run_sees(tmp_path: Path
         for one, ours in zip(found.recording.frames, drive.frames, strict=True):
             np.testing.assert_array_equal(one.grey, ours.grey)
             np.testing.assert_array_equal(one.depth, ours.depth)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["aruco-rom"], "no dataset 'aruco-rom'"),
-        (["victoria-park"], "found 'victoria-park', expected aruco-room or depth-room, whose"),
-        (["aruco-room,aruco-room[seconds=2]"], "expected aruco-room"),
-        (["depth-room", "--as", "mp4"], "found 'mp4', expected one of tum, frames, ros1, ros2, mcap for depth-room"),
-        (["aruco-room[seconds=0]"], "option seconds=0 is out of range"),
-        ([SHORT, "--as", "gif"], "--as: found 'gif', expected one of frames, video, mp4, ros1, ros2, mcap"),
-        ([SHORT, "--as", "frames,frames"], "--as frames,frames: a format is named twice"),
-    ],
-)
-def test_what_cannot_be_rendered(tmp_path: Path, words: list[str], message: str) -> None:
-    with pytest.raises(InputError) as refused:
-        render(*words, "--out", str(tmp_path / "out"))
-    assert message in str(refused.value)
-    assert list(tmp_path.iterdir()) == []

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import depth_drives
+from command import refused
 from slamduel.bench.cli import main
 from slamduel.bench.detect.depth import DepthFindings, Levels, detect
 from slamduel.bench.detect.depth_frames import CONTRADICTED, KEPT, annotated
@@ -80,25 +81,16 @@ def test_every_kind_of_recording_becomes_the_same_log(
 def test_the_command_refuses_what_it_cannot_do(
     folders: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = str(tmp_path / "log")
-
-    def refused(*words: str) -> str:
-        capsys.readouterr()
-        assert main(["detect", *words, "--out", out, "--quiet"]) == 2
-        said = capsys.readouterr().err
-        assert said.count("\n") == 1
-        assert "Traceback" not in said
-        return said
-
-    tum = str(folders["tum"])
-    assert "is of a depth camera, which has no markers to fit" in refused(tum, "--calibrate-noise")
-    assert "--preview x.txt: " in refused(tum, "--preview", "x.txt")
-    assert "1 frames and 1 steps, expected a drive" in refused(tum, "--seconds", "0.01")
-    assert "has no [laser], expected it where a topic of scans" in refused(tum, "--scan", "/scan")
-    robot = (folders["tum"] / "robot.toml").read_text()
-    odd = folders["tum"] / "odd.toml"
-    odd.write_text(robot.replace("registered = true", 'registered = "yes"'))
-    assert "depth.registered: found 'yes'" in refused(tum, "--robot", str(odd))
+    tum, odd = folders["tum"], folders["tum"] / "odd.toml"
+    odd.write_text((tum / "robot.toml").read_text().replace("registered = true", 'registered = "yes"'))
+    for words, said in (
+        (("--calibrate-noise",), "is of a depth camera, which has no markers to fit"),
+        (("--preview", "x.txt"), "--preview x.txt: "),
+        (("--seconds", "0.01"), "1 frames and 1 steps, expected a drive"),
+        (("--scan", "/scan"), "has no [laser], expected it where a topic of scans"),
+        (("--robot", odd), "depth.registered: found 'yes'"),
+    ):
+        assert said in refused(capsys, "detect", tum, *words, "--out", tmp_path / "log", "--quiet")
     assert not (tmp_path / "log").exists()
 
 

@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import minimize
 from scipy.special import chdtri
 
+from driven import final
 from random_logs import random_covariance, random_log
-from slamduel.backends.registry import find
 from slamduel.bench.measure import accuracy, nees
 from slamduel.bench.measure.misfit import misfit
 from slamduel.core.factors import Log, Map
@@ -168,19 +168,11 @@ def test_landmark_nees_leaves_out_what_was_given_as_exact_and_counts_the_collaps
     assert nees.nees_columns("nees", np.full(4, np.nan), 3) == {}
 
 
-def batch_on(log: Log) -> tuple[Array, Map]:
-    graph = find("graph")
-    backend = graph.make(log.prior, graph.options(), np.random.default_rng(0))
-    for step in log:
-        backend.step(step)
-    solution = backend.finish()
-    return solution.path, solution.map
-
-
 def test_cost_is_twice_gtsams_error_and_least_at_the_optimum() -> None:
     rng = np.random.default_rng(6)
     log = random_log(rng, 60, 10).log
-    path, landmarks = batch_on(log)
+    solution = final("graph", log)
+    path, landmarks = solution.path, solution.map
     least = misfit(log, path, landmarks)
     dof = 2 * len(log.ids) - 2 * len(landmarks.ids)  # 3 a step cancel: prior and odometry against poses
     assert abs(least.total - dof) < 6 * np.sqrt(2 * dof)

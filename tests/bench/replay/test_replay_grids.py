@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from io import BytesIO
@@ -209,30 +208,22 @@ def test_the_chart_begins_where_the_error_is_known(seen: View, tmp_path: Path) -
 
 
 @pytest.mark.slow
-def test_the_script_shows_the_newest_grid_of_each_frame(page: Path, seen: View) -> None:
-    api = pytest.importorskip(
-        "playwright.sync_api", reason="playwright is not installed: its package drives the browser"
-    )
-    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if chromium is None:
-        pytest.skip("chromium is not installed")
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        tab = browser.new_page()
-        said: list[str] = []
-        tab.on("pageerror", lambda error: said.append(str(error)))
-        tab.goto(page.as_uri())
-        tab.keyboard.press("Home")
-        for frame in range(6):
-            shown = tab.evaluate(
-                "[...document.querySelectorAll('.run')].map(run => [...run.querySelectorAll('image')]"
-                ".flatMap((image, k) => image.style.display === 'none' ? [] : [k]))"
-            )
-            behind = [sum(grid.frame <= frame for grid in panel.grids) for panel in seen.panels]
-            assert shown == [[count - 1] if count else [] for count in behind]
-            tab.keyboard.press("ArrowRight")
-        assert said == []
-        browser.close()
+def test_the_script_shows_the_newest_grid_of_each_frame(browser: Any, page: Path, seen: View) -> None:
+    tab = browser.new_page()
+    said: list[str] = []
+    tab.on("pageerror", lambda error: said.append(str(error)))
+    tab.goto(page.as_uri())
+    tab.keyboard.press("Home")
+    for frame in range(6):
+        shown = tab.evaluate(
+            "[...document.querySelectorAll('.run')].map(run => [...run.querySelectorAll('image')]"
+            ".flatMap((image, k) => image.style.display === 'none' ? [] : [k]))"
+        )
+        behind = [sum(grid.frame <= frame for grid in panel.grids) for panel in seen.panels]
+        assert shown == [[count - 1] if count else [] for count in behind]
+        tab.keyboard.press("ArrowRight")
+    assert said == []
+    tab.close()
 
 
 def test_a_film_has_the_walls(seen: View) -> None:

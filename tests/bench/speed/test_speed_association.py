@@ -98,16 +98,3 @@ def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFix
     said = capsys.readouterr().out
     assert "8 sightings of the nearest landmarks" in " ".join(said.split())
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["association.csv", "ratios.csv"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["--backend", "graph"], "--backend graph: has no data association"),
-        (["--backend", "ekf[association=nn]"], "expected it without association"),
-        (["--particles", "10"], "--particles: --association times steps with and without ids"),
-    ],
-)
-def test_mistakes_are_a_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["speed", "--association", *arguments]) == 2
-    assert sentence in capsys.readouterr().err

@@ -149,10 +149,7 @@ def test_online_and_final_are_never_held_against_each_other() -> None:
     )
     assert {
         column: {c.first for c in pairs} | {c.second for c in pairs} for column, pairs in found.comparisons.items()
-    } == {
-        "ate_m": {"ekf", "isam2"},
-        "final_ate_m": {"isam2", "graph"},
-    }
+    } == {"ate_m": {"ekf", "isam2"}, "final_ate_m": {"isam2", "graph"}}
     assert any(sentence.startswith("isam2's final path is 5.0 times closer") for sentence in found.sentences)
 
 

@@ -110,32 +110,6 @@ def test_numbers_are_those_of_this_process_in_any_order(pool: Local) -> None:
     assert {index: numbers(result) for index, result in alone.items()} == {k: numbers(r) for k, r in here.items()}
 
 
-def test_whatever_a_backend_does_it_is_one_result(pool: Local) -> None:
-    expected = {
-        "dead-reckoning": ("done", ""),
-        "misbehaving:raises": ("error", "ValueError: the [brackets]"),
-        "misbehaving:exits": ("error", "SystemExit: had enough"),
-        "misbehaving:crashes": ("error", "was killed by SIGSEGV; its last words: reading address zero now"),
-        "ekf": ("done", ""),
-        "misbehaving:kills_itself": ("error", "the process was killed by SIGKILL"),
-        "misbehaving:eats_memory": ("error", "needed more than the memory limit of 300 MB"),
-        "misbehaving:gives_up": ("diverged", "no longer positive definite"),
-        "misbehaving:talks": ("done", ""),
-        "misbehaving:sleeps_for_ever": ("timeout", "was not finished after 1.5 s of wall time and was stopped"),
-        "fastslam": ("done", ""),
-    }
-    several = batch(list(expected))
-    hasty = dataclasses.replace(several, timeout_s=1.5, jobs=several.jobs[-2:-1])
-    patient = dataclasses.replace(several, jobs=(*several.jobs[:-2], several.jobs[-1]))
-    ended = by_index(pool.run([patient, hasty], alone=False))
-    assert sorted(ended) == list(range(len(expected)))
-    for (name, (status, reason)), (_, result) in zip(expected.items(), sorted(ended.items()), strict=True):
-        assert result.status == status, (name, result)
-        assert reason in result.reason, (name, result)
-    calm = by_index(Here().run([batch(["dead-reckoning", "ekf"])], alone=False))
-    assert numbers(ended[0]) == numbers(calm[0])
-
-
 def test_a_log_that_cannot_be_made_in_time_or_at_all_is_said_of_all_its_jobs(pool: Local) -> None:
     great = dataclasses.replace(datasets.find("city").options(), steps=1_000_000, landmarks=1_000_000)
     slow = dataclasses.replace(batch(["ekf", "ukf"], timeout_s=0.5), options=great)
