@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from dense_fit import Normal, sighted
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.api import Backend, Diverged
@@ -68,51 +69,30 @@ def least_squares(log: Log, path: Array, found: Map) -> tuple[Array, Array]:
     Unknowns are all poses and landmarks; the covariance of all sightings' errors is written out, element by element.
     """
     n, m = len(path), len(found.ids)
-    size = 3 * n + 2 * m
-    information, gradient = np.zeros((size, size)), np.zeros(size)
-    start = np.linalg.inv(log.prior.cov)
-    e = path[0] - log.prior.pose
-    e[2] = wrap(e[2])
-    information[:3, :3] += start
-    gradient[:3] += start @ e
+    size, count = 3 * n + 2 * m, 2 * len(log.ids)
+    normal = Normal(size)
+    first = path[0] - log.prior.pose
+    first[2] = wrap(first[2])
+    normal.add([(0, np.eye(3))], first, log.prior.cov)
     for k in range(1, n):
-        (x, y, heading), (x2, y2, heading2) = path[k - 1], path[k]
-        c, s = np.cos(heading), np.sin(heading)
-        turned = np.array([[c, s], [-s, c]])
-        moved = turned @ [x2 - x, y2 - y]
-        e = np.array([*moved, wrap(heading2 - heading)]) - log.delta[k]
-        e[2] = wrap(e[2])
-        J = np.zeros((3, size))
-        J[:2, 3 * k - 3 : 3 * k - 1], J[:2, 3 * k : 3 * k + 2] = -turned, turned
-        J[:2, 3 * k - 1] = moved[1], -moved[0]
-        J[2, 3 * k - 1], J[2, 3 * k + 2] = -1.0, 1.0
-        weight = np.linalg.inv(log.delta_cov[k])
-        information += J.T @ weight @ J
-        gradient += J.T @ weight @ e
-    rows, errors = np.zeros((2 * len(log.ids), size)), np.zeros(2 * len(log.ids))
-    R = np.zeros((2 * len(log.ids), 2 * len(log.ids)))
+        normal.add_motion(path, k - 1, k, log.delta[k], log.delta_cov[k])
+    rows, errors, R = np.zeros((count, size)), np.zeros(count), np.zeros((count, count))
     shares, times = (SLOW["range_share"], SLOW["bearing_share"]), (SLOW["range_time"], SLOW["bearing_time"])
     column = {landmark: 3 * n + 2 * i for i, landmark in enumerate(found.ids.tolist())}
     for i, landmark in enumerate(log.ids.tolist()):
-        k, at = int(log.sighting_step[i]), column[landmark]
-        dx, dy = found.xy[(at - 3 * n) // 2] - path[k, :2]
-        q = dx * dx + dy * dy
-        r = np.sqrt(q)
-        by = np.array([[dx / r, dy / r], [-dy / q, dx / q]])
-        rows[2 * i : 2 * i + 2, 3 * k : 3 * k + 2], rows[2 * i : 2 * i + 2, at : at + 2] = -by, by
-        rows[2 * i + 1, 3 * k + 2] = -1.0
-        errors[2 * i] = r - log.z[i, 0]
-        errors[2 * i + 1] = wrap(np.arctan2(dy, dx) - path[k, 2] - log.z[i, 1])
+        k, at, two = int(log.sighting_step[i]), column[landmark], slice(2 * i, 2 * i + 2)
+        errors[two], by_pose, by_xy = sighted(path[k], found.xy[(at - 3 * n) // 2], log.z[i])
+        rows[two, 3 * k : 3 * k + 3], rows[two, at : at + 2] = by_pose, by_xy
         white = np.sqrt(1 - np.array(shares))
-        R[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = log.z_cov[i] * np.outer(white, white)
+        R[two, two] = log.z_cov[i] * np.outer(white, white)
         for j in np.flatnonzero(log.ids == landmark).tolist():
             lag = abs(log.t[k] - log.t[log.sighting_step[j]])
             for h in range(2):
                 sd = np.sqrt(log.z_cov[i, h, h] * log.z_cov[j, h, h])
                 R[2 * i + h, 2 * j + h] += shares[h] * sd * np.exp(-lag / times[h])
     weighted = np.linalg.solve(R, rows)
-    information += rows.T @ weighted
-    gradient += weighted.T @ errors
+    information = normal.matrix + rows.T @ weighted
+    gradient = weighted.T @ errors - normal.right
     unit = 1 / np.sqrt(np.diag(information))
     whole = np.linalg.inv(information * np.outer(unit, unit)) * np.outer(unit, unit)
     last = np.r_[3 * n - 3 : 3 * n, 3 * n : size]

@@ -369,7 +369,6 @@ ADVERSE: list[tuple[type[Sound], str, str]] = [
 ]
 """Each with an adversarial log on which it must fail."""
 
-
 BROKEN: list[tuple[type[Sound], str, str]] = [
     (SharesItsMap, "two-at-once-share-nothing", "differ from step"),
     (MutatesItsInput, "the-log-is-left-alone", "no longer what it was"),

@@ -13,7 +13,7 @@ from slamduel.backends.api import Backend, Belief, Builder, Map, Pose, Prior, St
 from slamduel.bench.check.candidate import Candidate, Failed, stays_near
 from slamduel.bench.check.contract import BLIND
 from slamduel.bench.check.small_logs import IDS, around, behind, dead_reckoned, drive, with_loop, with_map
-from slamduel.bench.check.suite import CHECKS, QUICK, Check, Outcome, check, chosen, examine
+from slamduel.bench.check.suite import ADVERSARIAL, CHECKS, QUICK, Check, Outcome, check, chosen, examine
 from slamduel.core.se2 import compose
 
 
@@ -204,18 +204,15 @@ def conforms(name: str, checks: Sequence[Check]) -> None:
     outcomes = check(registry.find(name), checks=checks)
     assert [found for found in outcomes if found.status == "failed"] == []
     ends = {"passed", "gave up"} if name != "mcl" else {"not applicable"}  # these logs have no map for it
-    logs = [found for found in outcomes[len(QUICK) :] if found.name != "stands-logs-without-ids"]  # by default none is
-    assert {found.status for found in logs} <= ends
+    adverse = {one.name for one in ADVERSARIAL} - {"stands-logs-without-ids"}  # by default none stands that
+    assert {found.status for found in outcomes if found.name in adverse} <= ends
 
 
 @pytest.mark.parametrize("name", sorted(registry.BUILTIN))
 def test_what_comes_with_slamduel_conforms(name: str) -> None:
-    conforms(name, QUICK)
-
-
-@pytest.mark.parametrize("name", ["ekf", "smoother"])
-def test_it_does_so_on_the_adversarial_logs_on_which_a_broken_backend_fails(name: str) -> None:
-    conforms(name, QUICK + chosen(sorted({adversary for _, adversary, _ in ADVERSE})))
+    """The EKF and the smoother on those adversarial logs, too, on which a broken backend fails."""
+    more = chosen(sorted({adversary for _, adversary, _ in ADVERSE})) if name in ("ekf", "smoother") else ()
+    conforms(name, (*QUICK, *more))
 
 
 @pytest.mark.slow

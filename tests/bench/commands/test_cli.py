@@ -17,20 +17,15 @@ from slamduel.bench.cli import main
 from slamduel.bench.record.store import Store
 
 
-def bench(*words: str | Path, env: dict[str, str] | None = None) -> subprocess.CompletedProcess[str]:
-    """The installed command, as a process of its own."""
-    command = [sys.executable, "-m", "slamduel.bench.cli", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, env={**os.environ, **(env or {})}, check=False)
-
-
-def test_run_prints_a_table_and_where_the_report_is(tmp_path: Path, log_folder: Path) -> None:
-    done = bench("run", "--backend", "dead-reckoning,ekf", "--dataset", log_folder, "--out", tmp_path / "run")
-    assert done.returncode == 0, done.stderr
-    assert "dead-reckoning" in done.stdout
-    assert "ekf" in done.stdout
-    assert str(tmp_path / "run" / "report.html") in done.stdout
-    assert (tmp_path / "run" / "report.html").is_file()
-    assert done.stderr == ""
+def test_run_prints_a_table_and_where_the_report_is(
+    tmp_path: Path, log_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    assert main(["run", "--backend", "dead-reckoning,ekf", "--dataset", str(log_folder), "--out", str(out)]) == 0
+    said = capsys.readouterr()
+    assert all(words in said.out for words in ("dead-reckoning", "ekf", str(out / "report.html")))
+    assert (out / "report.html").is_file()
+    assert said.err == ""
 
 
 def test_quiet_prints_nothing(tmp_path: Path, log_folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -214,9 +209,10 @@ def test_a_reader_that_leaves_early_is_no_error() -> None:
 
 @pytest.mark.slow
 def test_a_terminal_without_the_letters_is_no_error(tmp_path: Path, log_folder: Path) -> None:
-    ascii_only = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    env = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
     words = ("run", "--backend", "ekf", "--dataset", log_folder, "--out", tmp_path / "run")
-    done = bench(*words, env=ascii_only)
+    command = [sys.executable, "-m", "slamduel.bench.cli", *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, env=env, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 

@@ -20,7 +20,6 @@ from slamduel.frontend.camera.camera import Camera
 BOARD = "charuco[columns=8,rows=6,square=0.04,marker=0.03,dictionary=4X4_50]"
 CAMERA = Camera(400, 300, (330, 328), (203, 147), (-0.2, 0.06, 0.001, -0.0008, 0.0), np.eye(4))
 
-
 bench = partial(run, calibrate)
 
 

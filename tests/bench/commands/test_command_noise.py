@@ -55,6 +55,7 @@ def test_one_command_measures_and_states(folder: Path, capsys: pytest.CaptureFix
     assert load(out).log.notes["noise"]["fitted_on"]
 
 
+@pytest.mark.usefixtures("no_report")
 def test_backends_are_named_for_either_way_to_state_slow_errors(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -31,11 +31,10 @@ def test_the_drive_is_the_one_that_bench_run_sees(tmp_path: Path, capsys: pytest
 
 
 def test_several_formats_get_a_folder_each(tmp_path: Path) -> None:
-    assert render(SHORT, "--out", str(tmp_path / "out"), "--as", "frames, ros1,video", "--quiet") == 0
-    assert sorted(one.name for one in (tmp_path / "out").iterdir()) == ["frames", "ros1", "video"]
-    logs = [build(open_recording(tmp_path / "out" / name)).log for name in ("frames", "ros1", "video")]
-    for log in logs[1:]:
-        np.testing.assert_allclose(log.z, logs[0].z, rtol=0, atol=1e-9)
+    assert render(SHORT, "--out", str(tmp_path / "out"), "--as", "frames, video", "--quiet") == 0
+    assert sorted(one.name for one in (tmp_path / "out").iterdir()) == ["frames", "video"]
+    one, other = (build(open_recording(tmp_path / "out" / name)).log for name in ("frames", "video"))
+    np.testing.assert_allclose(one.z, other.z, rtol=0, atol=1e-9)
 
 
 def test_a_drive_of_a_depth_camera_is_the_one_that_bench_run_sees(tmp_path: Path) -> None:

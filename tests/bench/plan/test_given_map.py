@@ -1,6 +1,7 @@
 """Map, then localise: what a run leaves is what another starts from, exactly, and it is worth it."""
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -247,22 +248,20 @@ def test_files_of_landmarks(worlds: Path, tmp_path: Path) -> None:
 )
 def test_a_bad_file_is_a_sentence_with_its_line(tmp_path: Path, text: str, sentence: str) -> None:
     (tmp_path / "m.csv").write_text(text)
-    with pytest.raises(InputError) as error:
+    with pytest.raises(InputError, match=re.escape(f"{tmp_path / 'm.csv'}") + ".*" + re.escape(sentence)):
         read(str(tmp_path / "m.csv"), fixed=False)
-    assert sentence in str(error.value)
-    assert str(tmp_path / "m.csv") in str(error.value)
 
 
 def test_what_cannot_be_told_apart_or_found_is_a_sentence(worlds: Path, tmp_path: Path) -> None:
     run = worlds / "mapped"
-    with pytest.raises(InputError, match=r"holds 2 maps, expected one of: .*/ekf, .*/isam2"):
-        read(str(run), fixed=False)
-    with pytest.raises(InputError, match="there is no such place; expected the folder of a run"):
-        read(str(tmp_path / "nowhere"), fixed=False)
-    with pytest.raises(InputError, match="there is no map here"):
-        read(str(tmp_path), fixed=False)
-    with pytest.raises(InputError, match="found no cell with a map, expected one of: "):
-        read(str(cell(run, "ekf").with_name("graph")), fixed=False)
+    for place, said in (
+        (run, r"holds 2 maps, expected one of: .*/ekf, .*/isam2"),
+        (tmp_path / "nowhere", "there is no such place; expected the folder of a run"),
+        (tmp_path, "there is no map here"),
+        (cell(run, "ekf").with_name("graph"), "found no cell with a map, expected one of: "),
+    ):
+        with pytest.raises(InputError, match=said):
+            read(str(place), fixed=False)
     own = small_dataset()
     log_folder.write(tmp_path / "own", own.log, own.truth)
     variant = dataset_variants(str(tmp_path / "own"))[0]

@@ -1,5 +1,6 @@
 """Names and options as a user types them."""
 
+import re
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -57,9 +58,8 @@ def test_options_are_read_by_their_annotation(given: list[tuple[str, str]], expe
     ],
 )
 def test_wrong_options_get_a_sentence(given: list[tuple[str, str]], sentence: str) -> None:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=re.escape(sentence)):
         read_options(Options, given, "backend x")
-    assert sentence in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -80,9 +80,8 @@ def test_wrong_options_get_a_sentence(given: list[tuple[str, str]], sentence: st
     ],
 )
 def test_wrong_names_get_a_sentence(text: str, sentence: str) -> None:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=re.escape(sentence)):
         backend_variants(text)
-    assert sentence in str(caught.value)
 
 
 @pytest.mark.parametrize("option", ["motion=stop-and-go", "moving_speed=1", "roaming=3"])

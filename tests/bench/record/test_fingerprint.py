@@ -26,7 +26,6 @@ from slamduel.datasets.registry import Source
 
 LOG = Known("d", "t", "truth")
 
-
 READ = code.read
 
 

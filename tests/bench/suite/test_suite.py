@@ -4,7 +4,7 @@ import json
 import re
 import shutil
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -74,13 +74,27 @@ def theirs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def joined(made: Path, theirs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site with that run entered."""
+    site = shutil.copytree(made, tmp_path_factory.mktemp("joined") / "site")
+    assert entered(site, theirs) == 0
+    return site
+
+
+@pytest.fixture
+def larger(joined: Path, tmp_path: Path) -> Path:
+    """A copy of that one."""
+    return shutil.copytree(joined, tmp_path / "larger")
+
+
 def page(path: Path) -> str:
     return unescape(re.sub(r"<[^>]+>", " ", path.read_text(encoding="utf-8")))
 
 
-def entered(site: Path, theirs: Path, *more: str) -> int:
+def entered(site: Path, theirs: Path) -> int:
     words = ["suite", "--add", str(theirs), "--out", str(site), "--executor", "here", "--sample", "2", "--quiet"]
-    return main([*words, *more])
+    return main(words)
 
 
 def test_each_run_is_an_ordinary_folder(made: Path) -> None:
@@ -255,16 +269,15 @@ def test_a_sparkline_goes_up_with_its_values() -> None:
     assert points([1.0]) == points([]) == points([float("nan"), 2.0]) == ""
 
 
-def test_somebodys_backend_is_ranked_and_marked(site: Path, theirs: Path) -> None:
-    assert entered(site, theirs) == 0
-    (path,) = site.glob("data/small-circle-*-ranking.csv")
+def test_somebodys_backend_is_ranked_and_marked(joined: Path) -> None:
+    (path,) = joined.glob("data/small-circle-*-ranking.csv")
     rows = {row["backend"]: row for row in csv_rows(path)}
     assert rows["invariant-ekf"]["submitted"] == "theirs, verified"
     assert rows["ekf"]["submitted"] == ""
     assert rows["invariant-ekf"]["step_us_p50"]
-    text = page(site / "index.html")
+    text = page(joined / "index.html")
     assert "Verified: nothing that was checked is wrong, and 2 cells run again gave the same." in text
-    assert "verified" in page(site / "small.html")
+    assert "verified" in page(joined / "small.html")
 
 
 def test_whose_a_submitted_backend_is_comes_from_its_run(site: Path, theirs: Path, tmp_path: Path) -> None:
@@ -284,11 +297,10 @@ def test_what_fails_its_verification_is_not_entered(site: Path, theirs: Path, tm
     assert not (site / "submitted").exists()
 
 
-def test_what_has_changed_since_it_was_entered_is_not_verified(site: Path, theirs: Path) -> None:
-    entered(site, theirs)
-    with record(site / "submitted/theirs") as db:
+def test_what_has_changed_since_it_was_entered_is_not_verified(larger: Path) -> None:
+    with record(larger / "submitted/theirs") as db:
         db.execute("UPDATE results SET ate_m = ate_m / 10 WHERE backend = 'invariant-ekf'")
-    (found,) = submissions(site)
+    (found,) = submissions(larger)
     assert found.mark("invariant-ekf") == "not verified"
     assert "has changed since it was entered" in found.sentence
 
@@ -320,23 +332,17 @@ def standing_of(site: Path) -> Any:
     return found
 
 
-def put_digest(folder: Path, digest: str, facts: Mapping[str, Any]) -> None:
-    """Gives the log of seed 0 another digest in an entered record, and the sketch of `facts`."""
-    words = json.dumps(facts["sketches"][f"{DATASET}, seed 0"])
-    edited(folder, "UPDATE results SET digest = :digest WHERE seed = 0", digest=digest)
-    edited(folder, "UPDATE logs SET digest = :digest, sketch = :words WHERE seed = 0", digest=digest, words=words)
-
-
 @pytest.mark.parametrize(("off", "logs"), [(0.0, 6), (1.0, 5)])
 def test_a_log_that_differs_by_rounding_is_the_suites_and_any_other_is_left_out(
-    site: Path, theirs: Path, off: float, logs: int
+    larger: Path, off: float, logs: int
 ) -> None:
-    entered(site, theirs)
-    with Store(site / "submitted/theirs") as store:
-        facts = store.run()
-    facts["sketches"][f"{DATASET}, seed 0"]["sums"][0] += off
-    put_digest(site / "submitted/theirs", "abcd", facts)
-    found = standing_of(site)
+    with Store(larger / "submitted/theirs") as store:
+        sketch = store.run()["sketches"][f"{DATASET}, seed 0"]
+    sketch["sums"][0] += off
+    edited(larger / "submitted/theirs", "UPDATE results SET digest = 'abcd' WHERE seed = 0")
+    sql = "UPDATE logs SET digest = 'abcd', sketch = :sketch WHERE seed = 0"
+    edited(larger / "submitted/theirs", sql, sketch=json.dumps(sketch))
+    found = standing_of(larger)
     (line,) = [line for line in found.lines if line.backend == "invariant-ekf"]
     assert len(line.rows) == logs
     assert len({row.columns["digest"] for one in found.lines for row in one.rows}) == 6
@@ -384,12 +390,11 @@ def test_a_bad_suite_file_is_refused_with_its_line(text: str, tmp_path: Path) ->
         suite_file.read(str(tmp_path / "bad.toml"))
 
 
-def test_damaged_files_of_a_site_are_refused(site: Path, theirs: Path) -> None:
-    entered(site, theirs)
-    for path in (site / "submitted/theirs.json", next(site.glob("history/small/*.json"))):
+def test_damaged_files_of_a_site_are_refused(larger: Path) -> None:
+    for path in (larger / "submitted/theirs.json", next(larger.glob("history/small/*.json"))):
         whole = path.read_text()
         path.write_text(whole[:-20])
         with pytest.raises(InputError, match=re.escape(str(path))):
-            write_site(site)
+            write_site(larger)
         path.write_text(whole)
-    write_site(site)
+    write_site(larger)

@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Generator, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,6 @@ import numpy as np
 import pytest
 
 import lasting_workers
-from places import SUPPORT
 from random_logs import random_log
 from slamduel.backends import registry as backends
 from slamduel.bench.measure.cell import Job, Result
@@ -54,14 +52,6 @@ def numbered(jobs: Sequence[str], seed: int, first: int, options: dict[str, Any]
 
 def children() -> set[int]:
     return {process.pid or 0 for process in multiprocessing.active_children()}
-
-
-def exists(pid: int) -> bool:
-    """Whether it runs; one that has ended and that nobody has waited for does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
 
 
 def by_index(ended: Iterable[Finished]) -> dict[int, Result]:
@@ -214,40 +204,6 @@ def test_an_interrupt_leaves_nothing_at_work(pool: Local) -> None:
         next(ended)
     timer.join()
     assert not children()
-
-
-RUNNER = """
-import multiprocessing
-from slamduel.backends import registry as backends
-from slamduel.bench.workers.batch import Batch
-from slamduel.bench.measure.cell import Job
-from slamduel.bench.workers.local_executor import Local
-from slamduel.datasets import registry as datasets
-city = datasets.find("city").options(steps=60, landmarks=40)
-names = ["dead-reckoning", "misbehaving:loops_for_ever"]
-jobs = tuple((k, Job(name, name, backends.find(name).options(), 0, 1000)) for k, name in enumerate(names))
-pool = Local(2)
-for finished in pool.run([Batch("city", city, seed, jobs, 60.0, False) for seed in (0, 1)], alone=False):
-    print(*(process.pid for process in multiprocessing.active_children()), flush=True)
-"""
-
-
-@pytest.mark.slow
-def test_nobody_outlives_the_runner() -> None:
-    environment = os.environ | {"PYTHONPATH": str(SUPPORT)}
-    command = [sys.executable, "-c", RUNNER]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment, text=True
-    ) as runner:
-        pids = {int(pid) for _ in range(2) for pid in runner.stdout.readline().split()}
-        assert len(pids) == 2
-        assert all(map(exists, pids))
-        runner.kill()
-        runner.wait(timeout=60)
-    until = time.monotonic() + 10
-    while any(map(exists, pids)) and time.monotonic() < until:
-        time.sleep(0.02)
-    assert not any(map(exists, pids))
 
 
 def test_pools_of_several_threads_inside_of_somebody_elses_worker(monkeypatch: pytest.MonkeyPatch) -> None:
