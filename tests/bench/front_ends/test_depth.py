@@ -133,9 +133,9 @@ def test_the_command_prints_and_writes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "drive"
-    recording, truth = record(Options(laps=0.15), np.random.default_rng(2))
+    recording, truth = record(Options(laps=0.1), np.random.default_rng(2))
     write_depth({folder: "tum"}, recording, truth, shots_of(recording).poses)
-    monkeypatch.setattr(depth, "QUICK", DepthExtent(1, SHORT, 20))
+    monkeypatch.setattr(depth, "QUICK", DepthExtent(1, 0.1, 20))
     monkeypatch.setattr(DepthStudy, "warm_up", lambda _: None)
     table = tmp_path / "t.csv"
     arguments = ["--frontend", "--only", "depth", "--quick", "--frames", str(folder), "--csv", str(table)]
