@@ -57,7 +57,8 @@ def linear(options: Options, rng: np.random.Generator) -> Dataset:
     start_sd = np.array([START_SD, START_SD, min(START_SD, options.turning)])
     start = Prior(poses[0] + start_sd * world.standard_normal(3), np.diag(start_sd**2))
     t, ids = PERIOD * np.arange(n, dtype=np.float64), np.arange(options.landmarks)
-    delta_cov, notes = np.tile(np.diag(sd**2), (n, 1, 1)), {"source": "slamduel's own linear world"}
+    delta_cov: Array = np.tile(np.diag(sd**2), (n, 1, 1))
+    notes = {"source": "slamduel's own linear world"}
     log = Log.from_arrays("linear", start, t, delta, delta_cov, step, ids[row], z, z_cov, notes=notes)
     return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
