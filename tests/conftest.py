@@ -74,6 +74,14 @@ def lasting_workers() -> None:
             pytest.MonkeyPatch().setattr(f"slamduel.bench.{module}.Local", local)
 
 
+@pytest.fixture(autouse=True, scope="session")
+def one_compiler() -> None:
+    """Keeps every core to one compiler: where several workers test, a second process for each takes their time."""
+    from slamduel.core.kernels import compile_ahead
+
+    pytest.MonkeyPatch().setattr(compile_ahead, "kept", lambda _: True)
+
+
 @pytest.fixture
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """`bench run` without its pages, whose pictures are nearly all that a small run costs."""

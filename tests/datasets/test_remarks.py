@@ -69,6 +69,8 @@ def test_no_log_of_a_packaged_study_has_a_remark(name: str) -> None:
         else:
             assert odd == [], f"{dataset.label}, seed {seed}"
     assert seen
+
+
 @pytest.mark.parametrize(
     ("column", "factor", "words"),
     [

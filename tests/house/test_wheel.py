@@ -36,6 +36,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel: Path) -> None:
     assert inside == {"slamduel/" + name for name in packaged}
 
 
+@pytest.mark.slow
 def test_installed_it_is_imported_from_there(wheel: Path, tmp_path: Path) -> None:
     site = tmp_path / "site"
     with zipfile.ZipFile(wheel) as archive:

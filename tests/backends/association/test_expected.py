@@ -17,18 +17,20 @@ WIDE = 1e9
 """A gate that lets everything through."""
 BATCH = {
     "ekf": {},
-    "ekf compressed": {"compress_above": 3},
     "ekf at first estimates": {"jacobians": "first-estimates"},
     "kf": {},
-    "invariant-ekf": {},
-    "ukf": {"alpha": 0.01},
     "smoother": {},
     "isam2": {},
     "fixed-lag": {"lag": 1e6},
+    "ekf compressed": {"compress_above": 3},
+    "invariant-ekf": {},
+    "ukf": {"alpha": 0.01},
 }
+QUICK = 6
+"""Of these; kernels of the others take seconds to compile, and their numbers are quick in conformance."""
 
 
-@pytest.mark.parametrize("name", BATCH)
+@pytest.mark.parametrize("name", first_quick(BATCH, QUICK))
 @pytest.mark.parametrize("seed", first_quick([0, 1]))
 def test_on_an_exact_log_it_is_that_of_the_whole_log(name: str, seed: int) -> None:
     made = random_log(np.random.default_rng(seed), 40, 10, errors=0.0, noise=0.1, radius=4.0)
@@ -125,7 +127,7 @@ def test_a_landmark_that_is_held_back_is_expected(name: str) -> None:
                 assert np.linalg.eigvalsh(found.cov[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]).min() > 0
 
 
-@pytest.mark.parametrize("name", [*BATCH, "fastslam"])
+@pytest.mark.parametrize("name", first_quick(["fastslam", *BATCH], QUICK + 1))
 def test_asking_again_changes_no_bit(name: str) -> None:
     log = random_log(np.random.default_rng(11), 50, 15).log
     paths: list[bytes] = []

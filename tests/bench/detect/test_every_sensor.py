@@ -26,6 +26,7 @@ from slamduel.datasets.formats import log_folder
 from slamduel.datasets.recordings.write import write
 from slamduel.datasets.recordings.write_depth import write_depth
 from slamduel.datasets.worlds import aruco_room, depth_room
+from tiers import first_quick
 
 
 def markers(folder: Path) -> None:
@@ -83,7 +84,7 @@ class Made(NamedTuple):
     sensor: Sensor
 
 
-@pytest.fixture(scope="module", params=SENSORS)
+@pytest.fixture(scope="module", params=first_quick(SENSORS, 2))
 def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Made:
     """A recording, and its log."""
     home, sensor = tmp_path_factory.mktemp("made"), SENSORS[request.param]

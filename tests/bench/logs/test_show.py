@@ -25,6 +25,7 @@ from slamduel.core.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
 from slamduel.core.se2 import compose
 from slamduel.core.truth_errors import odometry_errors, sighting_errors
 from slamduel.datasets.formats import log_folder
+from tiers import first_quick
 
 
 def log_of(n: int, step: Any = (), ids: Any = (), z: Any = None, **more: Any) -> Log:
@@ -239,7 +240,7 @@ LOGS = {
 }
 
 
-@pytest.mark.parametrize("name", LOGS)
+@pytest.mark.parametrize("name", first_quick(LOGS, 3))
 def test_every_kind_of_log_has_its_numbers_and_its_picture(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -16,6 +16,7 @@ from slamduel.frontend.depth.log import build_log
 from slamduel.frontend.depth.recording import DepthFrame, DepthRecording
 from slamduel.frontend.depth.settings import Settings
 from slamduel.frontend.wheels.motion import Track
+from tiers import first_quick
 
 Driven = tuple[DepthRecording, Truth, Array]
 DRIVE = Drive(laps=0.06, boxes=2)
@@ -52,7 +53,7 @@ def opened(path: Path) -> OpenedDepth:
     return found
 
 
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", first_quick(FORMATS, 2))
 def test_every_format_gives_the_same_frames_and_factors(
     name: str, drive: Driven, log: Log, folders: dict[str, Path]
 ) -> None:

@@ -87,6 +87,7 @@ def without_rocking(**options: Any) -> Log:
     return aruco_room(chosen, np.random.default_rng(1)).log
 
 
+@pytest.mark.slow
 def test_a_rolling_shutter_that_is_modelled_sees_what_a_global_one_does() -> None:
     """Sightings of the same drive: modelled they agree within the stated noise, ignored they are far outside."""
     plain = without_rocking()
