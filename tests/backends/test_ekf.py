@@ -68,7 +68,7 @@ def agrees_on_the_map(found: Map, textbook: TextbookEkf, tolerance: float) -> No
     np.linalg.cholesky(found.cov)
 
 
-@pytest.mark.parametrize("update", ["sequential", "joint"])
+@pytest.mark.parametrize("update", first_quick(["sequential", "joint"]))
 @pytest.mark.parametrize(
     ("jacobians", "steps"),
     first_quick([("standard", 1000), ("first-estimates", 1000), ("ideal", 1000), ("standard", 5000)], 3),

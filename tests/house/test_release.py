@@ -32,6 +32,7 @@ def targets() -> set[str]:
     return set(re.findall(r"^([a-z][a-z-]*):", (ROOT / "Makefile").read_text(), re.MULTILINE))
 
 
+@pytest.mark.slow
 def test_the_source_archive_holds_all_that_git_has(tmp_path: Path) -> None:
     with tarfile.open(built(tmp_path, "sdist")) as tar:
         inside = {name.partition("/")[2] for name in tar.getnames() if not tar.getmember(name).isdir()}

@@ -208,9 +208,9 @@ def conforms(name: str, checks: Sequence[Check]) -> None:
     assert {found.status for found in outcomes if found.name in adverse} <= ends
 
 
-@pytest.mark.parametrize("name", sorted(registry.BUILTIN))
+@pytest.mark.parametrize("name", ["ekf", "smoother", "isam2", "graph", "fastslam"])
 def test_what_comes_with_slamduel_conforms(name: str) -> None:
-    """The EKF and the smoother on those adversarial logs, too, on which a broken backend fails."""
+    """One of each kind; the EKF and the smoother on those adversarial logs, too, on which a broken backend fails."""
     more = chosen(sorted({adversary for _, adversary, _ in ADVERSE})) if name in ("ekf", "smoother") else ()
     conforms(name, (*QUICK, *more))
 

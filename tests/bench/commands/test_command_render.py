@@ -37,6 +37,7 @@ def test_several_formats_get_a_folder_each(tmp_path: Path) -> None:
     np.testing.assert_allclose(one.z, other.z, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_drive_of_a_depth_camera_is_the_one_that_bench_run_sees(tmp_path: Path) -> None:
     short = "depth-room[laps=0.05,frame_rate=2,readout=0.01]"
     assert render(short, "--seed", "4", "--out", str(tmp_path / "drive"), "--as", "tum,mcap", "--quiet") == 0

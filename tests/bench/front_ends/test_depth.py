@@ -86,6 +86,7 @@ def test_loop_search_is_counted_by_the_place() -> None:
     assert row.held_kb > 0
 
 
+@pytest.mark.slow
 def test_what_is_held_is_what_python_counts() -> None:
     recording, _ = record(Options(laps=0.1), np.random.default_rng(1))
     frames = [frame._replace(grey=frame.grey.copy(), depth=frame.depth.copy()) for frame in recording.frames]

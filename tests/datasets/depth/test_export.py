@@ -53,7 +53,7 @@ def opened(path: Path) -> OpenedDepth:
     return found
 
 
-@pytest.mark.parametrize("name", first_quick(FORMATS, 2))
+@pytest.mark.parametrize("name", first_quick(FORMATS))
 def test_every_format_gives_the_same_frames_and_factors(
     name: str, drive: Driven, log: Log, folders: dict[str, Path]
 ) -> None:

@@ -157,6 +157,7 @@ def test_odometry_errs_as_stated() -> None:
     np.testing.assert_allclose(exact.delta, between(poses[:-50:50][:18], poses[50::50][:18]), atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_mover_crosses_the_view_and_meets_nothing() -> None:
     shots = shots_of(Drive(laps=1.0, mover=0.6, boxes=2), seed=2)
     room = shots.renderer.room

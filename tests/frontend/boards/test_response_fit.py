@@ -56,6 +56,7 @@ def is_right(found: Measured, true: float, allowance: float = 0.0) -> bool:
     return abs(found.value - true) < 4 * found.sd + allowance
 
 
+@pytest.mark.slow
 def test_an_ideal_camera() -> None:
     """The noise of rounding has the variance 1/12."""
     found = ideal()
