@@ -38,10 +38,7 @@ def loss_scale() -> Any:
 def gate() -> Any:
     """A filter's gate."""
     return option(
-        0.0,
-        "gate: reject innovations beyond this chi-square probability; 0: no gate",
-        minimum=0,
-        maximum=0.999999999,
+        0.0, "gate: reject innovations beyond this chi-square probability; 0: no gate", minimum=0, maximum=0.999999999
     )
 
 

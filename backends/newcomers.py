@@ -17,8 +17,7 @@ from .models import place
 AGREE = 13.82
 """Squared Mahalanobis distance that 999 of 1000 correct pairs stay within: chi-square, 2 degrees of freedom."""
 
-Sighting = tuple[int, Array, Array]
-"""The step, the (range, bearing) (2,) and its covariance (2, 2)."""
+Sighting = tuple[int, Array, Array]  # the step, the (range, bearing) (2,) and its covariance (2, 2)
 
 
 class Newcomers:

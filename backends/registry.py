@@ -53,10 +53,7 @@ def target(name: str) -> str:
 
 
 def find(name: str) -> Builder:
-    """Finds the builder of that name.
-
-    Raises KeyError for an unknown name, and Missing if it cannot be imported or is not a Builder with options.
-    """
+    """Finds the builder of a name. KeyError: unknown; Missing: not importable, or no Builder with options."""
     place = target(name)
     module, _, attribute = place.partition(":")
     try:

@@ -21,8 +21,7 @@ NOTHING = Expected(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 0)))
 """No landmark is expected."""
 
 
-SPACE = 32
-"""Landmarks that there is room for at first."""
+SPACE = 32  # landmarks that there is room for at first
 
 
 class Marginals(Protocol):

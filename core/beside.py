@@ -61,8 +61,7 @@ class Scans(NamedTuple):
         return ""
 
 
-UNIT = 0.005
-"""m; the coordinates of a cloud's points are whole multiples of it."""
+UNIT = 0.005  # m; the coordinates of a cloud's points are whole multiples of it
 
 
 class Clouds(NamedTuple):

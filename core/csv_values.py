@@ -3,11 +3,8 @@
 from collections.abc import Sequence
 from math import isfinite
 
-SHOWN = 40
-"""Characters of a value that a message quotes."""
-
-SHOWN_IN_ALL = 200
-"""Characters of a header that a message quotes."""
+SHOWN = 40  # characters of a value that a message quotes
+SHOWN_IN_ALL = 200  # characters of a header that a message quotes
 
 _SEPARATORS = {";": "found ; between the columns", "\t": "found tabs between the columns"}
 

@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Number = TypeVar("Number", float, Array)
 
-_FAR = 5e5
-"""rad; up to here multiples of pi/2 are subtracted with 118 bits of it."""
+_FAR = 5e5  # rad; up to here multiples of pi/2 are subtracted with 118 bits of it
 
 _HALF_PI = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
 """pi/2 in pieces: the first two have 33 bits each, so that their multiples by up to 2^20 are exact."""
@@ -50,8 +49,7 @@ _BASES = (
 )
 """atan 1/2 and pi/4, each as the nearest double and its error."""
 
-_PI_LOW = 1.22464679914735317720e-16
-"""pi minus its nearest double."""
+_PI_LOW = 1.22464679914735317720e-16  # pi minus its nearest double
 
 _LN2 = (6.93147180369123816490e-01, 1.90821492927058770002e-10)
 """In two pieces, the first of 32 bits."""

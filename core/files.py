@@ -1,9 +1,11 @@
 """Atomic file writes, files that can be read to their end, and arrays in files."""
 
 import contextlib
+import csv
+import io
 import os
 import secrets
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile, gettempdir
 from typing import IO, Any
@@ -19,6 +21,13 @@ def write_whole(path: Path, content: str | bytes) -> None:
     """Put `content` in the file at `path`, a reader sees what was there before or the new, never a part."""
     with replaced(path) as part:
         part.write_bytes(content.encode() if isinstance(content, str) else content)
+
+
+def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """The text of a CSV file, one line per row; None is blank."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows((header, *rows))
+    return text.getvalue()
 
 
 @contextlib.contextmanager

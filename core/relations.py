@@ -15,8 +15,7 @@ from .se2 import Array, Ints, between, compose, wrap
 FEWEST_EXACT = 500
 """Relations between the very scans that are enough: then those whose stamps lie between two scans are not used."""
 
-LONGEST_GAP = 0.5
-"""s; longest interval between two known poses that is interpolated."""
+LONGEST_GAP = 0.5  # s; longest interval between two known poses that is interpolated
 
 
 class Anchors(NamedTuple):

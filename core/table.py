@@ -18,14 +18,12 @@ from .files import check_regular
 from .scan import Scan, strict
 from .se2 import Array, Ints
 
-MOST = 2**53
-"""The largest integer up to which all are exact as doubles."""
+MOST = 2**53  # the largest integer up to which all are exact as doubles
 
 LARGEST = 1e9
 """m, rad or their squares: beyond any robot, and its square is still far from overflow."""
 
-CHUNK = 100_000
-"""Lines parsed at once, and again one by one if any of them is invalid."""
+CHUNK = 100_000  # lines parsed at once, and again one by one if any of them is invalid
 
 
 class Table(NamedTuple):
@@ -128,10 +126,7 @@ def scan_csv(
 
 
 def read_spaced(path: Path, columns: Sequence[str]) -> Table:
-    """Reads the blank-separated `columns` in `path`, without a header; lines that begin with # are comments.
-
-    InputError as from `read_csv`.
-    """
+    """Reads blank-separated `columns` of `path`, no header, # begins a comment; InputError as from `read_csv`."""
     return strict(scan_spaced(path, columns))
 
 

@@ -17,8 +17,7 @@ from .table import LARGEST, Table, scan_spaced
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 
 
-ROUNDED = 1e-2
-"""Largest deviation of a quaternion's length from 1: two digits of each entry."""
+ROUNDED = 1e-2  # largest deviation of a quaternion's length from 1: two digits of each entry
 
 LEVEL = 30.0
 """degrees; a larger angle of the z axis with the vertical is of a camera's frame, or of no robot on a floor."""

@@ -16,8 +16,7 @@ from ..core.factors import Dataset, Truth
 from ..core.options import option
 from ..core.se2 import Array, Ints, between, wrap
 
-FALSE_NOTE = "false loops"
-"""The key of how many were planted, among the log's notes."""
+FALSE_NOTE = "false loops"  # the key of how many were planted, among the log's notes
 
 Column = TypeVar("Column", Array, Ints)
 

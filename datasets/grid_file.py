@@ -24,11 +24,8 @@ from ..frontend.maps.occupancy import FREE, UNKNOWN, WALL, Occupancy, of_states
 
 NAME = "grid.npz"
 
-SMALLEST, LARGEST = 0.005, 1.0
-"""m of a cell."""
-
-OCCUPIED, FREE_BELOW = 0.65, 0.196
-"""map_server's thresholds, where the file has none."""
+SMALLEST, LARGEST = 0.005, 1.0  # m of a cell
+OCCUPIED, FREE_BELOW = 0.65, 0.196  # map_server's thresholds, where the file has none
 
 
 def localised(recording: LaserRecording, settings: Settings) -> LaserRecording:

@@ -13,8 +13,7 @@ from ..core.options import option
 
 KNOWN, HIDDEN = "known", "hidden"
 
-HIDDEN_NOTE = "hidden ids"
-"""The key of how many ids were hidden on demand, among the log's notes."""
+HIDDEN_NOTE = "hidden ids"  # the key of how many ids were hidden on demand, among the log's notes
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,7 @@ import numpy as np
 from ..core.factors import Prior
 from ..core.toml.table import TomlTable
 
-START_SD = 1e-3
-"""m and rad: without [prior] the robot starts at the origin, which is defined by it."""
+START_SD = 1e-3  # m and rad: without [prior] the robot starts at the origin, which is defined by it
 
 
 def read_prior(prior: TomlTable) -> Prior:

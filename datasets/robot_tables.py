@@ -14,11 +14,8 @@ from ..frontend.camera.mounting import from_matrix, from_rpy
 from ..frontend.wheels.encoder import Floors
 from ..frontend.wheels.motion import TrackNoise
 
-TRACK = ("forward", "turning", "turning_by_turn")
-"""Keys of the noise of integrated odometry."""
-
-FRONT_ENDS = ("markers", "laser", "depth")
-"""The tables of which a robot.toml has one."""
+TRACK = ("forward", "turning", "turning_by_turn")  # keys of the noise of integrated odometry
+FRONT_ENDS = ("markers", "laser", "depth")  # the tables of which a robot.toml has one
 
 
 def robot_of(path: Path, front_end: str, tables: Collection[str]) -> TomlTable | None:

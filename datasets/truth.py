@@ -145,10 +145,7 @@ def _scan_relations(path: Path) -> Scan[Relations]:
     for end in ("first", "second"):
         step, share = table.column(end), table.column(f"{end}_share")
         negative, outside = f"{end} is {{:.0f}}, expected a step, 0 or above", f"{end}_share is {{!s}}, expected 0 to 1"
-        for odd, column, message in (
-            (step < 0, step, negative),
-            ((share < 0) | (share > 1), share, outside),
-        ):
+        for odd, column, message in ((step < 0, step, negative), ((share < 0) | (share > 1), share, outside)):
             table = yield from table.refuse(odd, lambda row, it=column, said=message: said.format(it[row]))
     table = table.sound()
     rows = table.rows[:, : len(COLUMNS_OF_RELATIONS)].copy()

@@ -7,7 +7,9 @@ import os
 import shutil
 import signal
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -72,9 +74,43 @@ def lasting_workers() -> None:
             pytest.MonkeyPatch().setattr(f"slamduel.bench.{module}.Local", local)
 
 
+@pytest.fixture(autouse=True, scope="session")
+def one_compiler() -> None:
+    """Keeps every core to one compiler: where several workers test, a second process for each takes their time."""
+    from slamduel.core.kernels import compile_ahead
+
+    pytest.MonkeyPatch().setattr(compile_ahead, "kept", lambda _: True)
+
+
 @pytest.fixture
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """`bench run` without its pages, whose pictures are nearly all that a small run costs."""
     from pages import left_out
 
     left_out(monkeypatch)
+
+
+@pytest.fixture(scope="session")
+def log_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log on disk, which no test changes: 40 steps among 8 landmarks."""
+    import numpy as np
+
+    from random_logs import random_log
+    from slamduel.datasets.formats import log_folder
+
+    folder = tmp_path_factory.mktemp("logs") / "wander"
+    log_folder.write(folder, *random_log(np.random.default_rng(1), 40, 8))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium, as playwright drives it."""
+    from narrow_window import CHROMIUM
+
+    why = "playwright is not installed: its package drives the browser"
+    api = pytest.importorskip("playwright.sync_api", reason=why)
+    if CHROMIUM is None:
+        pytest.skip("chromium is not installed")
+    with api.sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-quic"])

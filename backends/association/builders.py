@@ -15,11 +15,8 @@ from .standing import Standing
 
 @cache
 def associating(builder: Builder) -> Builder:
-    """A builder of the same backend with the options of data association, and of what is taken out before it.
-
-    Itself where it cannot have them.
-    """
-    if not (builder.expects or _expects(builder.make)):
+    """The builder with the options of data association, and of what is taken out before it; itself if it has none."""
+    if not (builder.expects or (isinstance(builder.make, type) and issubclass(builder.make, Expects))):
         return builder
 
     def associates(options: Any) -> bool:
@@ -47,8 +44,3 @@ def associating(builder: Builder) -> Builder:
     return dataclasses.replace(
         builder, make=make, options=options_with(builder.options, tuple(builder.rules)), associates=associates
     )
-
-
-def _expects(make: object) -> bool:
-    """Tells if what makes a backend is a class with the method that data association needs."""
-    return isinstance(make, type) and issubclass(make, Expects)

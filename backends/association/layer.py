@@ -25,17 +25,10 @@ from ._line import agreeing, polar
 from .options import RULES
 from .quantiles import gates, quantile
 
-FIRST = -2
-"""The first made-up id, unless the given map has lower ones; the next ones are below it."""
-
-LARGEST = 64
-"""Pairs that a joint gate is tabulated for at first."""
-
-ROOM = 16
-"""Expected landmarks that there is room for at first."""
-
-LONGEST = 100
-"""Steps in line at most."""
+FIRST = -2  # the first made-up id, unless the given map has lower ones; the next ones are below it
+LARGEST = 64  # pairs that a joint gate is tabulated for at first
+ROOM = 16  # expected landmarks that there is room for at first
+LONGEST = 100  # steps in line at most
 
 FEW_NEW, SURE, MARGIN, REACH = 3, 5, 6.0, 2.0
 """A rescue is tried where that many sightings and half of them would be new; the landmarks that have to agree, and how

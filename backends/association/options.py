@@ -13,8 +13,7 @@ RULES = ("nn", "ml", "jcbb")
 OWN_RULES = {"particle": "every particle decides by itself, with `new` as its only gate"}
 """Rules that a backend carries out by itself, and what to say of them."""
 
-USED_BY_OWN = ("association", "new")
-"""Options that such a rule has."""
+USED_BY_OWN = ("association", "new")  # options that such a rule has
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,7 @@ ALARM = 30.0
 ASKED, FURTHER = 50.0, 1e4
 """Squared distances within which landmarks are asked for: about where they last were, and after a correction."""
 
-NODES = 2000
-"""Most nodes of the search for the sightings that agree."""
+NODES = 2000  # most nodes of the search for the sightings that agree
 
 CROWD = 60
 """Sightings in a frame above which none is judged: the cost grows with the fourth power of their number."""
@@ -49,11 +48,8 @@ LOST = 3
 STEP, MEDIAN = 0.02, 2 * math.log(2)
 """By how much the logarithm of the running median of squared distances follows each; the median of right ones."""
 
-FIRST = -(2**40)
-"""The first id of a landmark that is mapped again; the next ones are below it."""
-
-SLOTS = 64
-"""Landmarks that space is reserved for at first."""
+FIRST = -(2**40)  # the first id of a landmark that is mapped again; the next ones are below it
+SLOTS = 64  # landmarks that space is reserved for at first
 
 
 class Standing:

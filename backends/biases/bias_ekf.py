@@ -22,8 +22,7 @@ from .. import common_options
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Pose, Solution
 from ._biased import AT_ROBOT, EACH, BiasedArrays, frame
 
-SPACE = 16
-"""Landmarks that there is space for at first, doubled when exhausted."""
+SPACE = 16  # landmarks that there is space for at first, doubled when exhausted
 
 TIME = "time, s, in which that correlation falls to 1 / e"
 

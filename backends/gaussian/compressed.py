@@ -31,11 +31,8 @@ from .joint import Joint
 MOST = 64
 """Most landmarks in the part. More make every step costlier, fewer make updates of the rest more frequent."""
 
-KEPT = 12
-"""Landmarks, those last seen, with which a part of that size restarts."""
-
-LESS = 0.99
-"""The share of a larger size that is left a step later."""
+KEPT = 12  # landmarks, those last seen, with which a part of that size restarts
+LESS = 0.99  # the share of a larger size that is left a step later
 
 
 class Active(Joint):

@@ -41,11 +41,8 @@ from .kept_poses import SUMMARY, KeptPoses, Loops
 WHERE = {"standard": STANDARD, "first-estimates": FIRST, "ideal": IDEAL, "odometry": ODOMETRY}
 """The last is not an option of the EKF: it makes it the linear filter of `kf`."""
 
-LARGEST = 5000
-"""Most landmarks of a map with joint covariance, which takes 0.8 GB at that size."""
-
-SIGHTINGS = 16
-"""Sightings per frame that space is reserved for at first."""
+LARGEST = 5000  # most landmarks of a map with joint covariance, which takes 0.8 GB at that size
+SIGHTINGS = 16  # sightings per frame that space is reserved for at first
 
 
 @dataclass(frozen=True)

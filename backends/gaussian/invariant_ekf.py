@@ -41,11 +41,8 @@ from . import _invariant, _invariant_loops, _plain, _triangle
 from ._beliefs import GroupArrays
 from .kept_poses import NOWHERE, SUMMARY, KeptPoses
 
-SPACE = 64
-"""State entries reserved at first."""
-
-SIGHTINGS = 16
-"""Expected landmarks that there is room for at first."""
+SPACE = 64  # state entries reserved at first
+SIGHTINGS = 16  # expected landmarks that there is room for at first
 
 
 @dataclass(frozen=True)
@@ -91,7 +88,8 @@ class InvariantEkf:
         if self._vicinity.used:
             self._vicinity.move(step.odometry)
         if step.odometry is not None:
-            self._predict(step.odometry)
+            delta, cov = np.array(step.odometry.delta), np.array(step.odometry.cov)
+            _invariant.move(self._belief.address, self._n, self._entries, delta, cov)
         self._nis = np.empty(len(step.sightings.ids))
         if len(self._nis):
             self._take(step.sightings)
@@ -198,11 +196,6 @@ class InvariantEkf:
 
     def _placed(self) -> Pose:
         return np.array([self._pose[0] + self._origin[0], self._pose[1] + self._origin[1], self._pose[2]])
-
-    def _predict(self, odometry: Odometry) -> None:
-        _invariant.move(
-            self._belief.address, self._n, self._entries, np.array(odometry.delta), np.array(odometry.cov)
-        )  # fmt: skip
 
     def _take(self, seen: RangeBearing) -> None:
         """Corrects by the sightings of known landmarks and adds the others, in their order."""

@@ -18,14 +18,12 @@ import numpy as np
 from ...core.factors import RelativePoses
 from ...core.se2 import Array, Ints
 
-SPACE = 64
-"""Rows of the table at first, doubled when exhausted."""
+SPACE = 64  # rows of the table at first, doubled when exhausted
 
 SUMMARY = "on logs with loop closures: poses kept in the state for them, spread evenly over the steps; 0: all"
 """The option `poses`."""
 
-NOWHERE = np.zeros((0, 2), np.int64)
-"""The entries of no poses."""
+NOWHERE = np.zeros((0, 2), np.int64)  # the entries of no poses
 
 
 class Loops(NamedTuple):

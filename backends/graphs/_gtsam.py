@@ -122,7 +122,7 @@ class Factors:
                         before = self.keys.pose(at), self.keys.landmark(landmark)
                         graph.add(self._sighting(*before, z_before.tolist(), cov_before.tobytes()))
                 to = self.keys.landmark(landmark)
-                values.insert(to, _first_value(guess, step.sightings.z[i]))
+                values.insert(to, place(array(guess), np.array((max(z[0], NEAREST), z[1])))[0])
             graph.add(self._sighting(here, to, z, cov))
         return graph, values
 
@@ -225,11 +225,6 @@ def _weighed(loss: str, loss_scale: float, model: gtsam.noiseModel.Base) -> gtsa
     if loss == "none":
         return model
     return gtsam.noiseModel.Robust.Create(ESTIMATORS[loss](loss_scale or LOSSES[loss]), model)
-
-
-def _first_value(pose: gtsam.Pose2, z: Array) -> Array:
-    """(2,) position of a landmark sighted at `z` from `pose`."""
-    return place(array(pose), np.array((max(z[0], NEAREST), z[1])))[0]
 
 
 def _add_known_map(known: Map, keys: Keys, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:

@@ -37,8 +37,7 @@ from ._whole_log import Columns, linearise_at, write_steps
 from .first_values import first_values
 from .gauss_newton import Fit, eliminate, minimise
 
-CHUNK = 100
-"""Most steps of a chunk."""
+CHUNK = 100  # most steps of a chunk
 
 TURNED = 0.1
 """rad; chunks end where odometry alone leaves the heading less certain than this (1 sd).
@@ -108,7 +107,9 @@ class Batch:
             if end - relinearised >= EVERY:
                 forest.relinearise(THRESHOLD)
                 relinearised = end
-            self._lead_on(end)
+            newest = int(forest.g.variables[self._newest, STEP])  # after a solution the latest pose is its
+            for delta in self.log.delta[newest + 1 : end]:
+                forest.pose[:] = compose(forest.pose, delta)
         forest.g.settings[LOSS : SCALE + 1] = loss
         self.weigh_loops(np.ones(len(self.log.loop_to)))
         self.order()
@@ -162,12 +163,6 @@ class Batch:
     def _variables(self) -> Ints:
         """The landmarks' variables."""
         return np.fromiter(self.variable.values(), np.int64, len(self.variable))
-
-    def _lead_on(self, end: int) -> None:
-        """Propagates the latest pose, after a solution the newest variable's, to step `end` - 1 by the motions."""
-        newest = int(self.forest.g.variables[self._newest, STEP])
-        for delta in self.log.delta[newest + 1 : end]:
-            self.forest.pose[:] = compose(self.forest.pose, delta)
 
     def _write(self, end: int) -> Ints:
         """Adds the steps up to `end`; returns the variables that are new or have new factors."""

@@ -18,14 +18,9 @@ from ..smoothing._graph import CLIQUES, FAILED, POINT, STEPS, VARIABLES
 from ..smoothing.forest import FIRST_DAMPING, INDEFINITE_J, MOST_DAMPING, NO_COVARIANCE, SMOOTH, STILL, TENFOLD, Forest
 from . import _whole_log
 
-LEAST_SHARE = 1e-6
-"""Smallest share of a step tried before it is rejected."""
-
-MARGIN = 5.0
-"""Safety factor in extrapolating the size of the next step from the last two."""
-
-ROUNDING = 1e-13
-"""Relative rounding error of J."""
+LEAST_SHARE = 1e-6  # smallest share of a step tried before it is rejected
+MARGIN = 5.0  # safety factor in extrapolating the size of the next step from the last two
+ROUNDING = 1e-13  # relative rounding error of J
 
 
 class Fit(NamedTuple):

@@ -28,11 +28,8 @@ GROWTH, ROUNDS, SLIGHTEST = 1.4, 100, 1e-6
 SETTLED, FALL = 1e-4, 1e-5
 """Convergence: distance of all weights from 0 or 1, or relative change of the weighted cost in the last round."""
 
-COARSE = 1e-8
-"""Relative decrease of J below which a fit between two rounds of weights stops."""
-
-HALF = 0.5
-"""Weight at most which a sighting or a loop closure is rejected."""
+COARSE = 1e-8  # relative decrease of J below which a fit between two rounds of weights stops
+HALF = 0.5  # weight at most which a sighting or a loop closure is rejected
 
 NEXT_TO_NOTHING = 1e-9
 """Weight of a rejected sighting: landmarks with only such ones keep a position."""

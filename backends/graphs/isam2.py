@@ -19,20 +19,10 @@ from ...core.se2 import Array, rotation
 from .. import common_options
 from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..vicinity import Vicinity, first_expected
-from ._gtsam import (
-    FAILURES,
-    Factors,
-    array,
-    failure,
-    joint_covariance,
-    path_and_map,
-    pose2,
-    to_world,
-)
+from ._gtsam import FAILURES, Factors, array, failure, joint_covariance, path_and_map, pose2, to_world
 from .neighbourhood import Neighbourhood
 
-NOTHING = gtsam.VectorValues()
-"""Parents of a single variable's marginal: none."""
+NOTHING = gtsam.VectorValues()  # parents of a single variable's marginal: none
 
 
 @dataclass(frozen=True)
@@ -43,9 +33,7 @@ class Options:
     relinearize_skip: int = option(50, "steps between checks for variables to relinearize", minimum=1)
     partial_check: bool = option(False, "look for variables to relinearize from the root down, no further than needed")
     factorization: str = option(
-        "qr",
-        "qr handles a long stretch without landmarks, on which cholesky fails",
-        choices=("qr", "cholesky"),
+        "qr", "qr handles a long stretch without landmarks, on which cholesky fails", choices=("qr", "cholesky")
     )
     final_updates: int = option(10, "most updates without new factors made at the end of the log", minimum=0)
     joint_up_to: int = common_options.joint_up_to()

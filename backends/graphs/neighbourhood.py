@@ -22,11 +22,8 @@ from scipy.linalg import solve_triangular
 from ...core.se2 import Array
 from ..api import Diverged
 
-MOST = 30
-"""Landmarks that are carried, those asked for last; more where more are asked for at once."""
-
-IDLE = 10
-"""Steps after which nothing is carried any more if nobody asks."""
+MOST = 30  # landmarks that are carried, those asked for last; more where more are asked for at once
+IDLE = 10  # steps after which nothing is carried any more if nobody asks
 
 
 class Neighbourhood:

@@ -20,22 +20,16 @@ from ._refine import refine
 from .map_index import indexed
 from .virtual import Virtual, backward, virtual
 
-LEAST = 6
-"""Landmarks that have to agree."""
-MARGIN = 10.0
-"""Logarithm of the likelihood over chance, and over that of the best pose elsewhere."""
-GATE = 9.21
-"""The 99 % point of chi-square with two degrees of freedom."""
-PLACES = 16
-"""Places used, the surest ones."""
+LEAST = 6  # landmarks that have to agree
+MARGIN = 10.0  # logarithm of the likelihood over chance, and over that of the best pose elsewhere
+GATE = 9.21  # the 99 % point of chi-square with two degrees of freedom
+PLACES = 16  # places used, the surest ones
 SIGHTINGS = 400
 """Sightings used at most, those of the last steps: the cost of their joint covariance is quadratic."""
-DOUBT = 16.0
-"""The odometry's covariances are multiplied by this: many logs state them too small."""
+DOUBT = 16.0  # the odometry's covariances are multiplied by this: many logs state them too small
 LAID = 20_000
 """Pairs of landmarks tried at most: those of the pairs of places that fit fewest come first."""
-REFINED = 48
-"""Poses refined."""
+REFINED = 48  # poses refined
 
 
 class Fix(NamedTuple):

@@ -19,8 +19,7 @@ from .locate import LEAST, Fix, locate
 from .map_index import indexed
 from .watch import Watch
 
-WINDOW = 128
-"""Steps with sightings that the robot is looked for by, at most."""
+WINDOW = 128  # steps with sightings that the robot is looked for by, at most
 TWICE = 2.0
 """The covariance of a pose found is multiplied by this: the sightings of its step are used for it, and again by the
 backend."""

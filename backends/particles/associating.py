@@ -26,8 +26,7 @@ WIDER = 2.0
 """A new landmark is as unlikely as one at the gate times this. A particle's landmarks are as sure as if its path were
 the true one: where it is off, the gate alone would double them."""
 
-NODE = 8
-"""Decisions stored in one node of their tree."""
+NODE = 8  # decisions stored in one node of their tree
 
 NO_MOTION = Motion(np.zeros(3), np.zeros((3, 3)), np.zeros((3, 0)))
 

@@ -20,15 +20,12 @@ from ._field import weigh
 from ._particles import move
 from .resampling import systematic
 
-SLOW, FAST = 0.001, 0.1
-"""Rates of the averages of the likelihood (alpha of table 8.3)."""
+SLOW, FAST = 0.001, 0.1  # rates of the averages of the likelihood (alpha of table 8.3)
 FALLEN = 2.0
 """Particles are drawn anew where the fast average is below the slow one over this: a share 1 - FALLEN fast / slow
 (Gutmann and Fox, 2002). With 1, as in the table, a cloud that is wider than at a known start is drawn anew forever."""
-TOGETHER = 0.9
-"""The robot is located where this share of the weight is near the heaviest particle."""
-RANK = 4
-"""Particles needed for a covariance of three coordinates."""
+TOGETHER = 0.9  # the robot is located where this share of the weight is near the heaviest particle
+RANK = 4  # particles needed for a covariance of three coordinates
 
 
 @dataclass(frozen=True)

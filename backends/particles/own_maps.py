@@ -10,8 +10,7 @@ from ...core.factors import Map
 from ...core.se2 import Array, Ints
 from ._own_maps import Landmarks, inherit
 
-RESERVED = 8
-"""Landmarks of a particle that space is reserved for at first; doubled when exhausted."""
+RESERVED = 8  # landmarks of a particle that space is reserved for at first; doubled when exhausted
 
 
 class OwnMaps:

@@ -14,10 +14,8 @@ from ._particles import move
 from .particle_paths import ParticlePaths
 from .resampling import SCHEMES
 
-RANK = 4
-"""Particles needed for a covariance of three coordinates."""
-ROUNDING = 1e-9
-"""Relative difference of weights that counts as none."""
+RANK = 4  # particles needed for a covariance of three coordinates
+ROUNDING = 1e-9  # relative difference of weights that counts as none
 
 
 @dataclass(frozen=True)

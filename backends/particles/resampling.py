@@ -33,10 +33,7 @@ def stratified(weights: Array, rng: np.random.Generator) -> Ints:
 
 
 def residual(weights: Array, rng: np.random.Generator) -> Ints:
-    """Copies by the expected number, rounded down, and draws the rest from the remainders.
-
-    One random number per copy that is drawn.
-    """
+    """Copies by the expected number rounded down; draws the rest from the remainders, one random number a copy."""
     M = len(weights)
     expected = weights * (M / weights.sum())
     copies = np.floor(expected).astype(np.int64)

@@ -44,11 +44,8 @@ AS_MUCH = 2.0
 SURE, SURE_TURN = 100.0, 0.1
 """Offsets below that many thresholds, and headings below that many rad, need no check of J without a loss."""
 
-HALVINGS = 8
-"""Number of halvings of a move that raises J before it is rejected."""
-
-TOLERANCE = 1e-8
-"""m, rad; largest remaining offset of a variable at the end of the log."""
+HALVINGS = 8  # number of halvings of a move that raises J before it is rejected
+TOLERANCE = 1e-8  # m, rad; largest remaining offset of a variable at the end of the log
 
 FALL = 1e-13
 """Relative decrease of J at the end of the log for another iteration; J is known no better."""

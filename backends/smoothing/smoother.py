@@ -39,14 +39,12 @@ furthest sighting; and the multiple of a full elimination's work after which eve
 docs/settings.md.
 """
 
-EARLY = 7.0
-"""Offset of a root variable, in thresholds, that triggers a check early."""
+EARLY = 7.0  # offset of a root variable, in thresholds, that triggers a check early
 
 ENOUGH = 0.3
 """Share of the relinearize threshold by which the last pose may be off when it is eliminated."""
 
-LEAST = 1e6
-"""Least work (multiplications) between full orderings."""
+LEAST = 1e6  # least work (multiplications) between full orderings
 
 NEAREST = 1e-3
 """m; least initial distance of a landmark from the robot: at zero distance its bearing has no derivative."""
@@ -58,9 +56,7 @@ class Options:
 
     relinearize_threshold: float = common_options.relinearize_threshold()
     relinearize_skip: int = option(
-        100,
-        "steps between checks for variables to relinearize; a tenth if those near the robot are far off",
-        minimum=1,
+        100, "steps between checks for variables to relinearize; a tenth if those near the robot are far off", minimum=1
     )
     final_iterations: int = option(50, "most iterations at the end of the log", minimum=0)
     joint_up_to: int = common_options.joint_up_to()

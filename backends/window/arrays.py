@@ -39,8 +39,7 @@ from ._window import (
 NO_POSES, NO_COVS = np.zeros((0, 3)), np.zeros((0, 3, 3))
 NO_LANDMARKS, NO_SIGHTINGS = np.zeros(0, np.int64), np.zeros((0, 6))
 
-SPARE = 16
-"""Initial rows for landmarks."""
+SPARE = 16  # initial rows for landmarks
 
 
 def made(prior: Prior, loss: int, scale: float) -> Window:

@@ -35,8 +35,7 @@ from .arrays import look_at_landmark, made, offsets, row_of_new, solve, with_all
 OVER = 32
 """The prior advances when more poses have left than this, and than there are in the window."""
 
-KEEP = 8
-"""Number of poses that a landmark stays in the front after its last sighting."""
+KEEP = 8  # number of poses that a landmark stays in the front after its last sighting
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from typing import NamedTuple
 FINE, COARSE = tuple(k / 40 for k in range(-2, 9)), tuple(k / 20 for k in range(5))
 """Spread of each step: every 0.025 from -0.05 to 0.2, or where there is less room every 0.05 from 0 to 0.2."""
 
-STEP, BAR, HEIGHT = 5.0, 2.0, 1.6
-"""From one step to the next, length of a bar, and height of it."""
+STEP, BAR, HEIGHT = 5.0, 2.0, 1.6  # from one step to the next, length of a bar, and height of it
 
 LINES, PAIRS, GAP = (0.1, 0.2, 0.3, 0.4, 0.5), 3, 2.4
 """Widths of the lines, black lines of each, and the space before the next width."""

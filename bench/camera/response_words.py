@@ -3,8 +3,7 @@
 from ...frontend.boards.response_fit import BoardResponse
 from ...frontend.camera.response import Measured, Response
 
-DARK, BRIGHT = 50.0, 200.0
-"""Grey levels of which the noise is told."""
+DARK, BRIGHT = 50.0, 200.0  # grey levels of which the noise is told
 
 
 def told(seen: BoardResponse | str) -> list[str]:

@@ -70,7 +70,4 @@ def nameless(log: Log) -> Log:
     return dataclasses.replace(log, ids=hidden)
 
 
-CHECKS = (
-    unknown_landmarks_are_told_apart,
-    asking_what_is_expected_changes_nothing,
-)
+CHECKS = (unknown_landmarks_are_told_apart, asking_what_is_expected_changes_nothing)

@@ -66,17 +66,10 @@ def made_log(
     if known_sd is not None:
         drawn = places + known_sd * rng.standard_normal(places.shape)
         known = Map(ids, drawn, known_sd**2 * np.eye(2 * landmarks) if known_sd else None)
-    log = Log.from_arrays(
-        "adversarial",
-        Prior(beginning, np.diag(np.broadcast_to(np.asarray(prior_sd, float), 3) ** 2), known),
-        np.asarray(0.1 * np.arange(n) if t is None else t, np.float64),
-        np.concatenate((np.zeros((1, 3)), delta)),
-        np.concatenate((np.zeros((1, 3, 3)), motion_cov)),
-        step,
-        ids[landmark],
-        z,
-        z_cov,
-    )
+    prior = Prior(beginning, np.diag(np.broadcast_to(np.asarray(prior_sd, float), 3) ** 2), known)
+    times = np.asarray(0.1 * np.arange(n) if t is None else t, np.float64)
+    delta, delta_cov = np.vstack((np.zeros((1, 3)), delta)), np.concatenate((np.zeros((1, 3, 3)), motion_cov))
+    log = Log.from_arrays("adversarial", prior, times, delta, delta_cov, step, ids[landmark], z, z_cov)
     return SmallLog(log, path, Map(ids, places, None))
 
 

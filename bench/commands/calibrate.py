@@ -113,7 +113,7 @@ def _views(places: list[Path], board: Board, console: Console) -> Views:
     source = _all(places)
     with ProgressBar(console, "looking for the board", source.length) as bar:
         for number, (name, image) in enumerate(source.images):
-            bar.update(advance=1)
+            bar.advance()
             if image is None:
                 left_out["cannot be read as an image"].append(name)
                 continue
@@ -144,7 +144,7 @@ def _response(
     pictures = Pictures(board, found.camera)
     with ProgressBar(console, "measuring the camera's response", source.length) as bar:
         for number, (_, image) in enumerate(source.images):
-            bar.update(advance=1)
+            bar.advance()
             if image is not None and number in fits and not fits[number].bad:
                 pictures.add(fits[number], image)
     return pictures.result()

@@ -21,8 +21,7 @@ from ..record.store import Store
 
 SMALLEST, LARGEST, TALLEST = 0.01, 1.0, 100.0  # m
 
-POINTS = 0.05
-"""m; edge of the cubes that have one point each in a cloud."""
+POINTS = 0.05  # m; edge of the cubes that have one point each in a cloud
 
 FILES = {
     "scans": "grid.png; grid.pgm and grid.yaml, a map for ROS; grid.npz, for --map",

@@ -95,7 +95,7 @@ def _watched(frames: Iterable[Frame], bar: ProgressBar) -> Iterator[Frame]:
     """The frames, each with a step of the progress bar."""
     for frame in frames:
         yield frame
-        bar.update(advance=1)
+        bar.advance()
 
 
 def _variant(text: str) -> DatasetVariant:

@@ -33,17 +33,10 @@ from .page import write_map
 MANY = 0.5
 """Share of the keyframes without a floor, or of pairs turned down, from which on something must be wrong."""
 
-TILTED = 0.05
-"""rad; a mean attitude from which on the stated mounting is doubted."""
-
-OFF = 0.05
-"""m; likewise the height of the robot's origin above the floor."""
-
-FEW = 50
-"""Features of a keyframe, on average, below which there is little to see."""
-
-WIDE = 800
-"""px that a small map is enlarged to."""
+TILTED = 0.05  # rad; a mean attitude from which on the stated mounting is doubted
+OFF = 0.05  # m; likewise the height of the robot's origin above the floor
+FEW = 50  # features of a keyframe, on average, below which there is little to see
+WIDE = 800  # px that a small map is enlarged to
 
 
 class Levels(NamedTuple):

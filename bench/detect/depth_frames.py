@@ -25,14 +25,9 @@ LEGEND = (
     (HORIZON, "horizon by the floor"),
 )
 
-LINES = 60
-"""Motions of features since the step before that are drawn, at most."""
-
-NAMED = 25
-"""Landmarks whose ids are drawn, at most."""
-
-APART = 40.0
-"""px at 640 pixels of width between two ids."""
+LINES = 60  # motions of features since the step before that are drawn, at most
+NAMED = 25  # landmarks whose ids are drawn, at most
+APART = 40.0  # px at 640 pixels of width between two ids
 
 
 def annotated(seen: FrameFindings, camera: Camera) -> Image:

@@ -24,8 +24,7 @@ from .findings import Findings, by_count, told
 from .folder import Request, written
 from .page import write_map
 
-MANY_LOST = 0.1
-"""Share of lost scans from which on something must be wrong."""
+MANY_LOST = 0.1  # share of lost scans from which on something must be wrong
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +62,11 @@ class LaserFindings(Findings):
             )
         else:
             said.append("Every scan matched the last metres.")
+        if c["doubted"]:
+            said.append(
+                f"{counted(c['doubted'], 'time')} the wheels and the scans gave more than one place; "
+                f"{'the scans that followed decided' if not c['undecided'] else str(c['undecided']) + ' stay undecided'}."
+            )
         if c["by_wheels"]:
             said.append(
                 f"{counted(c['by_wheels'], 'scan')} were placed by the wheels: what they were matched to moved along "
@@ -104,7 +108,16 @@ class LaserFindings(Findings):
             "loops": len(self.log.loop_to),
             **{
                 name: self.counts[name]
-                for name in ("lost", "relocated", "by_wheels", "submaps", "searched", "confirmed")
+                for name in (
+                    "lost",
+                    "relocated",
+                    "doubted",
+                    "undecided",
+                    "by_wheels",
+                    "submaps",
+                    "searched",
+                    "confirmed",
+                )
             },
             "turned_down": dict(self.turned_down),
         }

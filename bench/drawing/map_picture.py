@@ -10,17 +10,13 @@ from ...frontend.maps.occupancy import Occupancy
 from ...frontend.maps.top_view import TopView
 from ...frontend.markers.aruco import Image
 
-CELL = 0.05
-"""m of a pixel, or more where the picture would be larger than MOST."""
-
-MOST, FOOT = 1600, 12
-"""px: longest side of the picture, and the room for the bar below the map."""
+CELL = 0.05  # m of a pixel, or more where the picture would be larger than MOST
+MOST, FOOT = 1600, 12  # px: longest side of the picture, and the room for the bar below the map
 
 ROUND = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
 """m: lengths of the bar."""
 
-INK, WALKED = (60, 60, 60), (178, 114, 0)
-"""BGR: of the bar, and of the path."""
+INK, WALKED = (60, 60, 60), (178, 114, 0)  # BGR: of the bar, and of the path
 
 
 class MapPicture(NamedTuple):

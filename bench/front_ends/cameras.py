@@ -15,8 +15,7 @@ from .corners import MARKERS, SMALL, Accuracy, accuracies
 
 COMPARED: tuple[Refinement, ...] = ("subpix", "template")
 
-DISTANCES = (1.0, 2.0, 3.0, 4.0)
-"""m."""
+DISTANCES = (1.0, 2.0, 3.0, 4.0)  # m
 
 PACE = 250.0
 """px/s, at most, at which a marker moves through the image of a camera whose exposure or readout takes time."""

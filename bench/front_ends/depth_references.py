@@ -1,22 +1,20 @@
 """References for the depth front end's cost: OpenCV's programs for parts of the same work."""
 
-from collections.abc import Sequence
-
 import cv2
 import numpy as np
 
 from ...core.se2 import Array, Ints
 from ...frontend.depth.features import Features
 
-ROUNDS, PIXELS = 200, 2.0
-"""Hypotheses of RANSAC, as many as ours; px, of an inlier."""
+ROUNDS, PIXELS = 200, 2.0  # hypotheses of RANSAC, as many as ours; px, of an inlier
 
 
 def matches(first: Features, second: Features, ratio: float) -> Ints:
     """(m, 2) rows of two frames' descriptors that belong together: OpenCV's brute-force matcher with Lowe's ratio."""
     kind = cv2.NORM_HAMMING if first.descriptors.dtype == np.uint8 else cv2.NORM_L2
     found = cv2.BFMatcher(kind).knnMatch(first.descriptors, second.descriptors, k=2)
-    rows = [(one[0].queryIdx, one[0].trainIdx) for one in found if len(one) == 2 and _clear(one, ratio)]
+    pairs = [pair for pair in found if len(pair) == 2 and pair[0].distance < ratio * pair[1].distance]
+    rows = [(nearest.queryIdx, nearest.trainIdx) for nearest, _ in pairs]
     return np.array(rows, np.int64).reshape(-1, 2)
 
 
@@ -38,7 +36,3 @@ def motion(first: Features, second: Features, ratio: float, focal: float) -> Arr
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = cv2.Rodrigues(turn)[0], shift[:, 0]
     return T
-
-
-def _clear(pair: Sequence[cv2.DMatch], ratio: float) -> bool:
-    return pair[0].distance < ratio * pair[1].distance

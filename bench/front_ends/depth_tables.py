@@ -9,10 +9,7 @@ from .depth import DepthRow, FrameCost, LoopCost, PairCost
 from .depth_timed import PARTS
 from .tables import consistency_record, plain
 
-DEPTH_COLUMNS = (
-    *(f"{part}_ms" for part in PARTS),
-    *("places", "held_mb", "held_kb_a_frame"),
-)
+DEPTH_COLUMNS = (*(f"{part}_ms" for part in PARTS), *("places", "held_mb", "held_kb_a_frame"))
 
 ORB = "frames: those looked at; ORB: OpenCV's detector alone, on the same frames; ratio: mean by that"
 

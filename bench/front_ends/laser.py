@@ -29,11 +29,8 @@ from .laser_references import icp, tried
 
 PARTS = ("match", "insert", "loop search", "optimise")
 
-NAMED = "intel-lab"
-"""The published log that is timed where it was fetched."""
-
-BETWEEN = 20
-"""Scans between two that the reference aligns."""
+NAMED = "intel-lab"  # the published log that is timed where it was fetched
+BETWEEN = 20  # scans between two that the reference aligns
 
 
 class LaserExtent(NamedTuple):

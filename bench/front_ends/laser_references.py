@@ -6,8 +6,7 @@ from ...core.se2 import Array
 from ...frontend.laser._search import FULL, Search
 from ...frontend.laser.submap import Submap
 
-ROUNDS, CLOSE = 20, 0.3
-"""Rounds of ICP, and m between points that belong together."""
+ROUNDS, CLOSE = 20, 0.3  # rounds of ICP, and m between points that belong together
 
 
 def icp(before: Array, now: Array) -> Array:

@@ -1,15 +1,13 @@
 """`bench speed --frontend`: cost, accuracy and consistency of the front ends for markers, laser scans and depth."""
 
 import argparse
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 
 from ...core.errors import InputError
-from ...core.files import write_whole
+from ...core.files import csv_text, write_whole
 from ..words.console import ProgressBar
 from . import depth, laser
 from .cameras import DISTANCES, CameraAccuracy, CameraStudy
@@ -105,21 +103,17 @@ def _extent(namespace: argparse.Namespace) -> CornerExtent:
 def _measure(study: Study, extent: CornerExtent, console: Console) -> list[Row]:
     rows: list[Row] = []
     with ProgressBar(console, "timing", steps(extent)) as bar:
-
-        def advance() -> None:
-            bar.update(advance=1)
-
-        costs = list(study.costs(extent.timed, advance))
+        costs = list(study.costs(extent.timed, bar.advance))
         console.print(cost_table(costs))
         rows += costs
         for name, distances, streak in (("placements", STILL, 0.0), ("moving", MOVING, STREAK)):
             bar.update(description=name)
-            found = [study.accuracy(distance, streak, extent.placements, advance) for distance in distances]
+            found = [study.accuracy(distance, streak, extent.placements, bar.advance) for distance in distances]
             console.print(accuracy_table([row for at in found for row in at]))
             rows += [row for at in found for row in at]
         if extent.clutter + extent.crowded:
             bar.update(description="wrong ids")
-            misread = list(study.misreadings(extent, advance))
+            misread = list(study.misreadings(extent, bar.advance))
             console.print(misreading_table(misread))
             rows += misread
     return rows
@@ -128,12 +122,8 @@ def _measure(study: Study, extent: CornerExtent, console: Console) -> list[Row]:
 def _measure_cameras(study: CameraStudy, extent: CornerExtent, console: Console) -> list[CameraAccuracy]:
     rows: list[CameraAccuracy] = []
     with ProgressBar(console, "cameras", study.steps * extent.placements) as bar:
-
-        def advance() -> None:
-            bar.update(advance=1)
-
         for distance in DISTANCES:
-            found = study.accuracy(distance, extent.placements, advance)
+            found = study.accuracy(distance, extent.placements, bar.advance)
             console.print(camera_table(found))
             rows += found
     return rows
@@ -141,19 +131,15 @@ def _measure_cameras(study: CameraStudy, extent: CornerExtent, console: Console)
 
 def _measure_laser(study: laser.LaserStudy, console: Console) -> list[LaserRow]:
     with ProgressBar(console, "laser scans") as bar:
-
-        def advance() -> None:
-            bar.update(advance=1)
-
         study.warm_up()
-        recorded = study.recorded(advance)
-        drives = study.drives(advance)
-        costs = [laser.scan_cost(drives, advance)]
+        recorded = study.recorded(bar.advance)
+        drives = study.drives(bar.advance)
+        costs = [laser.scan_cost(drives, bar.advance)]
         if recorded is not None:
-            costs.append(laser.scan_cost([recorded], advance))
+            costs.append(laser.scan_cost([recorded], bar.advance))
         console.print(scan_table(costs))
         bar.update(description="searches")
-        search = study.searches(drives, advance)
+        search = study.searches(drives, bar.advance)
         console.print(search_table(search))
         errors = laser.consistency(drives)
         console.print(consistency_table("Errors of the laser front end on made-up floors", errors))
@@ -162,13 +148,9 @@ def _measure_laser(study: laser.LaserStudy, console: Console) -> list[LaserRow]:
 
 def _measure_depth(study: depth.DepthStudy, console: Console) -> list[depth.DepthRow]:
     with ProgressBar(console, "depth frames") as bar:
-
-        def advance() -> None:
-            bar.update(advance=1)
-
         study.warm_up()
-        recorded = study.recorded(advance)
-        drives = study.drives(advance)
+        recorded = study.recorded(bar.advance)
+        drives = study.drives(bar.advance)
     logs = [drives] if recorded is None else [drives, [recorded]]
     frames = [depth.frame_cost(log) for log in logs]
     pairs = [row for log in logs for row in depth.pair_costs(log)]
@@ -182,11 +164,7 @@ def _measure_depth(study: depth.DepthStudy, console: Console) -> list[depth.Dept
 
 def as_csv(rows: Records) -> str:
     """Writes one line per row, in COLUMNS; blank where a study has no such figure."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    return csv_text(COLUMNS, ([row.get(name) for name in COLUMNS] for row in rows))
 
 
 def _write(folder: Path, rows: Records, corners: Sequence[Row]) -> list[Path]:

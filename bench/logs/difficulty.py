@@ -17,11 +17,8 @@ from ...backends.association.quantiles import gates, quantile
 from ...core.factors import UNKNOWN, Dataset, Log, RangeBearing
 from ...core.se2 import Array, wrap
 
-FAR = 200.0
-"""Squared distance up to which the right landmark is looked for."""
-
-LARGEST = 200_000
-"""Steps and sightings beyond which a log is not looked into."""
+FAR = 200.0  # squared distance up to which the right landmark is looked for
+LARGEST = 200_000  # steps and sightings beyond which a log is not looked into
 
 
 class Difficulty(NamedTuple):

@@ -13,8 +13,7 @@ from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Ints
 from .drive import Outcome
 
-MOST = 20
-"""Landmarks of a kind that a remark names."""
+MOST = 20  # landmarks of a kind that a remark names
 
 
 class Majority(NamedTuple):

@@ -181,11 +181,7 @@ def _tell(backend: Backend, truth: Truth | None) -> bool:
 
 
 def warm_up(
-    builder: Builder,
-    options: Any,
-    log: Log,
-    generator: Callable[[], np.random.Generator],
-    truth: Truth | None = None,
+    builder: Builder, options: Any, log: Log, generator: Callable[[], np.random.Generator], truth: Truth | None = None
 ) -> None:
     """Takes a separate backend through the log's first steps, every method once."""
     backend = begin(builder, log.prior, options, generator())

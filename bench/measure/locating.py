@@ -11,8 +11,7 @@ from ...core.se2 import Array
 from ...core.truth_errors import difference
 from .drive import Outcome
 
-TURNED = np.pi / 6
-"""rad: a heading that is more than this off is wrong."""
+TURNED = np.pi / 6  # rad: a heading that is more than this off is wrong
 
 
 def from_the_fix_on(log: Log, outcome: Outcome, truth: Truth) -> Truth:

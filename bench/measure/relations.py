@@ -7,8 +7,7 @@ import numpy as np
 from ...core.relations import Relations
 from ...core.se2 import Array
 
-STRETCHES = 20
-"""Stretches of a log from whose means a standard error is."""
+STRETCHES = 20  # stretches of a log from whose means a standard error is
 
 
 def relation_columns(relations: Relations, path: Array) -> dict[str, Any]:

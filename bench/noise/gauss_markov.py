@@ -13,8 +13,7 @@ from .model import SightingModel
 
 Mask = NDArray[np.bool_]
 
-FEWEST = 30
-"""Fewest errors for a fit."""
+FEWEST = 30  # fewest errors for a fit
 
 GROSS = 6.0
 """Standard deviations, of all parts together, beyond which an error is an outlier: one normal error in 5e8 is."""

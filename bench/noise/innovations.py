@@ -18,11 +18,8 @@ from .model import SightingModel
 from .motions import scaled
 from .sightings import Sighted, sighted
 
-LONGEST = 1500
-"""Steps that are looked at, from the log's first one."""
-
-FEWEST = 30
-"""Fewest sightings of landmarks sighted before."""
+LONGEST = 1500  # steps that are looked at, from the log's first one
+FEWEST = 30  # fewest sightings of landmarks sighted before
 
 _EVERY = 1e12  # a gate that no landmark is beyond
 _WIDEST = np.log(30.0)  # of the factors, either way

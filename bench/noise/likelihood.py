@@ -7,11 +7,8 @@ import numpy as np
 
 from ...core.se2 import Array
 
-TWO_SIDED = 1.959964
-"""Standard deviations of a normal 95 % interval."""
-
-DROP = 1.920729
-"""By how much the log-likelihood falls at the ends of a profile's 95 % interval."""
+TWO_SIDED = 1.959964  # standard deviations of a normal 95 % interval
+DROP = 1.920729  # by how much the log-likelihood falls at the ends of a profile's 95 % interval
 
 _STEP = 1e-3  # of the second differences
 _HALVINGS = 20  # of the search for the end of a profile's interval

@@ -15,8 +15,7 @@ AXES = ("forward", "sideways", "turn")
 HORIZONS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 """s over which errors are accumulated, beside single steps."""
 
-FEWEST = 20
-"""Fewest stretches of a horizon for its factors."""
+FEWEST = 20  # fewest stretches of a horizon for its factors
 
 TOLD = 2.0
 """A factor is told by a horizon where the ends of its interval differ by less than this many times."""

@@ -13,8 +13,7 @@ from .model import Model, SightingModel
 
 MOTIONS = ("forward", "sideways", "turn")
 
-STEEPEST = 10
-"""Largest power of the distance, either way."""
+STEEPEST = 10  # largest power of the distance, either way
 
 
 def noted(model: Model) -> dict[str, Any]:

@@ -10,8 +10,7 @@ from ...core.truth_errors import named, rows_of, sighting_errors
 from ..measure.landmark_places import judge, placed
 from .gauss_markov import Chains
 
-NEAREST = 1e-3
-"""m, the least distance of a landmark."""
+NEAREST = 1e-3  # m, the least distance of a landmark
 
 
 class Sighted(NamedTuple):

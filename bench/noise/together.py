@@ -5,11 +5,8 @@ import numpy as np
 from ...core.se2 import Array, Ints
 from .likelihood import TWO_SIDED, NoiseEstimate
 
-FEWEST = 50
-"""Fewest pairs of sightings of one step."""
-
-BLOCKS = 20
-"""Stretches that are left out in turn, for the interval."""
+FEWEST = 50  # fewest pairs of sightings of one step
+BLOCKS = 20  # stretches that are left out in turn, for the interval
 
 
 def together(step: Ints, error: Array) -> NoiseEstimate | None:

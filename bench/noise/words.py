@@ -9,8 +9,7 @@ from .likelihood import NoiseEstimate
 from .measured import Noise, SightingNoise
 from .motions import AXES, Motions
 
-SENSORS = {"range": "m", "bearing": "rad"}
-"""Name of a kind of sighting -> its unit."""
+SENSORS = {"range": "m", "bearing": "rad"}  # name of a kind of sighting -> its unit
 
 MATTERS = 0.3  # correlation of landmarks sighted at one step, share of correlated variance: said from here on
 HEAVY = 10.0  # degrees of freedom below which tails are called heavy

@@ -1,7 +1,5 @@
 """Writes the files of a run's folder from its record: cells.csv, metrics.csv, run.json, and paths that evo reads."""
 
-import csv
-import io
 import json
 from collections.abc import Iterable, Sequence
 from math import isfinite
@@ -10,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...core.files import write_whole
+from ...core.files import csv_text, write_whole
 from ...core.se2 import Array
 from ...core.tum import write_tum
 from ..measure.locating import poses_judged
@@ -35,11 +33,13 @@ def export(store: Store, folder: Path | None = None) -> None:
     run, folder, rows = store.run(), folder or store.folder, list(store.cells())
     slugs: dict[str, str] = run["folders"]
     write_whole(folder / "run.json", json.dumps(run, indent=2) + "\n")
-    write_whole(folder / "cells.csv", _csv(COLUMNS, ([row.columns[name] for name in COLUMNS] for row in rows)))
+    write_whole(folder / "cells.csv", csv_text(COLUMNS, ([row.columns[name] for name in COLUMNS] for row in rows)))
     write_whole(
-        folder / "metrics.csv", _csv((*KEY, *MORE), ([row.columns[name] for name in (*KEY, *MORE)] for row in rows))
+        folder / "metrics.csv", csv_text((*KEY, *MORE), ([row.columns[name] for name in (*KEY, *MORE)] for row in rows))
     )
-    write_whole(folder / "times.csv", _csv((*KEY, *ROUND), (line for r in rows for line in as_table(r.rounds, r.key))))
+    write_whole(
+        folder / "times.csv", csv_text((*KEY, *ROUND), (line for r in rows for line in as_table(r.rounds, r.key)))
+    )
     terms: list[list[Any]] = []
     for row in rows:
         c = row.columns
@@ -52,7 +52,7 @@ def export(store: Store, folder: Path | None = None) -> None:
             arrays = store.arrays(row)
             _export_cell(place / slugs[label(c["backend"], c["options"])], arrays, truth)
             terms += _terms(row, arrays)
-    write_whole(folder / "cost.csv", _csv(COST, terms))
+    write_whole(folder / "cost.csv", csv_text(COST, terms))
 
 
 def _terms(row: Row, arrays: dict[str, Any]) -> list[list[Any]]:
@@ -66,7 +66,7 @@ def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> 
     place.mkdir(parents=True, exist_ok=True)
     if "online" in arrays:
         write_tum(place / "online.tum", arrays["t"], arrays["online"])
-        write_whole(place / "steps.csv", _csv(STEPS, _steps(arrays, truth)))
+        write_whole(place / "steps.csv", csv_text(STEPS, _steps(arrays, truth)))
     if "final" in arrays:
         write_tum(place / "final.tum", arrays["t"], arrays["final"])
     prefix = "final_map" if "final_map_ids" in arrays else "map"
@@ -75,7 +75,7 @@ def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> 
     ids, xy, cov = arrays[f"{prefix}_ids"], arrays[f"{prefix}_xy"], arrays.get(f"{prefix}_cov")
     blocks = np.full((len(ids), 3), np.nan) if cov is None else cov[:, [0, 0, 1], [0, 1, 1]]
     rows = ([i, *_blank(p), *_blank(b)] for i, p, b in zip(ids.tolist(), xy, blocks, strict=True))
-    write_whole(place / "map.csv", _csv(MAP, rows))
+    write_whole(place / "map.csv", csv_text(MAP, rows))
 
 
 def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[Any]]:
@@ -101,11 +101,3 @@ def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[A
 
 def _blank(values: Array) -> list[float | None]:
     return [None if value != value else value for value in values.tolist()]
-
-
-def _csv(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows(rows)
-    return text.getvalue()

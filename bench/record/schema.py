@@ -19,8 +19,7 @@ from ..words.columns import CELLS, METRICS, TIMED
 
 STATUSES = ("done", "diverged", "timeout", "error", "skipped")  # of a cell
 
-FAILED = ("diverged", "timeout", "error")
-"""Statuses that count as the worst error."""
+FAILED = ("diverged", "timeout", "error")  # statuses that count as the worst error
 
 COLUMNS = tuple(column.name for column in CELLS)  # the columns of cells.csv, in order
 KEY = tuple(column.name for column in CELLS if column.kind.names_cell)  # those that name a cell

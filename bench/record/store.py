@@ -304,10 +304,7 @@ class Store:
             db.execute("UPDATE plan SET key = ?, trouble = ? WHERE place = ?", (key, trouble, place))
 
     def table(self, measures: Sequence[str]) -> CellTable:
-        """Reads parameters, status, reason, digest, cluster and these columns.
-
-        A parameter precedes a column of its name.
-        """
+        """Reads parameters, status, reason, digest, cluster and these columns; a parameter precedes its namesake."""
         there = {row[1] for row in self._all("PRAGMA table_info(results)")}
         names = ["status", "reason", *(name for name in dict.fromkeys(("digest", *measures)) if name in there)]
         keys, *columns = _columns(self._all(f"SELECT key, {', '.join(names)} FROM results"), 1 + len(names))

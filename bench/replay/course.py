@@ -24,8 +24,7 @@ from ..measure import cell as cells
 MAP_S = 20.0  # s of CPU time for all maps: a smoother's map is slow where there are thousands of steps
 
 
-MOMENTS = 24
-"""Frames at which a grid of laser scans is drawn, at most."""
+MOMENTS = 24  # frames at which a grid of laser scans is drawn, at most
 
 REVISED_S = 20.0
 """s of CPU time for the paths at these moments; where a log takes longer, there are fewer of them."""

@@ -15,14 +15,9 @@ from ...core.se2 import Array, Ints, act, compose
 from ...frontend.maps.occupancy import CELL, extent, inserted
 from .course import Course, Revised, moments
 
-ACROSS = 420
-"""Cells across a panel, at most."""
-
-MOST = 3000
-"""Scans that a grid is drawn of, at most: of more, evenly spaced ones."""
-
-DOTS = 90
-"""Returns of the newest scan that are shown, at most."""
+ACROSS = 420  # cells across a panel, at most
+MOST = 3000  # scans that a grid is drawn of, at most: of more, evenly spaced ones
+DOTS = 90  # returns of the newest scan that are shown, at most
 
 Hits = Sequence[Array]
 

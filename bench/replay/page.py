@@ -70,10 +70,7 @@ def _pairs(view: View, xy: Array) -> list[Any]:
 def _panel(view: View, panel: Panel) -> dict[str, Any]:
     pose = _pairs(view, panel.pose[:, :2])
     degrees = np.rint(-np.degrees(panel.pose[:, 2])).astype(int).tolist()
-    scanned = {
-        "grids": [grid.frame for grid in panel.grids],
-        "hits": [_pairs(view, hits) for hits in panel.hits],
-    }
+    scanned = {"grids": [grid.frame for grid in panel.grids], "hits": [_pairs(view, hits) for hits in panel.hits]}
     return {
         "trail": _pairs(view, panel.trail),
         "pose": [[*pose[2 * k : 2 * k + 2], degree] for k, degree in enumerate(degrees)],

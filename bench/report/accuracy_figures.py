@@ -1,6 +1,7 @@
 """Figures of errors: by log, between backends, and along a run."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -92,23 +93,19 @@ def by_log(name: str, log: DrawnLog) -> ReportFigure | None:
     return report_figure(name, title, caption, height(names), draw, curves=curves)
 
 
-def online_pairs(name: str, log: DrawnLog) -> ReportFigure | None:
-    """The most accurate online path against every other one; None where no two are compared."""
-    return _against_the_best(name, log, "online")
-
-
-def final_pairs(name: str, log: DrawnLog) -> ReportFigure | None:
-    """The most accurate final path against every other one; None where no two are compared."""
-    return _against_the_best(name, log, "final")
-
-
 def _against_the_best(name: str, log: DrawnLog, path: str) -> ReportFigure | None:
-    """A path on which only two are compared is no figure, but a sentence below that of the other path."""
+    """The most accurate path of a kind against every other one; None where no two are compared.
+
+    A path on which only two are compared is no figure, but a sentence below that of the other path.
+    """
     found = _compared(log) if log.kind in ("truth", "relations") else {}
     called = tags(log.looks)
     said = "".join(f" {_said(path, called, against[0])}" for path, (_, against) in found.items() if len(against) == 1)
     best, against = found.get(path, ("", ()))
     return _pairs(name, path, best, against, log.looks, said) if len(against) > 1 else None
+
+
+online_pairs, final_pairs = (partial(_against_the_best, path=path) for path in ("online", "final"))
 
 
 def _compared(log: DrawnLog) -> dict[str, tuple[str, Sequence[Comparison]]]:

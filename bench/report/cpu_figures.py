@@ -1,5 +1,6 @@
 """Figures of CPU time: along a run, over all of a run's steps, and against the growing log or map."""
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,18 +124,11 @@ class _Growth(NamedTuple):
     power: float | None
 
 
-def growth_over_steps(name: str, log: DrawnLog) -> ReportFigure | None:
-    """Against the step's number, both logarithmic; None where no power is to be seen: each fit is flat, or none is."""
-    return _against(name, log, "steps")
-
-
-def growth_over_landmarks(name: str, log: DrawnLog) -> ReportFigure | None:
-    """Against landmarks known, likewise."""
-    return _against(name, log, "landmarks")
-
-
 def _against(name: str, log: DrawnLog, along: str) -> ReportFigure | None:
-    """`along` is steps or landmarks."""
+    """Draws the cost of a step against the number of steps or landmarks known, both logarithmic.
+
+    None where no power is to be seen: each fit is flat, or none is.
+    """
     column = f"growth_{along}"
     powers = {line.backend: line.values[column].median for line in log.lines if column in line.values}
     grown = [
@@ -180,6 +174,9 @@ def _against(name: str, log: DrawnLog, along: str) -> ReportFigure | None:
     return report_figure(
         name, title, caption + _beside(log), HEIGHT + ROW * key.rows, draw, group="cost", curves=curves
     )
+
+
+growth_over_steps, growth_over_landmarks = (partial(_against, along=along) for along in ("steps", "landmarks"))
 
 
 def _power(letter: str, power: float) -> str:

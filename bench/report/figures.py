@@ -1,6 +1,5 @@
 """Makes a dataset's figures, in the order in which a report shows them."""
 
-from collections.abc import Callable
 from importlib import import_module
 
 from ..drawing.figure import ReportFigure
@@ -33,10 +32,8 @@ The function returns None where the log has nothing that the figure shows.
 
 def report_figures(name: str, log: DrawnLog) -> list[ReportFigure]:
     """Makes those for which there is data; `name` begins their files' names."""
-    made = (_function(place)(f"{name}-{end}", log) for end, place in FIGURES.items())
+    made: list[ReportFigure | None] = []
+    for end, place in FIGURES.items():
+        module, _, function = place.partition(":")
+        made.append(getattr(import_module(module, __package__), function)(f"{name}-{end}", log))
     return [figure for figure in made if figure is not None]
-
-
-def _function(place: str) -> Callable[[str, DrawnLog], ReportFigure | None]:
-    module, _, function = place.partition(":")
-    return getattr(import_module(module, __package__), function)

@@ -45,9 +45,8 @@ def pairs_table(found: Verdict) -> Table:
 
 def _entries(c: Comparison) -> list[Entry]:
     known, tested = not isnan(c.low), c.units >= FEWEST
-    ends = f"{number(c.low)}\N{EN DASH}{number(c.high)}" if known else ""
     return [
-        Entry("" if isnan(c.ratio) else number(c.ratio), note=ends, value=None if isnan(c.ratio) else c.ratio),
+        Entry("" if isnan(c.ratio) else number(c.ratio), note=_ends(c), value=None if isnan(c.ratio) else c.ratio),
         Entry(WORDS[standing(c)], note=between(c) if known and standing(c) == "open" else ""),
         Entry(("<0.0001" if c.adjusted < 1e-4 else f"{c.adjusted:.2g}") * tested, value=c.adjusted if tested else None),
         Entry(f"{c.effect:.2f}" if tested else "", value=c.effect if tested else None),
@@ -58,16 +57,7 @@ def _entries(c: Comparison) -> list[Entry]:
 def cost_pairs_table(found: Verdict) -> Table:
     """Makes the table of every two backends' costs, one row each; without repeats it has none."""
     rows = [
-        TableRow(
-            c.first,
-            [
-                Entry(c.second),
-                Entry(about(column).called),
-                Entry(number(c.ratio), note=_cost_ends(c), value=c.ratio),
-                Entry(COST_WORDS[c.standing]),
-                Entry(f"{counted(c.rounds, 'round')}, {counted(c.logs, 'log')}", value=c.rounds),
-            ],
-        )
+        TableRow(c.first, [Entry(c.second), Entry(about(column).called), *_cost_entries(c)])
         for column, pairs in found.costs.items()
         for c in pairs
     ]
@@ -79,5 +69,13 @@ def cost_pairs_table(found: Verdict) -> Table:
     return Table(COST_PAIRS, rows, caption)
 
 
-def _cost_ends(c: CostRatio) -> str:
+def _cost_entries(c: CostRatio) -> list[Entry]:
+    return [
+        Entry(number(c.ratio), note=_ends(c), value=c.ratio),
+        Entry(COST_WORDS[c.standing]),
+        Entry(f"{counted(c.rounds, 'round')}, {counted(c.logs, 'log')}", value=c.rounds),
+    ]
+
+
+def _ends(c: Comparison | CostRatio) -> str:
     return "" if isnan(c.low) else f"{number(c.low)}\N{EN DASH}{number(c.high)}"

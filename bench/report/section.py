@@ -18,15 +18,7 @@ from ..words.numerals import counted, listed, number
 from ..words.styles import Look, looks
 from .drawn_log import DrawnLog, drawn_log
 from .pair_tables import cost_pairs_table, pairs_table
-from .tables import (
-    accuracy_table,
-    cost_table,
-    details_tables,
-    fit_table,
-    growth_table,
-    inner_table,
-    meanwhile_table,
-)
+from .tables import accuracy_table, cost_table, details_tables, fit_table, growth_table, inner_table, meanwhile_table
 
 
 class Failure(NamedTuple):

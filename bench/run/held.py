@@ -45,10 +45,7 @@ class Held:
         return dataset_at(self._place(dataset), ASKER, "log").label
 
     def together(self, logs: Any) -> str:
-        """The label of one dataset of several logs, by cluster where they are in a mapping.
-
-        InputError where they cannot be used.
-        """
+        """The label of one dataset of several logs, by cluster in a mapping; InputError where they cannot be used."""
         groups: dict[Any, Any] = {**logs} if isinstance(logs, Mapping) else {None: logs}
         for cluster, group in groups.items():
             if cluster is not None and not (isinstance(cluster, str) and cluster.strip()):

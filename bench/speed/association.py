@@ -11,9 +11,7 @@ the median with 97.9 % by the sign test.
 """
 
 import argparse
-import csv
 import dataclasses
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,7 +23,7 @@ from rich.table import Table
 from ...backends import registry
 from ...backends.association.layer import Associating
 from ...core.errors import InputError
-from ...core.files import write_whole
+from ...core.files import csv_text, write_whole
 from ...core.kernels import compiled
 from ...core.se2 import Array, Ints
 from ..measure.drive import WARM_UP
@@ -160,21 +158,15 @@ def expectations(rows: Sequence[AssociationRow]) -> list[Ratio]:
 
 def as_csv(rows: Sequence[AssociationRow]) -> str:
     """Writes one line per backend and size; blank where it was not timed."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    lines = list[Sequence[object]]()
     for row in rows:
         figures: list[object] = [""] * (len(COLUMNS) - 3)
         if row.told is not None and row.found is not None:
             idle = row.told if row.idle is None else row.idle
-            us = *_microseconds(row.told, row.found), idle.p50
+            us = row.told.p50, row.told.p99, row.found.p50, row.found.p99, idle.p50
             figures = [row.found.steps, *(f"{one:.4g}" for one in (*us, *row.added)), f"{row.share:.4f}"]
-        writer.writerow((row.name, row.landmarks, *figures, row.reason))
-    return text.getvalue()
-
-
-def _microseconds(told: Timing, found: Timing) -> tuple[float, ...]:
-    return told.p50, told.p99, found.p50, found.p99
+        lines.append((row.name, row.landmarks, *figures, row.reason))
+    return csv_text(COLUMNS, lines)
 
 
 def _table(rows: Sequence[AssociationRow], extent: Stretch) -> Table:

@@ -171,7 +171,7 @@ def executed(
         for ended in execute(function, tasks, workers=1, timeout_s=OVERDUE):
             said = f"it took longer than {OVERDUE:g} s" if ended.death == "timeout" else ended.death
             console.print(f"[dim]timed {plain(str(tasks[ended.task]))}[/]", highlight=False)
-            bar.update(advance=1)
+            bar.advance()
             yield tasks[ended.task], [] if said else ended.value, said
 
 

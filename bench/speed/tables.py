@@ -1,13 +1,12 @@
 """Writes the study of the backends' speed as tables for the terminal, and as CSV."""
 
-import csv
-import io
 import math
 from collections.abc import Sequence
 
 from rich import box
 from rich.table import Table
 
+from ...core.files import csv_text
 from ..words.console import plain
 from ..words.numerals import listed, number
 from .isam2_parts import PARTS
@@ -126,22 +125,14 @@ def ratio_table(ratios: Sequence[Ratio]) -> Table:
 
 def as_csv(rows: Sequence[TimingRow]) -> str:
     """Writes one line per row, in COLUMNS; blank where there is no such figure."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        record = row._asdict() | ({} if row.timing is None else _figures(row))
-        writer.writerow({name: record[name] for name in COLUMNS if record.get(name) is not None})
-    return text.getvalue()
+    records = [row._asdict() | ({} if row.timing is None else _figures(row)) for row in rows]
+    return csv_text(COLUMNS, ([record.get(name) for name in COLUMNS] for record in records))
 
 
 def ratios_as_csv(ratios: Sequence[Ratio]) -> str:
     """Writes one line per comparison: what, expected, reached, unit, holds."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("what", "expected", "reached", "unit", "holds"))
-    writer.writerows((r.what, r.expected, f"{r.reached:.4g}", r.unit, str(r.holds).lower()) for r in ratios)
-    return text.getvalue()
+    head = ("what", "expected", "reached", "unit", "holds")
+    return csv_text(head, ((r.what, r.expected, f"{r.reached:.4g}", r.unit, str(r.holds).lower()) for r in ratios))
 
 
 def _figures(row: TimingRow) -> dict[str, float | str]:

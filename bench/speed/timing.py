@@ -60,10 +60,7 @@ def stepped(stepper: Any, steps: Sequence[Step], seconds: float) -> Ints:
 
 
 def in_turns(steppers: Sequence[Any], drives: Sequence[Sequence[Step]], seconds: float) -> list[Ints]:
-    """Measures as `stepped`, each stepper on its drive, a chunk in turn; `seconds` are for all together.
-
-    The drives are of the same length.
-    """
+    """Measures as `stepped`, each on its drive of the same length, a chunk in turn; `seconds` are for all together."""
     spent = [[np.zeros(0, np.int64)] for _ in steppers]
     clock, first, chunk = clock_cost(), 0, LEAST
     gc.collect()

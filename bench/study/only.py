@@ -1,7 +1,7 @@
 """Parses `--only NAME=VALUE[,VALUE]` into a selection of a study's cells."""
 
 import re
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 from ...core.errors import InputError, nearest
@@ -36,7 +36,9 @@ def choice(study: Study, only: Sequence[str]) -> Callable[[PlannedCell], bool]:
         for pattern in _VALUE.findall(values):
             found = [value for value in known if _is_meant(pattern.strip(), value)]
             if not found:
-                raise InputError(f"--only {text}: no cell has {name}={pattern.strip()}, expected {_one_of(known)}.")
+                texts = [word for word in map(text_of, known) if word]
+                expected = f"one of {', '.join(texts[:MOST])}{', ...' * (len(texts) > MOST)}"
+                raise InputError(f"--only {text}: no cell has {name}={pattern.strip()}, expected {expected}.")
             allowed.setdefault(name, set()).update(found)
 
     def chosen(cell: PlannedCell) -> bool:
@@ -62,8 +64,3 @@ def _is_meant(pattern: str, value: Any) -> bool:
 def text_of(value: Any) -> str:
     """Writes a parameter's value as --only takes it; "" for a cell without such an option."""
     return "" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _one_of(values: Iterable[Any]) -> str:
-    texts = [text for value in values if (text := text_of(value))]
-    return "one of " + ", ".join(texts[:MOST]) + ", ..." * (len(texts) > MOST)

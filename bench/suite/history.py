@@ -71,7 +71,8 @@ def summarise(folder: SuiteFolder) -> Summary | None:
     for name, place in folder.runs.items():
         with Store(place) as store:
             facts, rows = store.run(), list(store.cells())
-        runs[name] = {fact: facts[fact] for fact in FACTS if fact in facts}, [_bare(row) for row in rows]
+        cells = [Row({column: row.columns[column] for column in KEPT}, "") for row in rows]
+        runs[name] = {fact: facts[fact] for fact in FACTS if fact in facts}, cells
     if not runs:
         return None
     facts = max((facts for facts, _ in runs.values()), key=lambda facts: facts["started"])
@@ -85,10 +86,6 @@ def _machine(known: Mapping[str, Any]) -> str:
     """Returns six letters that stand for a machine by its processor, instructions and cores."""
     words = [str(known.get(name)) for name in ("processor", "instructions", "cores")]
     return hashlib.sha256("|".join(words).encode()).hexdigest()[:6]
-
-
-def _bare(row: Row) -> Row:
-    return Row({name: row.columns[name] for name in KEPT}, "")
 
 
 def keep(site: Path, summary: Summary) -> Path:

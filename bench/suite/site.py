@@ -32,10 +32,7 @@ DEFAULT = Path("results/suite")  # where a site is unless --out says otherwise
 
 @np.errstate(all="ignore")  # a record's numbers may have any size
 def write_site(site: Path, forms: Sequence[str] = ()) -> Path:
-    """Writes every page, table and figure again, figures also in `forms`; returns the index.
-
-    InputError where no suite was run into the folder.
-    """
+    """Writes pages, tables and figures again, these also in `forms`; returns the index. InputError without a suite."""
     found, entered = suites(site), submissions(site)
     if not any(one.runs or one.skipped for one in found.values()):
         raise InputError(f"{site}: holds no run of a suite; bench suite NAME --out {site} makes one.")

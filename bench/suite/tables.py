@@ -1,11 +1,10 @@
 """The site's tables as CSV, for other programs: rankings, pairs, the overview, and the history."""
 
-import csv
-import io
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from ...core.files import csv_text
 from ..verdict.consistency import belief_word
 from ..verdict.ranking import ordered, standing
 from ..verdict.summary import typical
@@ -101,11 +100,7 @@ def _of_history(one: Summary) -> Iterable[list[Any]]:
 
 
 def _csv(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(header)
-    writer.writerows([_blank(value) for value in row] for row in rows)
-    return text.getvalue()
+    return csv_text(header, ([_blank(value) for value in row] for row in rows))
 
 
 def _blank(value: Any) -> Any:

@@ -7,7 +7,6 @@ import numpy as np
 from ..words.numerals import chance, listed
 from .statistics import FEWEST, LEVEL, Shift, holm, median_over, shift
 from .summary import Line
-from .units import Units
 
 MOST = 6  # backends that the sentence names
 COLUMNS = ("wrong_share", "final_wrong_share")
@@ -27,7 +26,11 @@ def association_sentences(lines: Sequence[Line]) -> list[str]:
     medians = {name: median_over(values, of) for name, values in wrong.items()}
     order = sorted(medians, key=lambda name: medians[name])
     best, others = order[0], order[1:]
-    shifts = [_shift(wrong[best], wrong[name], of) for name in others]
+    shifts: list[Shift] = []
+    for name in others:
+        both = [log for log in wrong[best] if log in wrong[name]]
+        apart = np.array([wrong[name][log] - wrong[best][log] for log in both])
+        shifts.append(shift(apart, units=[of.unit(log) for log in both]))
     adjusted = holm([found.p for found in shifts])
     parts = [f"{best}'s ids are right for {_percent(1 - medians[best])} of the sightings that it used"]
     for name, found, p in list(zip(others, shifts, adjusted.tolist(), strict=True))[: MOST - 1]:
@@ -37,12 +40,6 @@ def association_sentences(lines: Sequence[Line]) -> list[str]:
         parts.append(f"those of {len(others) - MOST + 1} others for {_percent(1 - medians[order[-1]])} or more")
     which = f"{of}, median" if of.logs > 1 else "one log"
     return [f"Data association ({which}): {listed(parts)}."]
-
-
-def _shift(best: dict[str, float], other: dict[str, float], of: Units) -> Shift:
-    """Compares the shares on the logs that both have."""
-    both = [log for log in best if log in other]
-    return shift(np.array([other[log] - best[log] for log in both]), units=[of.unit(log) for log in both])
 
 
 def _words(found: Shift, p: float) -> str:

@@ -227,10 +227,7 @@ def _lost(pair: Pair) -> list[Change]:
         values = [(b, a.columns[quantity.column], b.columns[quantity.column]) for a, b in done]
         gone = [b for b, old, new in values if old is not None and new is None]
         failed = [b for b, old, new in values if old is None and new is not None and not math.isfinite(new)]
-        for rows, how in (
-            (gone, "had one before, has none now"),
-            (failed, "had none before, has an infinite one now"),
-        ):
+        for rows, how in ((gone, "had one before, has none now"), (failed, "had none before, has an infinite one now")):
             if rows and not quantity.costs:
                 words = f"{how}: seed{'s' * (len(rows) > 1)} {listed([str(row.columns['seed']) for row in rows])}"
                 told.append(

@@ -105,49 +105,27 @@ def _sizes(machine: Machine, said: str, sizes: Sequence[tuple[int, int]]) -> lis
 
 
 COSTS = (
-    (
-        "95 % interval of a ratio of costs",
-        covers_ratio,
-        (0.93, 0.97),
-        (
-            *_sizes(STEADY, "steady", ((1, 3), (1, 10), (10, 3), (10, 5), (10, 10), (30, 5))),
-            *_sizes(DRIFTS, "drifts and steps", ((1, 3), (1, 5), (1, 10), (10, 3), (10, 5), (10, 10), (30, 5))),
-        ),
-    ),
-    (
-        "the same, at least 93 %",
-        covers_ratio,
-        (0.93, 1.0),
-        (
-            *_sizes(DRIFTS, "drifts and steps", ((2, 5), (3, 3), (5, 5))),
-            *_sizes(replace(DRIFTS, tails=3), "heavy tails", ((1, 5), (5, 5), (10, 5))),
-            *_sizes(replace(STEADY, logs=0, processes=0), "noise of cells", ((5, 5), (10, 5))),
-            *_sizes(replace(STEADY, logs=0, processes=0.1), "of processes", ((5, 5), (10, 5))),
-        ),
-    ),
-    (
-        "95 % interval of a cost",
-        covers_cost,
-        (0.93, 1.0),
-        (*_sizes(STEADY, "steady", ((1, 5), (10, 5))), *_sizes(DRIFTS, "drifts and steps", ((1, 5), (10, 5)))),
-    ),
-    (
-        "called cheaper, equal or by load",
-        claims,
-        (0.0, 0.055),
-        (
-            *_sizes(ALIKE, "equal", ((1, 5), (10, 5))),
-            *_sizes(replace(DRIFTS, ratio=MARGIN), "shifted", ((1, 5), (10, 5))),
-        ),
-    ),
-    (
-        "twice, thrice found, no bound set",
-        claims,
-        None,
-        (
-            *_sizes(replace(DRIFTS, ratio=2.0), "twice", ((1, 3), (1, 5), (10, 3), (10, 5))),
-            *_sizes(replace(DRIFTS, ratio=3.0), "thrice", ((1, 3), (1, 5), (10, 3), (10, 5))),
-        ),
-    ),
-)
+    ("95 % interval of a ratio of costs", covers_ratio, (0.93, 0.97), (
+        *_sizes(STEADY, "steady", ((1, 3), (1, 10), (10, 3), (10, 5), (10, 10), (30, 5))),
+        *_sizes(DRIFTS, "drifts and steps", ((1, 3), (1, 5), (1, 10), (10, 3), (10, 5), (10, 10), (30, 5))),
+    )),
+    ("the same, at least 93 %", covers_ratio, (0.93, 1.0), (
+        *_sizes(DRIFTS, "drifts and steps", ((2, 5), (3, 3), (5, 5))),
+        *_sizes(replace(DRIFTS, tails=3), "heavy tails", ((1, 5), (5, 5), (10, 5))),
+        *_sizes(replace(STEADY, logs=0, processes=0), "noise of cells", ((5, 5), (10, 5))),
+        *_sizes(replace(STEADY, logs=0, processes=0.1), "of processes", ((5, 5), (10, 5))),
+    )),
+    ("95 % interval of a cost", covers_cost, (0.93, 1.0), (
+        *_sizes(STEADY, "steady", ((1, 5), (10, 5))),
+        *_sizes(DRIFTS, "drifts and steps", ((1, 5), (10, 5))),
+    )),
+    ("called cheaper, equal or by load", claims, (0.0, 0.055), (
+        *_sizes(ALIKE, "equal", ((1, 5), (10, 5))),
+        *_sizes(replace(DRIFTS, ratio=MARGIN), "shifted", ((1, 5), (10, 5))),
+    )),
+    ("twice, thrice found, no bound set", claims, None, (
+        *_sizes(replace(DRIFTS, ratio=2.0), "twice", ((1, 3), (1, 5), (10, 3), (10, 5))),
+        *_sizes(replace(DRIFTS, ratio=3.0), "thrice", ((1, 3), (1, 5), (10, 3), (10, 5))),
+    )),
+)  # fmt: skip
 """Questions of the study: title, what is asked, its bounds, and the cases."""

@@ -93,19 +93,14 @@ def paired_runs(old: Side, new: Side, *, any_machine: bool = False, any_log: boo
     if truths:
         notes.append(f"{_listed(truths)}: the truth has changed, so accuracy and consistency are left out.")
     notes += _not_run(pairs, old, new)
-    notes += [f"{name}: timed side by side with other cells in one run alone." for name in _sided(pairs, any_machine)]
+    for pair in () if any_machine else pairs:
+        if any(a.columns["timing_alone"] != b.columns["timing_alone"] for a, b in pair.cells):
+            notes.append(f"{pair.backend} on {pair.dataset}: timed side by side with other cells in one run alone.")
     if not any(pair.cells for pair in pairs):
         raise InputError(f"{new.folder}: no cell ran on the same log as in {old.folder}; --any-log compares by seed.")
-    return PairedRuns(
-        old,
-        new,
-        pairs,
-        [key for key in new.lines if key not in old.lines],
-        [key for key in old.lines if key not in new.lines],
-        _differences(old.run, new.run),
-        notes,
-        rounding,
-    )
+    added = [key for key in new.lines if key not in old.lines]
+    removed = [key for key in old.lines if key not in new.lines]
+    return PairedRuns(old, new, pairs, added, removed, _differences(old.run, new.run), notes, rounding)
 
 
 def _timed(old: Side, new: Side, notes: list[str]) -> bool:
@@ -221,14 +216,6 @@ def _not_run(pairs: Sequence[Pair], old: Side, new: Side) -> list[str]:
                     f"{pair.backend} on {pair.dataset}: {counted(len(missing), 'seed')} only in the {word} run."
                 )
     return said
-
-
-def _sided(pairs: Sequence[Pair], any_machine: bool) -> list[str]:
-    return [
-        f"{pair.backend} on {pair.dataset}"
-        for pair in pairs
-        if not any_machine and any(a.columns["timing_alone"] != b.columns["timing_alone"] for a, b in pair.cells)
-    ]
 
 
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[tuple[str, str, str]]:

@@ -179,104 +179,61 @@ def _related(world: World) -> list[World]:
     return [replace(world, correlation=one) for one in _CORRELATIONS]
 
 
+def _alike(count: int, world: World) -> tuple[Case, ...]:
+    """Makes the cases of so many clusters of five logs."""
+    return tuple(in_clusters((5,) * count, one) for one in _related(world))
+
+
 CLUSTERED = (
-    Question(
-        "95 % interval of a ratio, clusters",
-        covers_ratio,
-        COVERAGE,
-        (
-            *(in_clusters((5,) * k, world) for k in (5, 6, 9) for world in _related(_APART)),
-            *(in_clusters((5,) * k, replace(_APART, correlation=0.4)) for k in (3, 20)),
-            *(in_clusters(sizes, replace(_APART, correlation=0.4)) for sizes in (_UNEVEN, 2 * _UNEVEN)),
-            in_clusters((5,) * 5, replace(_APART, correlation=0.4, tails=3), "heavy tails"),
-            in_clusters((5,) * 9, replace(_FAILING, correlation=0.4), _FAILURES),
-        ),
-    ),
-    Question(
-        "95 % interval of a median, clusters",
-        covers_median,
-        COVERAGE,
-        (
-            *(in_clusters((5,) * k, world) for k in (6, 9) for world in _related(_APART)),
-            in_clusters((5,) * 20, replace(_APART, correlation=0.4)),
-        ),
-    ),
-    Question(
-        "difference claimed, clusters",
-        claims,
-        FALSE_CLAIMS,
-        (
-            *(in_clusters((5,) * k, world) for k in (5, 6, 9) for world in _related(World())),
-            in_clusters(2 * _UNEVEN, World(correlation=0.4)),
-            in_clusters((5,) * 20, World((1,) * 4, correlation=0.4), "4 backends"),
-            in_clusters((5,) * 9, World(failing=FAILING, correlation=0.4), _FAILURES),
-        ),
-    ),
-    Question(
-        "if logs counted, no bound set",
-        claims_by_logs,
-        None,
-        tuple(in_clusters((5,) * 5, world) for world in _related(World())),
-    ),
-    *(
-        Question(
-            f"by {what}, no bound set",
-            covers_by(method),
-            None,
-            tuple(in_clusters((5,) * 5, world) for world in _related(_APART)),
-        )
-        for what, method in (("percentiles", percentile), ("BCa", accelerated), ("a mixed model", mixed_model))
-    ),
-    Question(
-        "20 % found in clusters, no bound set",
-        finds,
-        None,
-        tuple(in_clusters((5,) * 9, world) for world in _related(_APART)),
-    ),
-)
+    Question("95 % interval of a ratio, clusters", covers_ratio, COVERAGE, (
+        *(in_clusters((5,) * k, world) for k in (5, 6, 9) for world in _related(_APART)),
+        *(in_clusters((5,) * k, replace(_APART, correlation=0.4)) for k in (3, 20)),
+        *(in_clusters(sizes, replace(_APART, correlation=0.4)) for sizes in (_UNEVEN, 2 * _UNEVEN)),
+        in_clusters((5,) * 5, replace(_APART, correlation=0.4, tails=3), "heavy tails"),
+        in_clusters((5,) * 9, replace(_FAILING, correlation=0.4), _FAILURES),
+    )),
+    Question("95 % interval of a median, clusters", covers_median, COVERAGE, (
+        *(in_clusters((5,) * k, world) for k in (6, 9) for world in _related(_APART)),
+        in_clusters((5,) * 20, replace(_APART, correlation=0.4)),
+    )),
+    Question("difference claimed, clusters", claims, FALSE_CLAIMS, (
+        *(in_clusters((5,) * k, world) for k in (5, 6, 9) for world in _related(World())),
+        in_clusters(2 * _UNEVEN, World(correlation=0.4)),
+        in_clusters((5,) * 20, World((1,) * 4, correlation=0.4), "4 backends"),
+        in_clusters((5,) * 9, World(failing=FAILING, correlation=0.4), _FAILURES),
+    )),
+    Question("if logs counted, no bound set", claims_by_logs, None, _alike(5, World())),
+    Question("by percentiles, no bound set", covers_by(percentile), None, _alike(5, _APART)),
+    Question("by BCa, no bound set", covers_by(accelerated), None, _alike(5, _APART)),
+    Question("by a mixed model, no bound set", covers_by(mixed_model), None, _alike(5, _APART)),
+    Question("20 % found in clusters, no bound set", finds, None, _alike(9, _APART)),
+)  # fmt: skip
 
 QUESTIONS = (
-    Question(
-        "95 % interval of a ratio covers it",
-        covers_ratio,
-        COVERAGE,
-        (
-            *(Case(logs, _APART) for logs in _NUMBERS),
-            Case(30, World((1, BETTER), tails=2), "heavy tails"),
-            *(Case(logs, _FAILING, _FAILURES) for logs in (8, 30)),
-        ),
-    ),
-    Question(
-        "95 % interval of a median covers it",
-        covers_median,
-        COVERAGE,
-        (*(Case(logs, _APART) for logs in _NUMBERS), *(Case(logs, _FAILING, _FAILURES) for logs in (8, 30))),
-    ),
-    Question(
-        "difference claimed where none is",
-        claims,
-        FALSE_CLAIMS,
-        (
-            *(Case(logs, World(), "2 backends") for logs in (6, 10, 30)),
-            *(Case(30, World((1,) * k), f"{k} backends") for k in (3, 4)),
-            *(Case(30, World((1,) * k, FAILING), f"{k} backends, {_FAILURES}") for k in (2, 4)),
-            Case(30, World(same=1 / 3), "2 backends, 1/3 of logs alike"),
-        ),
-    ),
+    Question("95 % interval of a ratio covers it", covers_ratio, COVERAGE, (
+        *(Case(logs, _APART) for logs in _NUMBERS),
+        Case(30, World((1, BETTER), tails=2), "heavy tails"),
+        *(Case(logs, _FAILING, _FAILURES) for logs in (8, 30)),
+    )),
+    Question("95 % interval of a median covers it", covers_median, COVERAGE, (
+        *(Case(logs, _APART) for logs in _NUMBERS),
+        *(Case(logs, _FAILING, _FAILURES) for logs in (8, 30)),
+    )),
+    Question("difference claimed where none is", claims, FALSE_CLAIMS, (
+        *(Case(logs, World(), "2 backends") for logs in (6, 10, 30)),
+        *(Case(30, World((1,) * k), f"{k} backends") for k in (3, 4)),
+        *(Case(30, World((1,) * k, FAILING), f"{k} backends, {_FAILURES}") for k in (2, 4)),
+        Case(30, World(same=1 / 3), "2 backends, 1/3 of logs alike"),
+    )),
     Question("20 % difference found", finds, POWER, (Case(30, _APART, "2 backends"),)),
-    Question(
-        "the same, with no bound set",
-        finds,
-        None,
-        (
-            Case(30, World((1, BETTER, BETTER)), "3 backends"),
-            Case(30, _FAILING, f"2 backends, {_FAILURES}"),
-            *(Case(logs, _APART, "2 backends") for logs in (10, 20)),
-        ),
-    ),
+    Question("the same, with no bound set", finds, None, (
+        Case(30, World((1, BETTER, BETTER)), "3 backends"),
+        Case(30, _FAILING, f"2 backends, {_FAILURES}"),
+        *(Case(logs, _APART, "2 backends") for logs in (10, 20)),
+    )),
     *CLUSTERED,
     *(Question(*one) for one in COSTS),
-)
+)  # fmt: skip
 
 
 def main(comparisons: int = COMPARISONS) -> int:

@@ -2,7 +2,7 @@
 
 import contextlib
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
 from typing import Any
 
@@ -25,9 +25,9 @@ TOLERANCE = 1e-3
 """Share by which a cell's accuracy and consistency may differ. Paths are the same bit for bit on one machine only; on
 another processor last bits differ, and those of a stopped iteration more."""
 
-RANDOM = 2.0
-"""Factor, instead, where a backend draws at random and the processor or a library is another one: once a last bit
-differs, it takes other draws."""
+RANDOM = 1.0
+"""That share where a backend draws at random and the processor or a library is another one: once a last bit differs, it
+takes other draws."""
 
 ROUNDED = 1e-6  # m, rad or of a share: what is smaller is rounding
 
@@ -80,8 +80,8 @@ def check_cells(
             cell = cells[finished.index]
             ran(str(cell))
             random = cell.backend is not None and cell.backend.builder is not None and cell.backend.builder.random
-            loose = random and not same_code
-            wrong, apart = compared(cell.row.columns, finished.result, RANDOM - 1 if loose else TOLERANCE)
+            tolerance = RANDOM if random and not same_code else TOLERANCE
+            wrong, apart = compared(cell.row.columns, finished.result, tolerance)
             failed += [f"{cell}: {one}" for one in wrong]
             largest = max(largest, (f"{apart[0]} of {cell}", apart[1]), key=lambda one: one[1])
     said += faults("cells", [f"{one}." for one in failed])
@@ -100,15 +100,9 @@ def _not_run(found: ResultsFolder, trusted: Mapping[str, TrustedLog]) -> list[Fi
     for cell in found.cells:
         if cell.backend is None and cell.row.columns["status"] == "done" and cell.log_label in trusted:
             why.setdefault(cell.unknown.rstrip("."), []).append(cell.backend_label)
-    return [
-        Finding(
-            "cells",
-            OPEN,
-            f"{listed(list(dict.fromkeys(names)))}: not run again ({reason}); digests and scores from its paths were "
-            "checked.",
-        )
-        for reason, names in why.items()
-    ]
+    checked = "digests and scores from its paths were checked"
+    said = {reason: listed(list(dict.fromkeys(names))) for reason, names in why.items()}
+    return [Finding("cells", OPEN, f"{names}: not run again ({reason}); {checked}.") for reason, names in said.items()]
 
 
 def _batch(found: ResultsFolder, cell: CheckedCell, log: TrustedLog, place: int) -> Batch:
@@ -129,30 +123,21 @@ def _same_code(found: ResultsFolder) -> bool:
     return same and one_processor(found.run, {"environment": here})
 
 
-def compared(
-    row: Mapping[str, Any], result: Result, tolerance: float, names: Iterable[str] = COMPARED
-) -> tuple[Sequence[str], tuple[str, float]]:
+def compared(row: Mapping[str, Any], result: Result, tolerance: float) -> tuple[Sequence[str], tuple[str, float]]:
     """Compares a cell with its second run: what differs by more than the tolerance, and the largest difference."""
     if result.status != "done":
         return [f"ended as done, here as {result.status}: {result.reason}"], ("", 0.0)
     wrong, largest = list[str](), ("", 0.0)
-    for name in names:
+    for name in COMPARED:
         before, now = row.get(name), result.row.get(name)
-        if before is None and now is None:
-            continue
         if before is None or now is None:
-            wrong.append(f"{name} is {'none' if before is None else f'{before:.6g}'}, run again {now!r:.12}")
+            if before is not now:
+                wrong.append(f"{name} is {'none' if before is None else f'{before:.6g}'}, run again {now!r:.12}")
             continue
-        apart = _apart(before, now)
+        if math.isclose(before, now, rel_tol=1e-12, abs_tol=ROUNDED * 1e-3):
+            continue
+        apart = abs(before - now) / max(min(abs(before), abs(now)), ROUNDED)  # as a share of the smaller
         if apart > tolerance:
             wrong.append(f"{name} is {before:.6g}, run again {now:.6g}")
         largest = max(largest, (name, apart), key=lambda one: one[1])
     return wrong, largest
-
-
-def _apart(one: float, other: float) -> float:
-    """Returns by which share of the smaller one two values differ; 0 for what is rounding."""
-    if one == other or math.isclose(one, other, rel_tol=1e-12, abs_tol=ROUNDED * 1e-3):
-        return 0.0
-    least = max(min(abs(one), abs(other)), ROUNDED)
-    return abs(one - other) / least

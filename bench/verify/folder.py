@@ -1,14 +1,14 @@
 """The results folder that is checked: its record, and each of its cells as far as it can be made again here."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from ...core.errors import InputError
 from ..plan.spec import backend_variants, dataset_variants
-from ..plan.variant import BackendVariant, DatasetVariant, OneLog
-from ..record.schema import FILE, Row, label
+from ..plan.variant import BackendVariant, OneLog
+from ..record.schema import Row, label
 from ..record.store import Known, Store
 
 Subject = Literal["files", "logs", "scores", "cells"]
@@ -66,16 +66,6 @@ class ResultsFolder(NamedTuple):
         """Lists the backends that have a cell that is done."""
         return list(dict.fromkeys(cell.backend_label for cell in self.cells if cell.row.columns["status"] == "done"))
 
-    @property
-    def given_map(self) -> str:
-        """Describes the map that the run was given; "" where it had none."""
-        return self.run.get("map") or ""
-
-
-def looks_like_one(folder: Path) -> bool:
-    """True where the folder has at least one of the files by which a run is known."""
-    return any((folder / name).is_file() for name in (FILE, "run.json", "cells.csv"))
-
 
 def read(folder: Path) -> ResultsFolder:
     """Reads the record of a run; InputError where there is none, where it is damaged, and for a study's."""
@@ -83,32 +73,17 @@ def read(folder: Path) -> ResultsFolder:
         run = store.run()
         if run.get("kind", "run") != "run":
             raise InputError(f"{folder}: holds a study, expected the folder of a run.")
-        logs, dataset, backend = store.logs(), cache(_dataset), cache(_backend)
-        return ResultsFolder(
-            folder, run, tuple(_cell(row, logs.get(row.log), dataset, backend) for row in store.cells())
-        )
+        logs, cells, log_of, backend_of = store.logs(), list[CheckedCell](), cache(_log), cache(_backend)
+        for row in store.cells():
+            log, unknown = log_of(label(*row.key[:2]), row.key[-1])
+            backend, lacks = backend_of(label(*row.key[2:4]))
+            cells.append(CheckedCell(row, logs.get(row.log), log, backend, unknown or lacks))
+        return ResultsFolder(folder, run, tuple(cells))
 
 
-def _cell(
-    row: Row,
-    known: Known | None,
-    dataset: Callable[[str], tuple[DatasetVariant | None, str]],
-    backend: Callable[[str], tuple[BackendVariant | None, str]],
-) -> CheckedCell:
-    found, unknown = dataset(label(*row.key[:2]))
-    log = None
-    if found is not None:
-        try:
-            log = found.log(row.key[-1])
-        except InputError as error:
-            unknown = str(error)
-    made_by, lacks = backend(label(*row.key[2:4]))
-    return CheckedCell(row, known, log, made_by, unknown or lacks)
-
-
-def _dataset(name: str) -> tuple[DatasetVariant | None, str]:
+def _log(dataset: str, seed: int) -> tuple[OneLog | None, str]:
     try:
-        return dataset_variants(name)[0], ""
+        return dataset_variants(dataset)[0].log(seed), ""
     except InputError as error:
         return None, str(error)
 

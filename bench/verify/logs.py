@@ -45,8 +45,8 @@ def check_logs(
             continue  # it could not be made there either
         if cell.row.columns["digest"] != cell.known.digest:
             wrong.setdefault(name, f"the digest of {cell} is not that of its log in the record")
-        if found.given_map:
-            unmade.setdefault(f"the run is on a given map, {found.given_map}", []).append(name)
+        if given_map := found.run.get("map"):
+            unmade.setdefault(f"the run is on a given map, {given_map}", []).append(name)
         elif cell.log is None:
             unmade.setdefault(cell.unknown.rstrip("."), []).append(name)
         else:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.factors import Map, Truth
-from ...core.se2 import Array, Ints
+from ...core.factors import Map
+from ...core.se2 import Array
 from ...core.tum import read_tum
 from ..measure.accuracy import path_accuracy, stretches
 from ..measure.nees import nees, nees_columns
@@ -46,11 +46,8 @@ def check_scores(found: ResultsFolder, trusted: Mapping[str, TrustedLog]) -> lis
             dataset, options, backend, more, seed = cell.row.key
             place = found.folder / slugs[label(dataset, options)] / str(seed) / slugs[label(backend, more)]
             try:
-                paths = {
-                    name: read_tum(place / f"{name}.tum")
-                    for name in ("online", "final")
-                    if (place / f"{name}.tum").is_file()
-                }
+                there = [path for name in ("online", "final") if (path := place / f"{name}.tum").is_file()]
+                paths = {path.stem: read_tum(path) for path in there}
                 again = scores(log, paths, store.arrays(cell.row, ("t", "at", "cov", "online")))
             except InputError as error:
                 wrong.append(str(error))
@@ -71,11 +68,14 @@ def scores(log: TrustedLog, paths: Mapping[str, tuple[Array, Array]], arrays: Ma
     times than the log's."""
     truth = log.dataset.truth
     assert truth is not None
-    row: dict[str, Any] = {}
-    judged, at = _judged(log, truth, arrays)
-    over = stretches(judged, timed=length(log.dataset.log.t) is not None) if len(at) else {}
-    for name, (t, path) in paths.items():
-        if not np.array_equal(t, log.dataset.log.t):
+    t, judged, row = log.dataset.log.t, truth, dict[str, Any]()
+    if log.dataset.log.prior.start != "known" and "at" in arrays:  # steps count from the fix on
+        counts = np.isin(truth.t, t[arrays["at"]])
+        judged = truth._replace(t=truth.t[counts], poses=truth.poses[counts])
+    at = np.searchsorted(t, judged.t)
+    over = stretches(judged, timed=length(t) is not None) if len(at) else {}
+    for name, (times, path) in paths.items():
+        if not np.array_equal(times, t):
             raise InputError(f"the {name} path has other times than the log, expected one pose for each of its steps")
         prefix = "final_" if name == "final" else ""
         if truth.relations is not None:
@@ -87,15 +87,6 @@ def scores(log: TrustedLog, paths: Mapping[str, tuple[Array, Array]], arrays: Ma
         values = nees(paths["online"][1][at], arrays["cov"][at], judged.poses)
         row |= nees_columns("nees", values, 3)
     return {name: value for name, value in row.items() if value is not None}
-
-
-def _judged(log: TrustedLog, truth: Truth, arrays: Mapping[str, Any]) -> tuple[Truth, Ints]:
-    """The truth of the steps that count, and their numbers: all, but from the fix on where the start is unknown."""
-    t = log.dataset.log.t
-    if log.dataset.log.prior.start != "known" and "at" in arrays:
-        counts = np.isin(truth.t, t[arrays["at"]])
-        truth = truth._replace(t=truth.t[counts], poses=truth.poses[counts])
-    return truth, np.searchsorted(t, truth.t)
 
 
 def different(row: Mapping[str, Any], again: Mapping[str, Any]) -> Iterator[str]:

@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ...core.errors import InputError
+from ..record.schema import FILE
 from ..words.numerals import counted, listed
 from ..workers.executor import Executor
 from .again import check_cells
 from .files import check_files
-from .folder import FAILS, Finding, looks_like_one, read
+from .folder import FAILS, Finding, read
 from .logs import check_logs
 from .scores import check_scores
 
@@ -31,26 +32,14 @@ class Verification(NamedTuple):
         return any(finding.verdict == FAILS for finding in self.findings)
 
     @property
-    def verified(self) -> bool:
-        """True where nothing failed and a cell of each backend was run again."""
-        return not self.failed and bool(self.again) and not self.left
-
-    @property
-    def left(self) -> list[str]:
-        """Lists the backends of which no cell was run again."""
-        return [name for name in self.backends if name not in self.again]
-
-    @property
     def sentence(self) -> str:
-        """Concludes in a sentence."""
+        """Concludes in a sentence: verified where nothing failed and a cell of each backend was run again."""
         if self.failed:
             return f"Not verified: {counted(sum(one.verdict == FAILS for one in self.findings), 'fault')} found."
-        if self.verified:
-            cells = counted(len(self.again), "cell")
-            return f"Verified: nothing that was checked is wrong, and {cells} run again gave the same."
-        return (
-            f"Partly verified: nothing that was checked is wrong, but no cell of {listed(self.left, 4)} was run again."
-        )
+        said, left = "nothing that was checked is wrong", [name for name in self.backends if name not in self.again]
+        if self.again and not left:
+            return f"Verified: {said}, and {counted(len(self.again), 'cell')} run again gave the same."
+        return f"Partly verified: {said}, but no cell of {listed(left, 4)} was run again."
 
 
 def verify(
@@ -61,15 +50,13 @@ def verify(
     seed: int | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> Verification:
-    """Checks the folder that a run left.
+    """Checks the folder that a run left; InputError where it is none.
 
     `sample` cells are run again, SAMPLE and one of each backend where None; `seed` draws them, one that nobody can know
     before where None.
-
-    InputError where it is no folder of a run.
     """
-    if not folder.is_dir() or not looks_like_one(folder):
-        found = "is no folder" if not folder.is_dir() else "holds no results"
+    if not any((folder / name).is_file() for name in (FILE, "run.json", "cells.csv")):
+        found = "holds no results" if folder.is_dir() else "is no folder"
         raise InputError(f"{folder}: {found}; expected the folder that bench run left.")
     drawn_with = secrets.randbelow(LARGEST_SEED) if seed is None else seed
     findings = check_files(folder)

@@ -72,6 +72,10 @@ class ProgressBar:
         """Begins another task."""
         self._bars.reset(self._task, total=total, description=task, note="")
 
+    def advance(self) -> None:
+        """Counts one more."""
+        self.update(advance=1)
+
     def update(self, **fields: Any) -> None:
         """Changes fields of the bar: advance or completed, total, description, note."""
         self._bars.update(self._task, **fields)

@@ -19,11 +19,8 @@ def traceback(text: str) -> str:
 
 def _visible(text: str) -> str:
     """Escapes control characters, halves of surrogate pairs and the like, and the mark of what cannot be decoded."""
-    return "".join(c if c.isprintable() and c != "\N{REPLACEMENT CHARACTER}" else _code(c) for c in text)
-
-
-def _code(c: str) -> str:
-    return c.encode("unicode_escape").decode("ascii")
+    kept = ((c, c.isprintable() and c != "\N{REPLACEMENT CHARACTER}") for c in text)
+    return "".join(c if shown else c.encode("unicode_escape").decode("ascii") for c, shown in kept)
 
 
 def _cut(text: str, most: int) -> str:

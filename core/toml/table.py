@@ -19,14 +19,9 @@ from .lines import Place, lines
 T = TypeVar("T", bound=str | int)
 D = TypeVar("D")
 
-LARGEST = 2**63 - 1
-"""TOML's largest integer."""
-
-HUGE = 1e12
-"""Upper limit of lengths, times and factors."""
-
-SHOWN = 80
-"""Characters of a value that a message quotes."""
+LARGEST = 2**63 - 1  # TOML's largest integer
+HUGE = 1e12  # upper limit of lengths, times and factors
+SHOWN = 80  # characters of a value that a message quotes
 
 
 @dataclass(frozen=True)

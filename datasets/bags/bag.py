@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 from ...core.errors import InputError
 
-BAGS = (".bag", ".mcap", ".db3")
-"""Endings of a bag's file."""
+BAGS = (".bag", ".mcap", ".db3")  # endings of a bag's file
 
 REPAIRS = {
     ".bag": "`rosbag reindex` may repair an interrupted recording.",

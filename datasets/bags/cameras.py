@@ -14,8 +14,7 @@ from .topics import beside, choose
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
-WAITING = 4
-"""Most images held back for one received late."""
+WAITING = 4  # most images held back for one received late
 
 
 def in_order(messages: Iterator[Message]) -> Iterator[Message]:

@@ -49,8 +49,7 @@ _LAYOUTS = {
     "yuyv": _Layout(1, 2, cv2.COLOR_YUV2BGR_YUY2),
 }
 
-ENCODINGS = tuple(_LAYOUTS)
-"""Supported encodings of sensor_msgs/Image."""
+ENCODINGS = tuple(_LAYOUTS)  # supported encodings of sensor_msgs/Image
 
 
 def raw(message: Any) -> Image | None:

@@ -11,8 +11,7 @@ from .transforms import Transforms
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 
-FRAME = "odom"
-"""tf's frame of the odometry, unless another one is named."""
+FRAME = "odom"  # tf's frame of the odometry, unless another one is named
 
 
 class Odometry(NamedTuple):

@@ -17,8 +17,7 @@ from .columns import BACK, planar
 STILL = 1e-6
 """m, and in parts of a quaternion, by which a fixed transform may differ between messages."""
 
-Pair = tuple[str, str]
-"""A frame and the one in it: parent, child."""
+Pair = tuple[str, str]  # a frame and the one in it: parent, child
 
 
 class Moves(NamedTuple):

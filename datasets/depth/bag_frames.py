@@ -16,17 +16,17 @@ from ..bags.cameras import CAMERA_INFO, camera_of, info_beside
 from ..bags.odometry import find_odometry
 from ..bags.topics import found, plain
 from ..bags.transforms import Transforms
+from ..robot_files import ROBOT
 from .bag_images import chosen, frame_of, measured, picture, shots
 from .folder import robot_truth
 from .registering import Registration
-from .robot import ROBOT, DepthRobot
+from .robot import DepthRobot
 from .sources import Sources
 
 FOOTPRINT, BASES = "base_footprint", ("base_link", "base_footprint")
 """Frames of the robot: its origin on the floor, and those of its odometry where that does not name one."""
 
-ELSEWHERE, TURNED = 0.05, 0.05
-"""m and rad by which tf and robot.toml may differ without a remark."""
+ELSEWHERE, TURNED = 0.05, 0.05  # m and rad by which tf and robot.toml may differ without a remark
 
 
 class _Seen(NamedTuple):

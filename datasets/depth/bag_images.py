@@ -31,10 +31,7 @@ HEADER = struct.Struct("<iff")
 
 
 def chosen(bag: Bag, listed: Sequence[Topic], image: str | None, depth: str | None) -> tuple[Topic, Topic]:
-    """The topics of the images and of the depth images: those named, else the only ones of their kinds.
-
-    InputError for topics that are missing or ambiguous.
-    """
+    """The topics of images and depth images, named or the only ones; InputError for missing or ambiguous ones."""
     ofs = [topic for topic in listed if topic.type in (IMAGE, COMPRESSED) and topic.messages]
     deep = [topic for topic in ofs if is_depth(bag, topic)]
     flat = [topic for topic in ofs if topic not in deep]

@@ -26,13 +26,11 @@ from .shots import Flaw, Pixels, Shot, in_metres
 
 RGB, DEPTH, FRAMES, TRUTH = "rgb.txt", "depth.txt", "frames.csv", "groundtruth.txt"
 
-TUM_UNITS, MM = 5000.0, 1000.0
-"""Units of a depth image that are a metre."""
+TUM_UNITS, MM = 5000.0, 1000.0  # units of a depth image that are a metre
 
 COLUMNS = ["image", "depth", "t"]
 
-UPRIGHT = 0.5
-"""Least cosine between the robot's z axis by the truth and the world's."""
+UPRIGHT = 0.5  # least cosine between the robot's z axis by the truth and the world's
 
 
 class Listed(NamedTuple):

@@ -20,13 +20,14 @@ from ..bags.bag import Bag, is_bag
 from ..bags.cameras import COMPRESSED, IMAGE
 from ..prior import START_SD
 from ..readings import ODOMETRY, read_readings
+from ..robot_files import ROBOT, recording_in, robot_beside
 from ..truth import read_truth, with_truth
 from .bag_frames import read_bag
 from .bag_images import is_depth
 from .folder import Folder, is_folder, read_camera_truth, read_folder
 from .frames import Frames
 from .registering import Registration
-from .robot import ROBOT, DepthRobot, read_depth_robot
+from .robot import DepthRobot, read_depth_robot
 from .sources import Sources
 
 _KINDS = (
@@ -49,7 +50,7 @@ def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None
     Without a robot.toml a folder of images is read if it has lists of both kinds, and a bag if it has depth images.
     InputError for what is missing, ambiguous or cannot be used; for images, as they are read.
     """
-    file = robot_file or next((one for one in (path / ROBOT, path.absolute().parent / ROBOT) if one.is_file()), None)
+    file = robot_file or robot_beside(path)
     robot = None if file is None else read_depth_robot(file)
     if robot is None:
         if file is not None or not _is_depth(path):
@@ -96,21 +97,11 @@ def _is_depth(path: Path) -> bool:
 
 def _source(path: Path, robot: DepthRobot) -> Path:
     """The bag or folder that `path` is or contains; of several the one that robot.toml names."""
-    if robot.source is not None and path.is_dir() and not is_bag(path):
-        if not (path / robot.source).exists():
-            raise InputError(f"{path}: there is no {path / robot.source}, which is the [depth] source in {ROBOT}.")
-        return path / robot.source
-    if is_bag(path) or is_folder(path):
+    if is_bag(path) or (robot.source is None and is_folder(path)):
         return path
     if not path.is_dir():
         raise InputError(f"{path}: found a file of an unknown kind, expected {_KINDS}.")
-    inside = sorted(one for one in path.iterdir() if is_bag(one))
-    if len(inside) != 1:
-        names = ", ".join(one.name for one in inside) or "none"
-        raise InputError(
-            f"{path}: found {names}, expected one recording: {_KINDS}. [depth] source in {ROBOT} selects one."
-        )
-    return inside[0]
+    return recording_in(path, "depth", robot.source, sorted(one for one in path.iterdir() if is_bag(one)), _KINDS)
 
 
 def _of_folder(path: Path, robot: DepthRobot) -> Sources:

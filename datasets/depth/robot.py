@@ -35,10 +35,9 @@ from ...frontend.wheels.counters import MAX_SPEED
 from ...frontend.wheels.motion import Track, TrackNoise
 from ..bags.odometry import FRAME
 from ..prior import read_prior
+from ..robot_files import CALIBRATION, ROBOT
 from ..robot_tables import TRACK, calibrated, names_of, pose_in, robot_of, settings_in, track_noise, without_none
 from .frames import WITHIN
-
-ROBOT, CALIBRATION = "robot.toml", "calibration.yaml"
 
 FLOORS = ("floor", "turn_floor", "floor_share")
 
@@ -90,12 +89,12 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
     odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))
     topics = file.table("topics").only(DepthTopics._fields)
     placed = pose_in(camera, "mounting") if camera.has("mounting") else None
-    beside = _in_camera(pose_in(depth, "pose")) if depth.has("pose") else None
+    body = ahead(0, 0, 0, 0)  # T_body_camera of the first camera, whose body looks along its own x axis
     if depth.has("calibration") and depth.has("registered") and depth.switch("registered", False):
         raise depth.refused("registered", "is true beside a calibration, expected one or the other.")
     return DepthRobot(
         name=file.text_or_none("name"),
-        camera=calibrated(camera, ahead(0, 0, 0, 0) if placed is None else placed),
+        camera=calibrated(camera, body if placed is None else placed),
         mounting=placed,
         time_offset=camera.number("time_offset", 0.0),
         exposure=camera.number("exposure", 0.0, least=0),
@@ -103,7 +102,7 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
         units=depth.number("units", above=0) if depth.has("units") else None,
         within=depth.number("within", WITHIN, least=0),
         depth_camera=calibrated(depth, np.eye(4)),
-        pose=beside,
+        pose=body.T @ pose_in(depth, "pose") if depth.has("pose") else None,
         registered=depth.switch("registered", False) if depth.has("registered") else None,
         odom_frame=depth.text_or_none("odom_frame") or FRAME,
         truth_frame=depth.text_or_none("truth_frame"),
@@ -142,9 +141,3 @@ def write_depth_robot(path: Path, recording: DepthRecording, topics: DepthTopics
         write_whole(path, tomli_w.dumps(without_none(words)))
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}).") from error
-
-
-def _in_camera(pose: Array) -> Array:
-    """T_camera_depth of a camera placed at `pose` on another one's body, which looks along its own x axis."""
-    body = ahead(0, 0, 0, 0)  # T_body_camera of the first camera
-    return body.T @ pose

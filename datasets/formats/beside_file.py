@@ -28,8 +28,7 @@ from ...core.errors import InputError
 from ...core.factors import Log
 from ...core.files import read_arrays, replaced
 
-FILES = {kind: f"{kind}.npz" for kind in KINDS}
-"""Names of the files by the field of a log."""
+FILES = {kind: f"{kind}.npz" for kind in KINDS}  # names of the files by the field of a log
 
 
 def write_beside(folder: Path, log: Log) -> None:

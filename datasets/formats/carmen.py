@@ -36,8 +36,7 @@ from ..prior import START_SD
 from ..registry import Source
 from .relations import beside, build
 
-APART = 1e-6
-"""s; stamps that are closer are of the same scan."""
+APART = 1e-6  # s; stamps that are closer are of the same scan
 
 ROW = 1.0
 """s from one scan to the next where the stamps tell nothing: slow enough for no speed to matter."""

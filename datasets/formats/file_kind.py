@@ -7,8 +7,7 @@ from .tagged import tags
 
 CARMEN = (".clf", ".clf.gz")
 
-SUFFIXES = (".g2o", ".toro", ".graph", *CARMEN)
-"""Endings of such files."""
+SUFFIXES = (".g2o", ".toro", ".graph", *CARMEN)  # endings of such files
 
 
 def format_of(path: Path) -> str:

@@ -20,8 +20,7 @@ from ...core.se2 import Array, Ints, act
 from ...core.small_matrices import upper
 from .pose_graph import inverses
 
-MOST_ID = 2**31 - 1
-"""The largest id of a vertex: g2o's is an int."""
+MOST_ID = 2**31 - 1  # the largest id of a vertex: g2o's is an int
 
 
 def write_g2o(path: Path, log: Log, for_gtsam: bool = False) -> int:
@@ -53,7 +52,8 @@ def write_g2o(path: Path, log: Log, for_gtsam: bool = False) -> int:
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with beside.open("w", encoding="utf-8", newline="\n") as file:
-            file.writelines(_vertices(poses, first, landmarks, xy))
+            file.writelines(_rows("VERTEX_SE2", first + np.arange(len(poses)), *poses.T))
+            file.writelines(_rows("VERTEX_XY", landmarks, *xy.T))
             if known is not None and len(known.ids):
                 file.write(f"FIX {' '.join(map(str, known.ids.tolist()))}\n")
             file.writelines(() if for_gtsam else _prior(log, first))
@@ -65,11 +65,6 @@ def write_g2o(path: Path, log: Log, for_gtsam: bool = False) -> int:
     finally:
         beside.unlink(missing_ok=True)
     return left_out
-
-
-def _vertices(poses: Array, first: int, landmarks: Ints, xy: Array) -> Iterator[str]:
-    yield from _rows("VERTEX_SE2", first + np.arange(len(poses)), *poses.T)
-    yield from _rows("VERTEX_XY", landmarks, *xy.T)
 
 
 def _prior(log: Log, first: int) -> Iterator[str]:

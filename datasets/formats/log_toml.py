@@ -22,8 +22,7 @@ P = ParamSpec("P")
 
 FILES = ("odometry.csv", "sightings.csv", "loops.csv", "truth.tum", "landmarks.csv", "relations.csv")
 
-NOWHERE = Prior(np.zeros(3), np.eye(3))
-"""Replaces an unreadable prior."""
+NOWHERE = Prior(np.zeros(3), np.eye(3))  # replaces an unreadable prior
 
 LARGEST_FLOAT = sys.float_info.max
 

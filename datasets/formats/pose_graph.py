@@ -26,11 +26,8 @@ from ...core.se2 import Array, Ints, inverse, wrap
 from ...core.small_matrices import propagated
 from ...core.table import Table
 
-START = 1e-9
-"""m^2 and rad^2: variance of the first pose if the file has none."""
-
-_LEAST = 1e-15
-"""Smallest eigenvalue, with a unit diagonal, that is not mere rounding."""
+START = 1e-9  # m^2 and rad^2: variance of the first pose if the file has none
+_LEAST = 1e-15  # smallest eigenvalue, with a unit diagonal, that is not mere rounding
 
 
 class PoseGraph(NamedTuple):

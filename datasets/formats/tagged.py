@@ -14,11 +14,8 @@ from ...core.errors import InputError
 from ...core.se2 import Array
 from ...core.table import LARGEST, Table, text
 
-LIST = ("id",)
-"""The columns of rows with a variable number of ids: each becomes a row of its own."""
-
-LENGTHS = ("x", "y", "dx", "dy", "range")
-"""Columns in m, limited to LARGEST."""
+LIST = ("id",)  # the columns of rows with a variable number of ids: each becomes a row of its own
+LENGTHS = ("x", "y", "dx", "dy", "range")  # columns in m, limited to LARGEST
 
 
 def read_tagged(

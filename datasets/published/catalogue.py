@@ -41,8 +41,7 @@ class Published:
     largest: int = 2**30
 
 
-FILE = "{file}"
-"""Stands in an address for the name of a file."""
+FILE = "{file}"  # stands in an address for the name of a file
 
 _NONE_SEEN = "none stated with the copies seen; ask the authors before passing it on"
 

@@ -16,11 +16,8 @@ from urllib.parse import urlsplit
 from ...core.errors import InputError, SlamduelError
 from .unpack import NotFound
 
-RETRIES = 4
-"""Most tries; pooch waits 1 s, 2 s, 3 s and so on."""
-
-TIMEOUT = 30.0
-"""Timeout, in seconds, of a connection and of each read."""
+RETRIES = 4  # most tries; pooch waits 1 s, 2 s, 3 s and so on
+TIMEOUT = 30.0  # timeout, in seconds, of a connection and of each read
 
 BLOCK = 2**13
 

@@ -42,17 +42,13 @@ from .stepwise import FLOORED, FileRow, definite, read_rows
 _MOTION = ("rot1", "trans", "rot2")
 _SENSOR = ("id", "range", "bearing")
 
-START = 1e-9
-"""The variance of the origin, m^2 and rad^2: the course starts with zero."""
-
-COURSE = (0.1, 0.1, 0.01)
-"""The course's variances of (x, y, heading) per motion, m^2 and rad^2."""
+START = 1e-9  # the variance of the origin, m^2 and rad^2: the course starts with zero
+COURSE = (0.1, 0.1, 0.01)  # the course's variances of (x, y, heading) per motion, m^2 and rad^2
 
 NEAREST = 1e-3
 """m. Replaces a range that noise has made zero or negative: a range has to be more than 0."""
 
-_UNLIKELY = 5.0
-"""Standard deviations below zero at which a range is an error rather than noise."""
+_UNLIKELY = 5.0  # standard deviations below zero at which a range is an error rather than noise
 
 
 @dataclass(frozen=True)

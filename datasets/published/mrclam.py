@@ -30,17 +30,13 @@ from .mrclam_noise import noise
 
 Flags = NDArray[np.bool_]
 
-SETS = 9
-"""Number of datasets."""
+SETS = 9  # number of datasets
 
 GAP = 0.15
 """s. Steps in longer gaps between truth samples have no ground truth; usually samples are 0.01 to 0.03 s apart."""
 
-ALL = "all"
-"""Stands for every dataset, or every robot, in options."""
-
-LONGEST = 1e5
-"""s; dataset 6 lasts a quarter of an hour, and every second is a step."""
+ALL = "all"  # stands for every dataset, or every robot, in options
+LONGEST = 1e5  # s; dataset 6 lasts a quarter of an hour, and every second is a step
 
 START_SD = 1e-3
 """The prior's standard deviation in x and y (m) and heading (rad): about the Vicon system's resolution."""

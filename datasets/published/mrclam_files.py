@@ -20,14 +20,9 @@ from ...core.factors import Map
 from ...core.se2 import Array, Ints
 from ...core.table import Table, read_spaced
 
-LAST_ROBOT = 5
-"""Subjects up to this one are robots."""
-
-NOBODY = 0
-"""The subject of a barcode that is not in Barcodes.dat."""
-
-MARK = "Barcodes.dat"
-"""The file that identifies a dataset's folder."""
+LAST_ROBOT = 5  # subjects up to this one are robots
+NOBODY = 0  # the subject of a barcode that is not in Barcodes.dat
+MARK = "Barcodes.dat"  # the file that identifies a dataset's folder
 
 _LATEST = 1e10
 """s; later times, beyond the year 2286, are invalid, and would leave microseconds unresolved."""

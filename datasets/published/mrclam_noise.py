@@ -18,17 +18,13 @@ from ...core.truth_errors import difference, sighting_errors
 GROSS = (1.0, 0.15)
 """m, rad. Sightings with larger errors count as gross, and are excluded from the figures."""
 
-EDGES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 9.0)
-"""m; bins of distance."""
-
-FEWEST = 20
-"""Fewest errors for a figure."""
+EDGES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 9.0)  # m; bins of distance
+FEWEST = 20  # fewest errors for a figure
 
 HORIZON = 10.0
 """s over which the motion's error is evaluated: over one second it is dominated by the wheels' lag."""
 
-_TO_SD = 1.4826
-"""The standard deviation of a Gaussian per median absolute deviation."""
+_TO_SD = 1.4826  # the standard deviation of a Gaussian per median absolute deviation
 
 
 def noise(log: Log, truth: Truth) -> dict[str, Any]:

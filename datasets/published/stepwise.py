@@ -17,8 +17,7 @@ Flags = NDArray[np.bool_]
 _SHARE = 1e-9
 """Share of a covariance's largest eigenvalue below which the smallest counts as singular."""
 
-FLOOR = 1e-8
-"""The variance added to a singular covariance: 0.1 mm or 0.1 mrad."""
+FLOOR = 1e-8  # the variance added to a singular covariance: 0.1 mm or 0.1 mrad
 
 FLOORED = (
     f"a singular one is given {FLOOR:g} m^2 and rad^2 on its diagonal, or {2 * _SHARE:g} of its largest eigenvalue"

@@ -21,8 +21,7 @@ from ..hidden_ids import HiddenIds
 from ..registry import Source
 from .catalogue import PUBLISHED, fetched, place
 
-WORLD = "world"
-"""tf's frame of the motion capture."""
+WORLD = "world"  # tf's frame of the motion capture
 
 
 @dataclass(frozen=True)

@@ -12,16 +12,14 @@ from pathlib import Path, PurePosixPath
 from ...core.errors import InputError, SlamduelError
 from .catalogue import PUBLISHED, named_in
 
-LARGEST = 2**28
-"""Bytes: larger than any file in an archive of the published logs."""
+LARGEST = 2**28  # bytes: larger than any file in an archive of the published logs
 
 
 class NotFound(InputError):
     """The published log is not available at an address or path; the message names it and the reason."""
 
 
-Content = bytes | Path
-"""Of a file: read, or where it lies."""
+Content = bytes | Path  # of a file: read, or where it lies
 
 
 def unpacked(log: str, source: Path, called: str) -> dict[str, Content]:

@@ -42,32 +42,18 @@ Flags = NDArray[np.bool_]
 LENGTH, HALF_AXLE = 2.83, 0.76
 """m, wheel base, and from the middle of the rear axle to the wheel whose speed is measured."""
 
-AHEAD, LEFT = 3.78, 0.5
-"""m, of the laser from the middle of the rear axle."""
-
-LASTING = 1.0
-"""s that a steering error lasts."""
-
-STANDING = 0.01
-"""m/s; a slower car stands."""
-
-HOLE = 1.0
-"""s; longest time without a reading of speed and steering, which come every 0.025 s."""
-
-GAP = 0.5
-"""s; steps in longer gaps between GPS fixes, usually 0.2 s apart, have no ground truth."""
+AHEAD, LEFT = 3.78, 0.5  # m, of the laser from the middle of the rear axle
+LASTING = 1.0  # s that a steering error lasts
+STANDING = 0.01  # m/s; a slower car stands
+HOLE = 1.0  # s; longest time without a reading of speed and steering, which come every 0.025 s
+GAP = 0.5  # s; steps in longer gaps between GPS fixes, usually 0.2 s apart, have no ground truth
 
 COURSE, LEAST_WAY = 1.1, 1.0
 """s before and after a fix that its course is taken over, five fixes each, and the least way in m for that."""
 
-START_SD = 1e-3
-"""m and rad, of the prior, which fixes the world's frame to that of GPS."""
-
-TENTH = 10
-"""Of so many detections one is left out."""
-
-_LATEST, _FARTHEST, _FASTEST = 1e6, 1e5, 50.0
-"""s, m and m/s; the log lasts half an hour."""
+START_SD = 1e-3  # m and rad, of the prior, which fixes the world's frame to that of GPS
+TENTH = 10  # of so many detections one is left out
+_LATEST, _FARTHEST, _FASTEST = 1e6, 1e5, 50.0  # s, m and m/s; the log lasts half an hour
 
 
 @dataclass(frozen=True)

@@ -30,8 +30,7 @@ from ..quiet_decoders import silenced
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff", ".webp")
 FRAMES = "frames.csv"
 
-_UNITS = {19: 1e-9, 16: 1e-6, 13: 1e-3}
-"""Digits of an integer time since 1970 -> its unit, s."""
+_UNITS = {19: 1e-9, 16: 1e-6, 13: 1e-3}  # digits of an integer time since 1970 -> its unit, s
 
 
 class Shot(NamedTuple):

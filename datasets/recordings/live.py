@@ -51,8 +51,7 @@ class Live:
             self.capture.release()
 
 
-_PATIENCE = 30
-"""Most consecutive frames that a camera may fail to deliver."""
+_PATIENCE = 30  # most consecutive frames that a camera may fail to deliver
 
 
 def read(name: str, seconds: float | None) -> Live:

@@ -6,7 +6,7 @@ from ...core.errors import InputError
 from ...core.files import check_regular
 from ..bags.bag import is_bag
 from ..readings import ODOMETRY, TICKS, read_readings
-from ..scans.robot import ROBOT
+from ..robot_files import ROBOT, recording_in
 from ..truth import PLACES, POSES, read_truth
 from . import frames_folder, live, rosbag, video
 from .frames_folder import FRAMES, pictures
@@ -52,34 +52,21 @@ def _frames_of(path: Path, robot: Robot) -> Path:
     """The bag, video or folder of pictures that `path` is or contains; of several the one named by robot.toml."""
     if not path.is_dir() or is_bag(path):
         return path
-    named = None if robot.frames.source is None else path / robot.frames.source
-    if named is not None and named.exists():
-        return named
+    source = robot.frames.source
     found = sorted(
         one
         for one in path.iterdir()
         if is_bag(one) or one.suffix.lower() in VIDEOS or (one.is_dir() and one.name == "frames")
     )
-    if not found and pictures(path):
+    if not found and pictures(path) and (source is None or not (path / source).exists()):
         return path
-    if named is not None:
-        raise InputError(f"{path}: there is no {named}, which is the [frames] source in {ROBOT}.")
-    if not found and (inside := _recordings_below(path)):
+    below = sorted(one for one in path.glob("*/*") if is_bag(one) or one.suffix.lower() in VIDEOS)
+    if source is None and not found and below:
         raise InputError(
-            f"{path}: has no metadata.yaml and no recording itself, but {inside[0]} has one: name that one, with "
+            f"{path}: has no metadata.yaml and no recording itself, but {below[0]} has one: name that one, with "
             f"--robot FILE, or write the folder's metadata.yaml with `ros2 bag reindex`."
         )
-    if len(found) != 1:
-        names = ", ".join(one.name for one in found) or "none"
-        raise InputError(
-            f"{path}: found {names}, expected one recording: {_KINDS}. [frames] source in {ROBOT} selects one."
-        )
-    return found[0]
-
-
-def _recordings_below(folder: Path) -> list[Path]:
-    """The bags and videos one level below."""
-    return sorted(one for one in folder.glob("*/*") if is_bag(one) or one.suffix.lower() in VIDEOS)
+    return recording_in(path, "frames", source, found, _KINDS)
 
 
 def _has_words(folder: Path) -> bool:

@@ -29,9 +29,9 @@ from ..depth.open import build as build_depth
 from ..depth.open import open_depth
 from ..readings import ODOMETRY, TICKS
 from ..registry import Source
+from ..robot_files import ROBOT, robot_beside
 from ..scans.open import ScanTopics, open_scans
 from ..scans.open import build as build_scans
-from ..scans.robot import ROBOT
 from ..truth import with_truth
 from .open import is_live, read_streams
 from .robot import Robot, read_robot
@@ -91,11 +91,10 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
     if not is_live(path) and not path.exists():
         raise InputError(f"{path}: there is no such file or folder, expected a recording.")
     if robot is None:
-        beside = [] if is_live(path) else [folder / ROBOT for folder in (path, path.absolute().parent)]
-        found = [file for file in beside if file.is_file()]
-        if not found:
+        found = None if is_live(path) else robot_beside(path)
+        if found is None:
             raise InputError(f"{path}: found no {ROBOT}, expected one, or --robot FILE.")
-        robot = read_robot(found[0])
+        robot = read_robot(found)
     streams = read_streams(path, robot, seconds)
     camera = robot.camera
     if camera is not None and streams.camera is not None:
@@ -175,7 +174,12 @@ class _FramesOnClock:
             inside += bool(first <= t <= last)
             if frame.image is not None:
                 decoded += 1
-                self._check_size(number - 1, *frame.image.shape[:2])
+                height, width = frame.image.shape[:2]
+                if (width, height) != (self.camera.width, self.camera.height):
+                    raise InputError(
+                        f"{self.path}: frame {number - 1} has {width}x{height} pixels, expected the "
+                        f"{self.camera.width}x{self.camera.height} of the camera's calibration."
+                    )
             yield Frame(t, frame.image)
         if not number:
             raise InputError(f"{self.path}: found no frames, expected at least one.")
@@ -185,11 +189,4 @@ class _FramesOnClock:
             raise InputError(
                 f"{self.path}: no frame is within the time of the motion's readings: frames are from {begin} to {end} "
                 f"s, readings from {first} to {last} s; [camera] time_offset in {ROBOT} is added to the frames' times."
-            )
-
-    def _check_size(self, number: int, height: int, width: int) -> None:
-        if (width, height) != (self.camera.width, self.camera.height):
-            raise InputError(
-                f"{self.path}: frame {number} has {width}x{height} pixels, expected the {self.camera.width}x"
-                f"{self.camera.height} of the camera's calibration."
             )

@@ -38,14 +38,11 @@ from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Drift, TrackNoise
 from ..prior import START_SD, read_prior
+from ..robot_files import CALIBRATION
 from ..robot_tables import TRACK, calibrated, floors_in, names_of, numbers_in, pose_in, track_noise, without_none
 from .rosbag import Topics
 
-CALIBRATION = "calibration.yaml"
-"""Name of the file beside a recording."""
-
-LONGEST_READOUT = 0.5
-"""s; the slowest sensors take a tenth of a second for all rows."""
+LONGEST_READOUT = 0.5  # s; the slowest sensors take a tenth of a second for all rows
 
 NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated": PropagatedNoise}
 """[noise] model -> a dataclass whose fields, all numbers, are the table's other keys."""

@@ -17,6 +17,7 @@ from ...core.factors import Truth
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Recording
 from ...frontend.wheels.motion import Drift, Track, Wheels
+from ..robot_files import ROBOT
 from ..truth import write_truth
 from .new_folders import new_folders
 from .robot import Robot, write_robot
@@ -32,15 +33,10 @@ FORMATS = {
 }
 """Formats of a drive."""
 
-_Add = Callable[[float, Image], None]
-"""Writes the next frame, at its time (s)."""
+_Add = Callable[[float, Image], None]  # writes the next frame, at its time (s)
 
 
-def write(
-    places: Mapping[Path, str],
-    recording: Recording,
-    truth: Truth | None,
-) -> None:
+def write(places: Mapping[Path, str], recording: Recording, truth: Truth | None) -> None:
     """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`.
 
     A folder must not exist or be empty, and appears complete or not at all. InputError if one cannot be written, or the
@@ -162,7 +158,7 @@ def write_track(folder: Path, track: Track) -> None:
 
 def _write_words(folder: Path, recording: Recording, truth: Truth | None) -> None:
     """robot.toml, calibration.yaml, and the ground truth if known."""
-    write_robot(folder / "robot.toml", _robot(recording))
+    write_robot(folder / ROBOT, _robot(recording))
     if truth is not None:
         write_truth(folder, truth)
 

@@ -19,6 +19,7 @@ from ...frontend.depth.recording import DepthFrame, DepthRecording
 from ...frontend.wheels.motion import Track
 from ..depth.folder import MM, TRUTH, TUM_UNITS
 from ..depth.robot import DepthTopics, write_depth_robot
+from ..robot_files import ROBOT
 from ..truth import write_truth
 from .new_folders import new_folders
 from .write import write_rows, write_track
@@ -59,7 +60,7 @@ def write_depth(places: Mapping[Path, str], recording: DepthRecording, truth: Tr
             folder = beside[place]
             bag = kind not in ("tum", "frames")
             topics = DepthTopics(odometry=TOPICS.odometry, image=TOPICS.image, camera_info=TOPICS.camera_info)
-            write_depth_robot(folder / "robot.toml", recording, topics if bag else None)
+            write_depth_robot(folder / ROBOT, recording, topics if bag else None)
             if isinstance(recording.motion, Track) and not bag:
                 write_track(folder, recording.motion)
             if truth is not None and kind == "tum":

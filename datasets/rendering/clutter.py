@@ -12,28 +12,19 @@ from ...frontend.markers.aruco import Image
 from ...frontend.markers.markers import find
 from .lens import Singles
 
-DICTIONARY = "4X4_50"
-"""The dictionary in question."""
-
-BLUR = 0.6
-"""px, standard deviation."""
-
-GRAIN = 2.0
-"""Grey levels, standard deviation."""
+DICTIONARY = "4X4_50"  # the dictionary in question
+BLUR = 0.6  # px, standard deviation
+GRAIN = 2.0  # grey levels, standard deviation
 
 STRANGERS = ("6X6_250", "5X5_100", "7X7_100", "APRILTAG_16H5", "APRILTAG_36H11", "ARUCO_ORIGINAL")
 """Dictionaries of the distracting markers, except those shared with DICTIONARY."""
 
-THINGS = (6, 16)
-"""Range of their number in a frame."""
-
-CELL = 12
-"""px per cell of a texture, before perspective."""
+THINGS = (6, 16)  # range of their number in a frame
+CELL = 12  # px per cell of a texture, before perspective
 
 WORDS = ("EXIT", "H8", "Room 4.07", "#####", "OO", "M", "[#]", "%&@", "E3", "NO ENTRY", "0123", "B")
 
-Bits = NDArray[np.bool_]
-"""(n, n) cells, True is white."""
+Bits = NDArray[np.bool_]  # (n, n) cells, True is white
 
 
 def clutter(camera: Camera, count: int, rng: np.random.Generator) -> Iterator[Image]:

@@ -19,11 +19,8 @@ NOISE_SD = 0.12
 SMOOTH = 1.0
 """px, standard deviation of the window that a disparity is found with: neighbours within 3 px err alike."""
 
-STEPS = 8
-"""Disparities per px: the Kinect tells eighths."""
-
-NEAR, FARTHEST = 0.5, 4.5
-"""m, the range of depths."""
+STEPS = 8  # disparities per px: the Kinect tells eighths
+NEAR, FARTHEST = 0.5, 4.5  # m, the range of depths
 
 JUMP, AROUND = 0.06, 2
 """Nothing is measured where depth changes by more than this share of it within so many pixels."""

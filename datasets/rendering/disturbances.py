@@ -11,20 +11,11 @@ from ...frontend.markers.pipeline import Frame
 from .lens import Singles
 from .render import Conditions, Cover, Renderer
 
-GRID = 40
-"""px between the pixels whose streaks are measured."""
-
-STILL = 0.02
-"""px; shorter streaks are ignored."""
-
-SPREAD = 3.0
-"""px, standard deviation of the blur of an occluder's edge: it is too near to be sharp."""
-
-DUSK = 45.0
-"""px, over which half of a shadow's edge falls."""
-
-BEATS = np.array([3.1, 5.3, 8.9, 15.7])
-"""s, periods of the brightness drift's components."""
+GRID = 40  # px between the pixels whose streaks are measured
+STILL = 0.02  # px; shorter streaks are ignored
+SPREAD = 3.0  # px, standard deviation of the blur of an occluder's edge: it is too near to be sharp
+DUSK = 45.0  # px, over which half of a shadow's edge falls
+BEATS = np.array([3.1, 5.3, 8.9, 15.7])  # s, periods of the brightness drift's components
 
 
 @dataclass(frozen=True)
@@ -38,11 +29,7 @@ class Disturbances:
 
 
 def take(
-    renderer: Renderer,
-    path: Callable[[Array], Array],
-    t: Array,
-    disturbances: Disturbances,
-    rng: np.random.Generator,
+    renderer: Renderer, path: Callable[[Array], Array], t: Array, disturbances: Disturbances, rng: np.random.Generator
 ) -> Iterator[Frame]:
     """Yields the frames at `t` (n,), s, the middles of their exposures.
 

@@ -11,20 +11,14 @@ from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
 
 Singles = NDArray[np.float32]
-Part = tuple[slice, slice]
-"""Rows and columns of an image."""
-
-NEAR = 1e-6
-"""m; least distance in front of the lens at which an outline is clipped."""
+Part = tuple[slice, slice]  # rows and columns of an image
+NEAR = 1e-6  # m; least distance in front of the lens at which an outline is clipped
 
 COLOURS = np.array([0.299, 0.587, 0.114], np.float32)
 """Shares of red, green and blue in grey: the luma of JPEG (ITU-R BT.601)."""
 
-CAMERAS_KEPT = 256
-"""As many lenses as the bands of a frame have for three colours."""
-
-BLOCK = 8
-"""px, side of the blocks in which rays are looked up."""
+CAMERAS_KEPT = 256  # as many lenses as the bands of a frame have for three colours
+BLOCK = 8  # px, side of the blocks in which rays are looked up
 
 NOWHERE = np.float32(-1e6)
 """px, a plane position outside of every texture: for rays that meet the plane behind the camera."""

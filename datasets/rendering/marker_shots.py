@@ -24,8 +24,7 @@ from .sensor import IDEAL, Sensor
 from .sheet import PERFECT, Print
 from .surfaces import Surfaces, paint
 
-SIDE = 0.16
-"""m, side of a marker."""
+SIDE = 0.16  # m, side of a marker
 
 HALL = Room(14.0, 5.0, 2.5, SIDE, (), lamp=(-6.0, 0.0, 2.4))
 """The room around the markers, its lamp above the camera."""
@@ -33,8 +32,7 @@ HALL = Room(14.0, 5.0, 2.5, SIDE, (), lamp=(-6.0, 0.0, 2.4))
 EYE = np.array([[0.0, 0.0, 1.0, -6.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.8], [0.0, 0.0, 0.0, 1.0]])
 """T_world_camera: at one end of the hall, level, looking along it."""
 
-RIM = 2.0
-"""px of the frame around a sheet of paper."""
+RIM = 2.0  # px of the frame around a sheet of paper
 
 TRIES = 2000
 

@@ -7,26 +7,16 @@ from ...frontend.markers.aruco import Image
 from .room import Room
 from .surfaces import DENSITY, Grey, Surfaces
 
-SIDES = (0.4, 0.8)
-"""m, range of the posters' widths and heights."""
+SIDES = (0.4, 0.8)  # m, range of the posters' widths and heights
 
 MIDDLES = (0.45, 0.95)
 """m, range of the heights of their middles: in view of a low camera that looks down."""
 
-RUG = (0.7, 1.3)
-"""m, range of the rugs' sides."""
-
-FADED = (0.6, 20.0)
-"""Contrast of a rug, and the grey level of its black."""
-
-FINEST = 4
-"""px, the smallest shapes: 25 mm."""
-
-SHAPES = 24
-"""Per scale, if each covers no part of another."""
-
-SPECKLES = 6.0
-"""Grey levels, standard deviation of the print's unevenness."""
+RUG = (0.7, 1.3)  # m, range of the rugs' sides
+FADED = (0.6, 20.0)  # contrast of a rug, and the grey level of its black
+FINEST = 4  # px, the smallest shapes: 25 mm
+SHAPES = 24  # per scale, if each covers no part of another
+SPECKLES = 6.0  # grey levels, standard deviation of the print's unevenness
 
 
 def decorated(

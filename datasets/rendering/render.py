@@ -26,11 +26,8 @@ from .sensor import IDEAL, LINES, Sensor
 from .sheet import PERFECT, Print, Sheet, printed_sheets
 from .surfaces import DENSITY, Surfaces
 
-BAND = 30
-"""Rows of a frame processed at a time: as much as fits a core's cache."""
-
-CEILING = 188.0
-"""Grey level above the walls."""
+BAND = 30  # rows of a frame processed at a time: as much as fits a core's cache
+CEILING = 188.0  # grey level above the walls
 
 
 class Cover(NamedTuple):

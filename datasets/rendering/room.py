@@ -53,8 +53,7 @@ class Room:
 LOW, HIGH = 0.3, 0.75
 """m, heights of markers on the walls: visible to a camera that looks down from across a room."""
 
-MARGIN = 0.3
-"""m, between a marker's centre and the next corner, or, on the floor, the next wall."""
+MARGIN = 0.3  # m, between a marker's centre and the next corner, or, on the floor, the next wall
 
 SHEET = 8 / 6
 """Ratio of a marker's sheet of paper to its black square, for dictionaries of 4 x 4 bits."""

@@ -22,11 +22,8 @@ from ...core.se2 import Array
 from ...frontend.markers.aruco import Image
 from .lens import COLOURS, Singles
 
-LINES = 10
-"""Rows of a frame that a rolling shutter is taken to read at once."""
-
-LEVELS = 65535 / 255
-"""Levels of the converter behind the sensor, of 16 bits, per grey level."""
+LINES = 10  # rows of a frame that a rolling shutter is taken to read at once
+LEVELS = 65535 / 255  # levels of the converter behind the sensor, of 16 bits, per grey level
 
 LINEAR, SRGB = "linear", "srgb"
 

@@ -12,8 +12,7 @@ from ...frontend.markers.aruco import square
 from ...frontend.markers.markers import find
 from .lens import NOWHERE, Singles
 
-INK, PAPER = 34.0, 222.0
-"""Grey levels of a marker."""
+INK, PAPER = 34.0, 222.0  # grey levels of a marker
 
 SHINE = 60.0
 """Exponent of a highlight on glossy paper: half of it is within 9 degrees of the mirrored lamp's half-way normal."""

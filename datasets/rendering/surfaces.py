@@ -9,17 +9,13 @@ from numpy.typing import NDArray
 from .boxes import Box, Face
 from .room import Room
 
-DENSITY = 160
-"""px per metre of the painted surfaces."""
-
-PLANK = 0.14
-"""m, the width of a floorboard."""
+DENSITY = 160  # px per metre of the painted surfaces
+PLANK = 0.14  # m, the width of a floorboard
 
 WALLS = np.array([168.0, 152.0, 180.0, 160.0])
 """Grey levels of the four walls, which are lit differently."""
 
-FADED = 28
-"""Widths from a line at which it has vanished: exp(-28^2) is 0 in double precision."""
+FADED = 28  # widths from a line at which it has vanished: exp(-28^2) is 0 in double precision
 
 Grey = NDArray[np.floating]
 

@@ -27,14 +27,9 @@ from .robot import LaserRobot
 
 SCAN = "sensor_msgs/msg/LaserScan"
 
-APART = 1000
-"""ns; stamps that are closer are of the same scan."""
-
-SAME = 1e-3
-"""rad by which the beams of two scans may differ."""
-
-SWEEP = 1.0
-"""s; a sweep that lasts longer is a `time_increment` in other units."""
+APART = 1000  # ns; stamps that are closer are of the same scan
+SAME = 1e-3  # rad by which the beams of two scans may differ
+SWEEP = 1.0  # s; a sweep that lasts longer is a `time_increment` in other units
 
 SNAPSHOT = "a scan counts as taken at once, in the middle of its sweep; its beams are not corrected for the motion"
 
@@ -90,7 +85,8 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
         angles = -angles
     if angles[0] > angles[-1]:
         angles, ranges = angles[::-1].copy(), ranges[:, ::-1].copy()
-    scanner = Scanner(angles, mounted.pose, *_limits(scans, robot))
+    least, most = scans.limits
+    scanner = Scanner(angles, mounted.pose, max(robot.min_range, least), min(robot.max_range, most))
     if scanner.most > CODES[0]:
         ranges = without_codes(ranges)
     if not ((ranges > scanner.least) & (ranges < scanner.most)).any():
@@ -113,12 +109,6 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     prior = robot.prior or Prior(start, START_SD**2 * np.eye(3))
     name = robot.name or path.name.partition(".")[0]
     return LaserRecording(name, scanner, scans.t[here.rows], ranges[here.rows], here.poses, prior, notes), remarks
-
-
-def _limits(scans: Scans, robot: LaserRobot) -> tuple[float, float]:
-    """The least and largest range of a return: the robot's, within those that the scanner states."""
-    least, most = scans.limits
-    return max(robot.min_range, least), min(robot.max_range, most)
 
 
 def _scans(bag: Bag, topic: Topic, remarks: list[str]) -> Scans:

@@ -9,11 +9,8 @@ from ...core.se2 import Array, wrap
 from ..bags.columns import LEVEL
 from ..bags.transforms import Transforms
 
-BASES = ("base_link", "base_footprint")
-"""Frames of the robot itself, where no odometry names one."""
-
-ELSEWHERE, TURNED = 0.05, 0.05
-"""m and rad by which tf and robot.toml may differ without a remark."""
+BASES = ("base_link", "base_footprint")  # frames of the robot itself, where no odometry names one
+ELSEWHERE, TURNED = 0.05, 0.05  # m and rad by which tf and robot.toml may differ without a remark
 
 
 class Mounted(NamedTuple):

@@ -17,9 +17,10 @@ from ..formats import relations
 from ..formats.carmen import Reading, read_scans
 from ..formats.file_kind import CARMEN
 from ..grid_file import localised
+from ..robot_files import ROBOT, recording_in, robot_beside
 from ..truth import read_truth, with_truth
 from .bag_scans import SCAN, read_bag
-from .robot import ROBOT, LaserRobot, read_laser_robot
+from .robot import LaserRobot, read_laser_robot
 
 _KINDS = "a ROS bag (.bag, .mcap, or a folder with metadata.yaml) or a CARMEN log (.clf)"
 
@@ -47,7 +48,7 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
     Without a robot.toml a CARMEN log is read as it is, and a bag if it has scans. InputError for what is missing,
     ambiguous or cannot be used.
     """
-    file = robot_file or next((one for one in (path / ROBOT, path.absolute().parent / ROBOT) if one.is_file()), None)
+    file = robot_file or robot_beside(path)
     robot = None if file is None else read_laser_robot(file)
     if robot is None and file is not None:
         if is_carmen(path):
@@ -56,7 +57,8 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
             raise InputError(f"{file}: has no [laser], expected it where a topic of scans or their odometry is named.")
         return None
     if robot is None:
-        if not (is_carmen(path) or (is_bag(path) and path.exists() and _has_scans(path))):
+        scans = is_bag(path) and path.exists() and any(one.type == SCAN and one.messages for one in Bag(path).listed())
+        if not (scans or is_carmen(path)):
             return None
         robot = LaserRobot()
     if topics is not None:
@@ -88,10 +90,6 @@ def is_carmen(path: Path) -> bool:
     return path.name.lower().endswith(CARMEN) and not path.is_dir()
 
 
-def _has_scans(path: Path) -> bool:
-    return any(topic.type == SCAN and topic.messages for topic in Bag(path).listed())
-
-
 def _carmen(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     """A CARMEN log as the robot wants it."""
     for setting, given in (("topic", robot.topic), ("odometry", robot.odometry_topic)):
@@ -107,14 +105,5 @@ def _source(path: Path, robot: LaserRobot) -> Path:
     """The bag or log that `path` is or contains; of several the one that robot.toml names."""
     if not path.is_dir() or is_bag(path):
         return path
-    if robot.source is not None:
-        if not (path / robot.source).exists():
-            raise InputError(f"{path}: there is no {path / robot.source}, which is the [laser] source in {ROBOT}.")
-        return path / robot.source
     inside = sorted(one for one in path.iterdir() if is_bag(one) or is_carmen(one))
-    if len(inside) != 1:
-        names = ", ".join(one.name for one in inside) or "none"
-        raise InputError(
-            f"{path}: found {names}, expected one recording: {_KINDS}. [laser] source in {ROBOT} selects one."
-        )
-    return inside[0]
+    return recording_in(path, "laser", robot.source, inside, _KINDS)

@@ -21,10 +21,7 @@ from ...frontend.laser.settings import Settings
 from ..prior import read_prior
 from ..robot_tables import names_of, robot_of, settings_in
 
-ROBOT = "robot.toml"
-
-FARTHEST = 100.0
-"""m; ranges end here."""
+FARTHEST = 100.0  # m; ranges end here
 
 _OWN = ("topic", "source", "pose", "min_range", "max_range", "odometry", "max_gap", "odom_frame")
 

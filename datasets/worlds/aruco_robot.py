@@ -44,16 +44,12 @@ CAMERA = Camera(
     ),
 )
 
-SIDE, FARTHEST = 0.14, 3.0
-"""m, of a marker, and from the camera to the farthest that is used."""
-
-FLATTEST = cos(np.deg2rad(70.0))
-"""Largest viewing angle at which a marker is read."""
+SIDE, FARTHEST = 0.14, 3.0  # m, of a marker, and from the camera to the farthest that is used
+FLATTEST = cos(np.deg2rad(70.0))  # largest viewing angle at which a marker is read
 
 ROOM = Room(length=6.0, width=5.0, height=2.5, side=SIDE, markers=())
 
-LOW, HIGH = 0.1, 0.9
-"""m above the camera, range of the markers' heights on the walls."""
+LOW, HIGH = 0.1, 0.9  # m above the camera, range of the markers' heights on the walls
 
 LOOP = ClosedPath(
     cos=np.array([[1.5, 0.0], [0.0, 0.0], [0.15, 0.0]]),
@@ -88,22 +84,11 @@ def aruco_robot(options: Options, rng: np.random.Generator) -> Dataset:
     right[:, 1] = wrap(right[:, 1])
     sd = np.sqrt(NOISE.cov(right)[:, [0, 1], [0, 1]])
     z, _ = polar(poses[step], xy, sd, seeing)
-    ids = np.arange(options.markers)
-    log = Log.from_arrays(
-        "aruco-robot",
-        prior(poses[0], start),
-        t,
-        delta,
-        delta_cov,
-        step,
-        ids[marker],
-        z,
-        NOISE.cov(z),  # from the readings, as on a robot
-        notes={
-            "source": "simulated after ArUco EKF SLAM and its implementation; room, drive and floors are ours",
-            "noise": NOISE.settings,
-        },
-    )
+    z_cov = NOISE.cov(z)  # from the readings, as on a robot
+    ids, beginning = np.arange(options.markers), prior(poses[0], start)
+    after = "simulated after ArUco EKF SLAM and its implementation; room, drive and floors are ours"
+    notes = {"source": after, "noise": NOISE.settings}
+    log = Log.from_arrays("aruco-robot", beginning, t, delta, delta_cov, step, ids[marker], z, z_cov, notes=notes)
     return with_faults(Dataset(log, Truth(t, poses, Map(ids, places[:, :2], None), None, "truth")), options, rng)
 
 

@@ -48,8 +48,7 @@ LOOP = ClosedPath(
 )
 """A figure of eight of 11.3 m: as much turning left as right, and no bend tighter than 0.54 m."""
 
-BERTH = 0.3
-"""m, least distance of the robot's middle from a box."""
+BERTH = 0.3  # m, least distance of the robot's middle from a box
 
 
 @dataclass(frozen=True)

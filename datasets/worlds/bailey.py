@@ -24,23 +24,12 @@ from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import FLOORS, in_reach, polar, prior
 
-SPEED = 3.0
-"""m/s."""
-
-WHEEL_BASE = 4.0
-"""m, from the front axle to the rear one."""
-
-MOST_STEERING, STEERING_RATE = radians(30.0), radians(20.0)
-"""rad and rad/s."""
-
-CONTROL = 0.025
-"""s between controls."""
-
-CONTROLS = 8
-"""Controls between sightings."""
-
-NEAR = 1.0
-"""m from a waypoint at which the car turns to the next."""
+SPEED = 3.0  # m/s
+WHEEL_BASE = 4.0  # m, from the front axle to the rear one
+MOST_STEERING, STEERING_RATE = radians(30.0), radians(20.0)  # rad and rad/s
+CONTROL = 0.025  # s between controls
+CONTROLS = 8  # controls between sightings
+NEAR = 1.0  # m from a waypoint at which the car turns to the next
 
 WAYPOINTS = np.array(
     [[35, 0], [60, 10], [68, 32], [55, 52], [30, 48], [5, 58], [-18, 48], [-25, 25], [-15, 5], [0, 0]], float
@@ -88,20 +77,9 @@ def bailey(options: Options, rng: np.random.Generator) -> Dataset:
     z, z_cov = polar(poses[step], xy[row], sighting_sd, seeing)
     t = CONTROL * CONTROLS * np.arange(len(poses), dtype=np.float64)
     ids = np.arange(options.landmarks)
-    log = Log.from_arrays(
-        "bailey",
-        prior(poses[0], start),
-        t,
-        delta,
-        delta_cov,
-        step,
-        ids[row],
-        z,
-        z_cov,
-        notes={
-            "source": "simulated after Bailey and others, IROS 2006 and ICRA 2006; waypoints and landmarks are ours",
-        },
-    )
+    after = "simulated after Bailey and others, IROS 2006 and ICRA 2006; waypoints and landmarks are ours"
+    beginning, notes = prior(poses[0], start), {"source": after}
+    log = Log.from_arrays("bailey", beginning, t, delta, delta_cov, step, ids[row], z, z_cov, notes=notes)
     return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 

@@ -25,11 +25,8 @@ from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import in_reach, odometry, prior, sightings
 
-BASE = 0.5
-"""m between the wheels."""
-
-PERIOD = 1.0
-"""s between steps."""
+BASE = 0.5  # m between the wheels
+PERIOD = 1.0  # s between steps
 
 
 @dataclass(frozen=True)
@@ -63,27 +60,17 @@ def circle(options: Options, rng: np.random.Generator) -> Dataset:
     z, z_cov = sightings(poses[step], xy[row], options.sighting, seeing)
     t = PERIOD * np.arange(options.steps, dtype=np.float64)
     ids = np.arange(options.landmarks)
-    log = Log.from_arrays(
-        "circle",
-        prior(poses[0], world),
-        t,
-        delta,
-        delta_cov,
-        step,
-        ids[row],
-        z,
-        z_cov,
-        notes={"source": "simulated after Huang, Mourikis and Roumeliotis, IJRR 29(5), 2010"},
-    )
+    notes = {"source": "simulated after Huang, Mourikis and Roumeliotis, IJRR 29(5), 2010"}
+    start = prior(poses[0], world)
+    log = Log.from_arrays("circle", start, t, delta, delta_cov, step, ids[row], z, z_cov, notes=notes)
     return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 
 def _round(options: Options) -> Array:
     """The true poses (steps, 3): counter-clockwise from the origin, initially along x."""
-    radius = options.speed / options.turn_rate
     heading = PERIOD * options.turn_rate * np.arange(options.steps, dtype=np.float64)
     s, c = sincos(heading)
-    xy = radius * np.stack((s, 1 - c), axis=-1)
+    xy = options.speed / options.turn_rate * np.stack((s, 1 - c), axis=-1)
     return np.column_stack((xy, wrap(heading)))
 
 

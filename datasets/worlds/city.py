@@ -18,23 +18,12 @@ from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import in_reach, odometry, prior, sightings
 
-BLOCK = 20.0
-"""m between the middles of two streets."""
-
-KERB = 2.0
-"""m from the middle of a street to its landmarks."""
-
-BEND = 2.0
-"""m, turning radius of the robot at a crossing."""
-
-SPACING = 2.8
-"""m along a side of a street per landmark, on average."""
-
-LEAST_RANGE = 0.5
-"""m; nearer landmarks are not sighted."""
-
-HEADINGS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
-"""East, north, west and south, in blocks."""
+BLOCK = 20.0  # m between the middles of two streets
+KERB = 2.0  # m from the middle of a street to its landmarks
+BEND = 2.0  # m, turning radius of the robot at a crossing
+SPACING = 2.8  # m along a side of a street per landmark, on average
+LEAST_RANGE = 0.5  # m; nearer landmarks are not sighted
+HEADINGS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])  # east, north, west and south, in blocks
 
 
 @dataclass(frozen=True)
@@ -46,10 +35,7 @@ class Options(HiddenIds, OnMap, Faults):
     )
     steps: int = option(2000, "steps of the drive", minimum=2, maximum=1_000_000)
     passes: float = option(
-        0.0,
-        "length of the drive over that of all streets, instead of steps; 0: use steps",
-        minimum=0.0,
-        maximum=100.0,
+        0.0, "length of the drive over that of all streets, instead of steps; 0: use steps", minimum=0.0, maximum=100.0
     )
     stride: float = option(1.0, "distance from step to step, m", minimum=0.05, maximum=10.0)
     speed: float = option(2.0, "speed of the robot, m/s", minimum=0.05, maximum=50.0)
@@ -75,22 +61,10 @@ def city(options: Options, rng: np.random.Generator) -> Dataset:
     z, z_cov = sightings(poses[step], xy[row], options.sighting, seeing)
     t = way / options.speed
     ids = np.arange(len(xy))
-    log = Log.from_arrays(
-        "city",
-        prior(poses[0], world),
-        t,
-        delta,
-        delta_cov,
-        step,
-        ids[row],
-        z,
-        z_cov,
-        notes={
-            "source": "slamduel's own city",
-            "blocks along a side": blocks,
-            "landmarks sighted": len(np.unique(row)),
-        },
-    )
+    sighted = len(np.unique(row))
+    notes = {"source": "slamduel's own city", "blocks along a side": blocks, "landmarks sighted": sighted}
+    start = prior(poses[0], world)
+    log = Log.from_arrays("city", start, t, delta, delta_cov, step, ids[row], z, z_cov, notes=notes)
     return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 

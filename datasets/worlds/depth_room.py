@@ -12,7 +12,6 @@ from ...core.errors import InputError
 from ...core.factors import Dataset, Prior, Truth
 from ...core.options import option
 from ...core.se2 import Array, between, compose
-from ...frontend.camera.camera import Camera
 from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
@@ -97,7 +96,8 @@ def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Tr
     t = np.arange(int(seconds * options.frame_rate + 1e-9) + 1) / options.frame_rate
     poses, _ = drive(LOOP, options.speed, t)
     camera = CAMERAS["pinhole"]
-    visitors = crossings(room, poses, t, options.mover, _half_view(camera), crossing) if options.mover else ()
+    half_view = float(np.abs(camera.rays[camera.height // 2, [0, -1], 0]).max())  # tangent, to the farther side
+    visitors = crossings(room, poses, t, options.mover, half_view, crossing) if options.mover else ()
     shots = DepthShots(
         Renderer(room, camera, DICTIONARY, painted, sensor=Sensor(grain=options.grain, readout=options.readout)),
         lambda at: drive(LOOP, options.speed, at)[0],
@@ -144,11 +144,6 @@ def integrated(poses: Array, noise: TrackNoise, times: float, rng: np.random.Gen
     for one in motion:
         out.append(compose(out[-1], one))
     return np.array(out)
-
-
-def _half_view(camera: Camera) -> float:
-    """The tangent of the angle from the axis to the farther side of the view."""
-    return float(np.abs(camera.rays[camera.height // 2, [0, -1], 0]).max())
 
 
 source = Source(depth_room, options=Options, seeded=True, costly=True, portable=False)  # OpenCV's arithmetic

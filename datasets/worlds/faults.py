@@ -27,8 +27,7 @@ from .wheeled_robot import SLIP_MOST, slip_lengths
 Bools = NDArray[np.bool_]
 Column = TypeVar("Column", Array, Ints)
 
-TRACK = 0.5
-"""m between the wheels, one of which slips."""
+TRACK = 0.5  # m between the wheels, one of which slips
 
 
 @dataclass(frozen=True)

@@ -7,20 +7,11 @@ import numpy as np
 
 from ...core.se2 import Array
 
-CORRIDOR = 2.2
-"""m, its width."""
-
-DOOR = 0.95
-"""m."""
-
-CLEAR = 1.2
-"""m around a door in which no cupboard stands."""
-
-LONGEST = 9.0
-"""m of corridor that one room may take."""
-
-ROOM = (3.2, 6.0)
-"""m, width of the others."""
+CORRIDOR = 2.2  # m, its width
+DOOR = 0.95  # m
+CLEAR = 1.2  # m around a door in which no cupboard stands
+LONGEST = 9.0  # m of corridor that one room may take
+ROOM = (3.2, 6.0)  # m, width of the others
 
 
 class Door(NamedTuple):

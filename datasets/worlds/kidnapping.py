@@ -38,16 +38,6 @@ def kidnapped(log: Log, truth: Truth, at: float, rng: np.random.Generator) -> tu
 
 def _only(log: Log, t: Array, steps: Ints, sightings: Ints) -> Log:
     """The log of some `steps`, at the times `t`, and `sightings`, as rows."""
-    count = np.diff(log.sighting_first)[steps]
-    return Log.from_arrays(
-        log.name,
-        log.prior,
-        t,
-        log.delta[steps],
-        log.delta_cov[steps],
-        np.repeat(np.arange(len(steps)), count),
-        log.ids[sightings],
-        log.z[sightings],
-        log.z_cov[sightings],
-        notes=log.notes,
-    )
+    step = np.repeat(np.arange(len(steps)), np.diff(log.sighting_first)[steps])
+    seen = log.ids[sightings], log.z[sightings], log.z_cov[sightings]
+    return Log.from_arrays(log.name, log.prior, t, log.delta[steps], log.delta_cov[steps], step, *seen, notes=log.notes)

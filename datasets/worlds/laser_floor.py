@@ -22,35 +22,25 @@ from ._casting import cast
 from .floor_plan import CORRIDOR, Plan, floor_plan
 from .wheel_faults import WheelFaults, faulty_clock, faulty_poses
 
-SIZE, DEPTH = (36.0, 22.0), 5.0
-"""m: the floor, and the rooms outside of the corridor."""
-
-TICK = 0.02
-"""s between positions of the drive."""
-
-ENOUGH = 0.15
-"""m from a way point at which the robot turns to the next one."""
+SIZE, DEPTH = (36.0, 22.0), 5.0  # m: the floor, and the rooms outside of the corridor
+TICK = 0.02  # s between positions of the drive
+ENOUGH = 0.15  # m from a way point at which the robot turns to the next one
 
 TURNING, FASTEST, STRAIGHT = 2.5, 1.0, 0.6
 """1/s and rad/s of the steering; rad off its course at which the robot stands still to turn."""
 
-VISITED = 0.25
-"""Share of the rooms that the robot looks into, each lap."""
+VISITED = 0.25  # share of the rooms that the robot looks into, each lap
 
 FURTHEST, NO_RETURN, LOST = 20.0, 81.83, 0.02
 """m of a return at most; what the scanner says where there is none; share of beams without a return by themselves."""
 
-RESOLUTION = 0.01
-"""m."""
+RESOLUTION = 0.01  # m
 
 LEG, APART, STRIDE, PACE = 0.09, 0.18, 0.12, 4.0
 """m, radius of a person's legs, how far they are apart, how far they swing; rad/s of the swing."""
 
-CLEAR = 0.6
-"""m around the robot into which nobody steps."""
-
-START_SD = 1e-3
-"""m and rad; the robot starts exactly at the prior's mean."""
+CLEAR = 0.6  # m around the robot into which nobody steps
+START_SD = 1e-3  # m and rad; the robot starts exactly at the prior's mean
 
 
 @dataclass(frozen=True)

@@ -19,20 +19,14 @@ from ..registry import Source
 from .faults import Faults, with_faults
 from .measurements import START_SD, in_reach, sightings
 
-RADIUS = 10.0
-"""m, radius of the robot's circle."""
-
-STRIDE = 0.5
-"""m from step to step."""
-
-AROUND = 6.0
-"""m; largest distance of landmarks from the circle."""
+RADIUS = 10.0  # m, radius of the robot's circle
+STRIDE = 0.5  # m from step to step
+AROUND = 6.0  # m; largest distance of landmarks from the circle
 
 NEAREST, FARTHEST = 2.0, 8.0
 """m, least range of a sighting: its noise is small against it, as a bearing is linear in small errors only."""
 
-PERIOD = 1.0
-"""s between steps."""
+PERIOD = 1.0  # s between steps
 
 
 @dataclass(frozen=True)
@@ -63,18 +57,9 @@ def linear(options: Options, rng: np.random.Generator) -> Dataset:
     start_sd = np.array([START_SD, START_SD, min(START_SD, options.turning)])
     start = Prior(poses[0] + start_sd * world.standard_normal(3), np.diag(start_sd**2))
     t, ids = PERIOD * np.arange(n, dtype=np.float64), np.arange(options.landmarks)
-    log = Log.from_arrays(
-        "linear",
-        start,
-        t,
-        delta,
-        np.tile(np.diag(sd**2), (n, 1, 1)),
-        step,
-        ids[row],
-        z,
-        z_cov,
-        notes={"source": "slamduel's own linear world"},
-    )
+    delta_cov: Array = np.tile(np.diag(sd**2), (n, 1, 1))
+    notes = {"source": "slamduel's own linear world"}
+    log = Log.from_arrays("linear", start, t, delta, delta_cov, step, ids[row], z, z_cov, notes=notes)
     return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 

@@ -33,8 +33,7 @@ LOOP = ClosedPath(cos=HALF * np.array([[cos(START), sin(START)]]), sin=HALF * np
 SPEED, PERIOD, STEPS = 0.3, 0.2, 280
 """m/s, s between keyframes, and number of keyframes: a lap and three tenths."""
 
-TICK = 0.02
-"""s between readings of the encoders."""
+TICK = 0.02  # s between readings of the encoders
 
 TAGS = np.array([
     [-1.9, 0.9], [-1.2, -0.2], [-0.4, 0.4], [-0.2, -0.9], [0.6, 0.2], [1.4, -0.9],
@@ -69,20 +68,10 @@ def matlab_report(options: Options, rng: np.random.Generator) -> Dataset:
     step, tag = _seen(poses)
     sd = np.array([options.range_noise, options.bearing_noise])
     z, z_cov = polar(poses[step], TAGS[tag], sd, seeing)
-    there = tag < options.tags
-    ids = np.arange(options.tags)
-    log = Log.from_arrays(
-        "matlab-report",
-        prior(poses[0], start),
-        t,
-        delta,
-        delta_cov,
-        step[there],
-        tag[there],
-        z[there],
-        z_cov[there],
-        notes={"source": "simulated after the Matlab report, chapter 4; path, tags and noise are ours"},
-    )
+    there, ids, beginning = tag < options.tags, np.arange(options.tags), prior(poses[0], start)
+    sighted = step[there], tag[there], z[there], z_cov[there]
+    notes = {"source": "simulated after the Matlab report, chapter 4; path, tags and noise are ours"}
+    log = Log.from_arrays("matlab-report", beginning, t, delta, delta_cov, *sighted, notes=notes)
     return with_faults(Dataset(log, Truth(t, poses, Map(ids, TAGS[ids], None), None, "truth")), options, rng)
 
 

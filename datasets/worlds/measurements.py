@@ -12,8 +12,7 @@ from ...core.truth_errors import sighted_from
 from ...frontend.wheels.encoder import Encoder, Floors, roll
 from ...frontend.wheels.motion import Ticks, readings
 
-START_SD = 1e-3
-"""m and rad, of the prior; the initial estimate has such an error."""
+START_SD = 1e-3  # m and rad, of the prior; the initial estimate has such an error
 
 FLOORS = Floors(1e-4, 1e-5)
 """Makes a rolling robot's odometry positive definite: it cannot slide sideways."""

@@ -10,14 +10,12 @@ from ..rendering.posters import poster
 from ..rendering.room import Room
 from ..rendering.surfaces import DENSITY
 
-EVERY, LASTING = 6.0, 4.5
-"""s from one crossing to the next, and of a crossing."""
+EVERY, LASTING = 6.0, 4.5  # s from one crossing to the next, and of a crossing
 
 AHEAD, ASIDE = 1.15, 1.5
 """m, of the box's middle from the robot's: how far ahead, and how far to either side when it comes and goes."""
 
-DEEP, HIGH = 0.4, 0.85
-"""m, the box along the robot's heading, and its height."""
+DEEP, HIGH = 0.4, 0.85  # m, the box along the robot's heading, and its height
 
 
 def crossings(

@@ -10,8 +10,7 @@ from ...core.se2 import Array, wrap
 from ...core.truth_errors import difference, rows_of, sighted_from
 from .._information import FIRST, information, kept
 
-WEAKEST = 1e-4
-"""Least information that a thinned sighting is stated with, as a share of its own."""
+WEAKEST = 1e-4  # least information that a thinned sighting is stated with, as a share of its own
 
 
 def slowed(log: Log, truth: Truth, share: float, time: float, stated: str, rng: np.random.Generator) -> Log:

@@ -10,8 +10,7 @@ from ...core.small_matrices import product
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Ticks
 
-RISE = 1.0
-"""s, time constant of the robot's acceleration."""
+RISE = 1.0  # s, time constant of the robot's acceleration
 
 SLIP, SLIP_TAIL, SLIP_MOST = 0.01, 1.5, 0.2
 """The least slip of a wheel, m, the exponent of larger slips' frequency, and the largest, m.
@@ -19,11 +18,8 @@ SLIP, SLIP_TAIL, SLIP_MOST = 0.01, 1.5, 0.2
 An exponent below 2 would have no variance.
 """
 
-TABLE = np.linspace(0.0, 2 * np.pi, 4097)
-"""Angles of a lap at which its length is computed."""
-
-SPIN = 0.3
-"""s, duration of a spin."""
+TABLE = np.linspace(0.0, 2 * np.pi, 4097)  # angles of a lap at which its length is computed
+SPIN = 0.3  # s, duration of a spin
 
 
 class ClosedPath(NamedTuple):

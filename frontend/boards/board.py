@@ -14,8 +14,7 @@ from ...core.se2 import Array, Ints
 from ..markers.aruco import Image
 from ..markers.markers import find
 
-FEWEST_CORNERS = 8
-"""Fewest corners of a usable image; they must not be collinear."""
+FEWEST_CORNERS = 8  # fewest corners of a usable image; they must not be collinear
 
 
 @dataclass(frozen=True)

@@ -27,15 +27,11 @@ ENOUGH_TURN = 20.0
 LARGEST_SD, LARGE_SD = 0.05, 0.01
 """Relative standard deviations of the focal length: above the first is refused, above the second remarked on."""
 
-GRID = (8, 6)
-"""Cells across and down for the share of the image that corners cover."""
+GRID = (8, 6)  # cells across and down for the share of the image that corners cover
 
 LEAST_COVERAGE = 0.5
-OUTLYING = 2.5
-"""Multiple of the median error from which a view is reported as bad."""
-
-_ROUNDING = 1e-15
-"""Eigenvalues of the scaled normal matrix below this count as zero."""
+OUTLYING = 2.5  # multiple of the median error from which a view is reported as bad
+_ROUNDING = 1e-15  # eigenvalues of the scaled normal matrix below this count as zero
 
 MODELS = {
     "5": 0,

@@ -12,20 +12,11 @@ from ..camera.response import BRIGHTEST, Measured
 from ..markers.aruco import Image
 from .board import Board
 
-BLOCK = 3
-"""px, side of the blocks in which the noise is measured."""
-
-CLEAR = 3.5
-"""px from a block to the nearest edge of the print: blur and sharpening reach so far."""
-
-FEWEST = 20
-"""Blocks of a picture that are enough."""
-
-LEAST_RANGE = 30.0
-"""Grey levels between dark and bright blocks, without which no slope is known."""
-
-FINE = 50
-"""Samples of a square's side in the drawing that tells where edges are."""
+BLOCK = 3  # px, side of the blocks in which the noise is measured
+CLEAR = 3.5  # px from a block to the nearest edge of the print: blur and sharpening reach so far
+FEWEST = 20  # blocks of a picture that are enough
+LEAST_RANGE = 30.0  # grey levels between dark and bright blocks, without which no slope is known
+FINE = 50  # samples of a square's side in the drawing that tells where edges are
 
 LARGEST = 4.0
 """Times the expected variance above which a block's counts as this: it has dirt, or the paper's texture."""

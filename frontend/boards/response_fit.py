@@ -27,20 +27,14 @@ from .noise_curve import Flat, flat_areas, noise_curve
 FEWEST_PICTURES, FEWEST_MARKERS = 4, 12
 """Pictures and markers without which nothing is said of a camera's response."""
 
-PASSES = 3
-"""Of the fits; the last changes nothing any more."""
+PASSES = 3  # of the fits; the last changes nothing any more
 
 CLEAR = 4.5
 """px between the used pixels of a marker and the black around it: three deviations of sharpening's blur, and more."""
 
-CLIPPED = 250.0
-"""Grey level from which white may be that of an overexposed picture."""
-
-OUTLYING = 2.0
-"""Times the median of the pictures' deviations from which a picture counts less."""
-
-SHARED = np.array([INK, TONE, SHARP]) + 8
-"""The common ones among all parameters."""
+CLIPPED = 250.0  # grey level from which white may be that of an overexposed picture
+OUTLYING = 2.0  # times the median of the pictures' deviations from which a picture counts less
+SHARED = np.array([INK, TONE, SHARP]) + 8  # the common ones among all parameters
 
 
 class BoardResponse(NamedTuple):

@@ -26,8 +26,7 @@ from ...core.se2 import Array
 from .camera import DISTORTION_LENGTHS, Camera, Model
 from .response import read_response
 
-LARGEST = 1_000_000
-"""Bytes; a larger file is not a calibration."""
+LARGEST = 1_000_000  # bytes; a larger file is not a calibration
 
 MODELS: dict[str, Model] = {
     "": "pinhole",
@@ -48,8 +47,7 @@ _MATRIX = ("cameramatrix", "k", "m1", "intrinsicmatrix")
 _LENS = ("distortioncoefficients", "distcoeffs", "distortion", "d", "d1")
 _WIDTH, _HEIGHT, _SIZE = ("imagewidth", "width"), ("imageheight", "height"), ("imagesize", "size")
 _MODEL, _FISHEYE = ("distortionmodel", "cameramodel", "model"), ("fisheyemodel", "fisheye")
-_RESPONSE = ("cameraresponse",)
-"""Accepted keys, in lower case and without underscores."""
+_RESPONSE = ("cameraresponse",)  # accepted keys, in lower case and without underscores
 
 
 class _Entry(NamedTuple):

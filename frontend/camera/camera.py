@@ -23,17 +23,13 @@ Model = Literal["pinhole", "fisheye"]
 DISTORTION_LENGTHS: dict[str, tuple[int, ...]] = {"pinhole": (0, 4, 5, 8, 12, 14), "fisheye": (4,)}
 """The numbers of coefficients OpenCV accepts: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [tx ty]]]], and k1 k2 k3 k4."""
 
-_EXACT = 1e-8
-"""px; largest reprojection error of an undistorted pixel."""
+_EXACT = 1e-8  # px; largest reprojection error of an undistorted pixel
 
 _ROUNDS = 50
 """Most iterations; five to ten suffice away from the angle at which the lens model turns back."""
 
-_SETTLED = 1e-14
-"""Iteration steps, in rays or angles, that are mere rounding."""
-
-_FAR = 1e3
-"""Ray length treated as infinite: a thousandth of a radian from 90 degrees."""
+_SETTLED = 1e-14  # iteration steps, in rays or angles, that are mere rounding
+_FAR = 1e3  # ray length treated as infinite: a thousandth of a radian from 90 degrees
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,7 @@ import numpy as np
 
 from ...core.errors import InputError
 
-BRIGHTEST = 255.0
-"""Grey levels, of white."""
+BRIGHTEST = 255.0  # grey levels, of white
 
 GAMMAS, SHARPENINGS, BLURS = (0.3, 5.0), (-1.0, 5.0), (0.05, 50.0)
 """Smallest and largest values that a camera may have; blurs in px."""

@@ -10,17 +10,13 @@ from ...core.se2 import Array
 
 Image = NDArray[np.uint8]
 
-REACH = 16
-"""px on either side of an edge that are examined: blur up to half of it is measured."""
+REACH = 16  # px on either side of an edge that are examined: blur up to half of it is measured
 
 STRONGEST, FEWEST = 150, 30
 """Most edges measured per direction in a set of images, and fewest for a result."""
 
-CONTRAST = 25.0
-"""Least contrast, in grey levels, of an edge that counts."""
-
-SMOOTHING = 1.0
-"""px, standard deviation of the blur added against noise, and subtracted again."""
+CONTRAST = 25.0  # least contrast, in grey levels, of an edge that counts
+SMOOTHING = 1.0  # px, standard deviation of the blur added against noise, and subtracted again
 
 
 def blur(images: Sequence[Image]) -> float | None:

@@ -16,11 +16,8 @@ from ._depth_image import depths_at
 from .points import Points, points_of
 from .settings import Settings
 
-LENGTHS = {"orb": 32, "sift": 128}
-"""Columns of a descriptor: bytes of bits, or numbers."""
-
-FINEST = 31.0
-"""px, the size of an ORB feature of the finest scale."""
+LENGTHS = {"orb": 32, "sift": 128}  # columns of a descriptor: bytes of bits, or numbers
+FINEST = 31.0  # px, the size of an ORB feature of the finest scale
 
 
 class Features(NamedTuple):

@@ -29,8 +29,7 @@ from .surfaces import Coarse
 from .tracks import Tracks
 from .ways import Ways
 
-BEFORE = (1, 3)
-"""Steps back to the keyframes that a new one's features are matched with."""
+BEFORE = (1, 3)  # steps back to the keyframes that a new one's features are matched with
 
 
 class FrameStep(NamedTuple):
@@ -156,14 +155,11 @@ class FrontEnd:
         if s.landmarks:
             for before in BEFORE:
                 if before < len(self._recent):
-                    self._link(self._recent[-1 - before], new)
+                    old = self._recent[-1 - before]
+                    pair = self._registered(old, new, partial(self._ways.motion, old.step, new.step))
+                    if pair is not None:
+                        self._track(pair)
         return new
-
-    def _link(self, old: Keyframe, new: Keyframe) -> None:
-        """Makes the features of two keyframes landmarks."""
-        pair = self._registered(old, new, lambda: self._ways.motion(old.step, new.step))
-        if pair is not None:
-            self._track(pair)
 
     def _track(self, pair: Pair) -> None:
         """Makes the features of two registered keyframes the same landmarks."""

@@ -11,20 +11,14 @@ from ..camera.camera import Camera
 from ._depth_image import floor_plane, floor_points
 from .settings import Settings
 
-EVERY = 8
-"""Pixels from one that is looked at to the next, in rows and columns."""
-
-FAR = 3.0
-"""m; floors farther away are measured too badly to help."""
+EVERY = 8  # pixels from one that is looked at to the next, in rows and columns
+FAR = 3.0  # m; floors farther away are measured too badly to help
 
 HEIGHT, SLOPE = 0.08, 0.06
 """m, and m a metre, around the floor that the mounting tells, in which its points are."""
 
-LEAST = 80
-"""Points of a floor."""
-
-STEEPEST = 0.15
-"""m a metre; a steeper plane is no floor."""
+LEAST = 80  # points of a floor
+STEEPEST = 0.15  # m a metre; a steeper plane is no floor
 
 UP = 0.1
 """m a radian; sd of the height by that of pitch and roll, where no floor is found.

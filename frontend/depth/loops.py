@@ -17,8 +17,7 @@ from .words import Words
 LOOSE, LOOSE_TURN = 0.3, 0.2
 """sd, m and rad, of the motion along the steps from which on it refuses too little: two loops have to agree then."""
 
-WAITING = 20
-"""Steps that a loop waits for another one that agrees."""
+WAITING = 20  # steps that a loop waits for another one that agrees
 
 
 class Loops:

@@ -16,14 +16,12 @@ from ..camera.camera import Camera
 from ._depth_image import RayGrid, compared
 from .settings import Settings
 
-EVERY = 8
-"""Pixels from one ray of the grid to the next."""
+EVERY = 8  # pixels from one ray of the grid to the next
 
 ONE_SURFACE = 0.15
 """Largest difference of neighbours' depths, by the least, on one surface of the grid."""
 
-Coarse = NDArray[np.float32]
-"""(h, w) depths, m, on the grid of rays; 0 where there is none."""
+Coarse = NDArray[np.float32]  # (h, w) depths, m, on the grid of rays; 0 where there is none
 
 
 class _Pixels(NamedTuple):
@@ -71,5 +69,4 @@ class Surfaces:
         return _Pixels(pixels.reshape(len(y), len(x)), RayGrid(float(x[0]), float(y[0]), step))
 
 
-WIDEST = 1.5
-"""Rays farther from the axis are left out: their pixels are too far apart."""
+WIDEST = 1.5  # rays farther from the axis are left out: their pixels are too far apart

@@ -18,8 +18,7 @@ from .settings import Settings
 LINKED = 3
 """One in so many of a step's sightings, at least, are of landmarks that a step before sees, too."""
 
-BACK = 3
-"""Steps back to the first one that a step's landmarks are compared with."""
+BACK = 3  # steps back to the first one that a step's landmarks are compared with
 
 
 SIGHTING = np.dtype([("step", np.int64), ("id", np.int64), ("z", float, (2,)), ("cov", float, (2, 2))])

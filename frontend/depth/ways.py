@@ -8,8 +8,7 @@ from ...core.se2 import Array, Ints, compose, inverse
 from ._ways import ways_to
 from .planar import Planar, back, chained
 
-ROOM = 256
-"""Nodes, and edges, that there is room for at first; then always for twice as many."""
+ROOM = 256  # nodes, and edges, that there is room for at first; then always for twice as many
 
 
 class Ways:

@@ -25,8 +25,7 @@ AT_FIRST, ITERATIONS = 6, 25
 ENOUGH = 0.6
 """Share of a scan's points on walls of the map from which on a match counts: people are in the way, and new things."""
 
-SLACK, TURN_SLACK = 0.05, 0.02
-"""m and rad that a prediction may be off beyond its covariance."""
+SLACK, TURN_SLACK = 0.05, 0.02  # m and rad that a prediction may be off beyond its covariance
 
 WINDOW, TURN_WINDOW = 0.5, 0.15
 """m and rad around the prediction in which a step that does not match is searched for at least; then it grows."""
@@ -37,17 +36,13 @@ NEAR = np.diag([0.01, 0.01, 0.0025])
 Chosen, not measured: some cells, which is how fine the search is.
 """
 
-SEVERAL = 3.0
-"""Standard deviations of the prediction that the search goes to."""
-
-CLOUD = 2.0
-"""m of path before the first search from an unknown start."""
+SEVERAL = 3.0  # standard deviations of the prediction that the search goes to
+CLOUD = 2.0  # m of path before the first search from an unknown start
 
 RIVAL, APART, TURNED = 0.9, 1.0, 0.5
 """Share of the best place's score that another one, so many m or rad away, must not reach."""
 
-CONFIRMED = 3
-"""Steps that have to be where a place found on the map has them."""
+CONFIRMED = 3  # steps that have to be where a place found on the map has them
 
 MAP_SD, MAP_TURN_SD, SHARED = 0.012, 0.002, 5.0
 """m and rad, errors of the map, and the m of path over which matches share them.

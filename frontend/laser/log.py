@@ -20,19 +20,15 @@ from .localising import Localiser
 from .recording import LaserRecording, matched
 from .settings import Settings
 
-APART, TURNED = 0.1, 0.1
-"""m and rad between the scans that are kept beside a log."""
+APART, TURNED = 0.1, 0.1  # m and rad between the scans that are kept beside a log
 
 LEFT_OUT = (
     "the map's error that matches with one submap share, the opposite errors of neighbouring steps, and a submap's "
     "bend: a step's covariance holds, those of long chains are cautious"
 )
 
-EXACT = 1e-6
-"""m and rad; standard deviation of the map's frame."""
-
-BEFORE = 0.1
-"""s from the map's frame to the first scan."""
+EXACT = 1e-6  # m and rad; standard deviation of the map's frame
+BEFORE = 0.1  # s from the map's frame to the first scan
 
 ON_MAP = "found_at_step"
 """The note of a log that was localised on a map: the front end's step at which it was found."""
@@ -53,10 +49,7 @@ class Factors(NamedTuple):
 
 
 def build_log(recording: LaserRecording, settings: Settings) -> Log:
-    """Makes the log: a step every so often, with one odometry factor by scans and wheels, and loop closures.
-
-    InputError for a recording without two steps.
-    """
+    """Makes the log: steps with odometry by scans and wheels, and loop closures; InputError without two steps."""
     return log_of(recording, matched(recording, settings))
 
 
@@ -139,8 +132,19 @@ def _with_loops(recording: LaserRecording, front_end: FrontEnd) -> Factors:
         to,
         np.array([loop.delta for loop in loops]).reshape(-1, 3),
         np.array([(loop.cov + loop.cov.T) / 2 for loop in loops]).reshape(-1, 3, 3),
-        [],
+        _doubts(front_end),
     )
+
+
+def _doubts(front_end: FrontEnd) -> list[str]:
+    """A remark on the places between which neither scans nor wheels decided."""
+    count = front_end.tracker.undecided
+    if not count:
+        return []
+    return [
+        f"{count} times two places explain the scans alike, and the wheels do not tell which it was: the covariance of "
+        "such a step has the distance between them"
+    ]
 
 
 def _on_map(recording: LaserRecording, front_end: FrontEnd, localiser: Localiser) -> Factors:
@@ -152,7 +156,7 @@ def _on_map(recording: LaserRecording, front_end: FrontEnd, localiser: Localiser
             f"{recording.name}: the robot was not found on the grid in {len(front_end.steps)} steps: {why}; expected "
             "a drive on it."
         )
-    steps, remarks = front_end.steps[first:], list[str]()
+    steps, remarks = front_end.steps[first:], _doubts(front_end)
     start, cov = recording.prior.pose, recording.prior.cov
     if recording.start == "unknown":  # the match that found it is the start, and no further factor
         start, cov, fixes = fixes[0].pose, fixes[0].cov, fixes[1:]

@@ -20,14 +20,12 @@ from .scanner import Scan
 from .settings import Settings
 from .submap import Submap
 
-LEAST_POINTS = 30
-"""Points of a scan that is searched for."""
+LEAST_POINTS = 30  # points of a scan that is searched for
 
 REFINED, ALONE = 4, 3
 """Cells around a point in which its wall is looked for at first: of the cloud, and of the scan alone."""
 
-SLACK = 0.25
-"""m before its end from which on a beam may pass through a wall."""
+SLACK = 0.25  # m before its end from which on a beam may pass through a wall
 
 WEAK = np.diag([4.0, 4.0, 25.0])
 """Information that a match has at least, of x, y (1/m²) and heading (1/rad²): along a corridor the points have none."""
@@ -40,8 +38,7 @@ NOTHING = np.zeros((3, 3))
 CONTRADICTED = 21.1
 """Squared distance from the optimum, in its own covariance, of a loop that is left out: 1 in 10,000 right ones."""
 
-FARTHEST = 12.0
-"""m; how far a point may be at most to set the step of the search in heading."""
+FARTHEST = 12.0  # m; how far a point may be at most to set the step of the search in heading
 
 
 class ScanLoop(NamedTuple):

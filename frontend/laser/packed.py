@@ -27,5 +27,4 @@ class Packed:
         return out
 
 
-COUNTS = (HIT, THROUGH)
-"""Columns of a cell that are whole numbers."""
+COUNTS = (HIT, THROUGH)  # columns of a cell that are whole numbers

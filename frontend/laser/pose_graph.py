@@ -9,14 +9,9 @@ from scipy.sparse.linalg import splu
 
 from ...core.se2 import Array, Ints, between, wrap
 
-CAUCHY = 2.0
-"""Scale of the loss on loops, in standard deviations."""
-
-ANCHOR = 1e8
-"""Information of a pose that is held."""
-
-SMALL = 1e-4
-"""m and rad; Gauss-Newton ends when no pose moves further."""
+CAUCHY = 2.0  # scale of the loss on loops, in standard deviations
+ANCHOR = 1e8  # information of a pose that is held
+SMALL = 1e-4  # m and rad; Gauss-Newton ends when no pose moves further
 
 
 class Edges(NamedTuple):

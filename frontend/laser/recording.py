@@ -15,8 +15,7 @@ from .localising import Localiser
 from .scanner import Scanner
 from .settings import Settings
 
-FARTHEST = 50.0
-"""m between two scans; the map of the last metres could not hold more."""
+FARTHEST = 50.0  # m between two scans; the map of the last metres could not hold more
 
 
 @dataclass(frozen=True, eq=False)

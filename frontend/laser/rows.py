@@ -4,8 +4,7 @@ import numpy as np
 
 from ...core.se2 import Array
 
-FIRST = 256
-"""Rows that there is room for at first; then always for twice as many."""
+FIRST = 256  # rows that there is room for at first; then always for twice as many
 
 
 class Rows:

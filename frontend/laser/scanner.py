@@ -8,8 +8,7 @@ from ...core.beside import returns
 from ...core.se2 import Array
 from ..maps._grid import thinned
 
-CODES = (81.825, 81.915)
-"""m; a SICK scanner says 81.83 to 81.91 where it has no return."""
+CODES = (81.825, 81.915)  # m; a SICK scanner says 81.83 to 81.91 where it has no return
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,7 @@ from .packed import Packed
 from .scanner import Scan, Scanner
 from .settings import Settings
 
-BORDER = 8
-"""Cells around what was hit that a finished submap keeps."""
+BORDER = 8  # cells around what was hit that a finished submap keeps
 
 
 class Submap:

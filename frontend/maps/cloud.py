@@ -11,11 +11,8 @@ from ...core.se2 import Array, act
 from ..camera.camera import Camera
 from ._clouds import DepthLimits, Depths, lifted, one_a_voxel
 
-EVERY = 2
-"""Pixels from one that becomes a point to the next, in rows and columns."""
-
-VOXEL = 0.05
-"""m; edge of the cubes of which each has one point of a frame."""
+EVERY = 2  # pixels from one that becomes a point to the next, in rows and columns
+VOXEL = 0.05  # m; edge of the cubes of which each has one point of a frame
 
 BLUR = VOXEL / 2
 """m; sd of a depth from which on its point is left out: walls would become thicker than a cell."""
@@ -72,8 +69,7 @@ def merged(clouds: Clouds, path: Array, size: float) -> Cloud:
     return thinned(_joined([whole, *waiting]), size)
 
 
-TOGETHER = 100
-"""Clouds that are thinned at once: a long drive's need not all be in memory."""
+TOGETHER = 100  # clouds that are thinned at once: a long drive's need not all be in memory
 
 
 def _joined(parts: Sequence[Cloud]) -> Cloud:

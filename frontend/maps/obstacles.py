@@ -15,14 +15,9 @@ from ._clouds import swept
 from ._grid import one_a_cell
 from .cloud import VOXEL
 
-LOW, HIGH = 0.1, 1.0
-"""m above the floor: the lowest obstacle, and above which a robot passes under."""
-
-SECTORS = 720
-"""Directions, half a degree each: a cell of 5 cm at 5 m."""
-
-COLUMN = 0.05
-"""m; the points of a wall above one another are one hit."""
+LOW, HIGH = 0.1, 1.0  # m above the floor: the lowest obstacle, and above which a robot passes under
+SECTORS = 720  # directions, half a degree each: a cell of 5 cm at 5 m
+COLUMN = 0.05  # m; the points of a wall above one another are one hit
 
 
 class Obstacles(NamedTuple):

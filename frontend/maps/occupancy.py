@@ -10,13 +10,11 @@ from ...core.relations import Anchors
 from ...core.se2 import Array, act
 from ._grid import DX, DY, HIT, THROUGH, Cells, insert_beams, walls
 
-CELL = 0.05
-"""m of a cell, unless the grid would be larger than MOST cells on a side."""
+CELL = 0.05  # m of a cell, unless the grid would be larger than MOST cells on a side
 
 MOST = 4000
 
-BORDER = 4
-"""Cells around what was hit."""
+BORDER = 4  # cells around what was hit
 
 SHARE = 0.25
 """Share of the beams that came to a cell and were reflected there, from which on it is a wall."""
@@ -24,8 +22,7 @@ SHARE = 0.25
 OUTLIERS = 5e-4
 """Share of the points on each side that may lie outside of the grid: beams through windows do not make it large."""
 
-MANY = 10.0
-"""Beams that came to a cell of a grid of which only the states are known."""
+MANY = 10.0  # beams that came to a cell of a grid of which only the states are known
 
 UNKNOWN, FREE, WALL = 0, 1, 2
 

@@ -12,11 +12,8 @@ from .cloud import placed
 from .obstacles import HIGH
 from .occupancy import CELL, MOST, around, framed
 
-LAYER = 0.1
-"""m of height; the points of a cell's highest layer give its colour."""
-
-UNSEEN = 255
-"""Grey value of what no point is in."""
+LAYER = 0.1  # m of height; the points of a cell's highest layer give its colour
+UNSEEN = 255  # grey value of what no point is in
 
 
 class TopView(NamedTuple):

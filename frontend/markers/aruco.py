@@ -36,8 +36,7 @@ OPENCV = {
 }
 """OpenCV's own corner refinements; any other method starts from unrefined corners."""
 
-ROUGH_SD = 0.3
-"""px, of each corner along each axis, as OpenCV leaves it."""
+ROUGH_SD = 0.3  # px, of each corner along each axis, as OpenCV leaves it
 
 CELL = 8
 """px per module when a square is rectified for reading; OpenCV's 4 loses one in ten markers of 15 px."""

@@ -6,17 +6,10 @@ from numpy.typing import NDArray
 
 from ...core.se2 import Array
 
-CLEAN = 0.9
-"""Least share of a sample's cells whose points agree, all but one."""
-
-_POINTS = (0.3, 0.5, 0.7)
-"""Sample positions in a cell, across and down."""
-
-RIM = 0.4
-"""Cells outside the black border where the rim has to be white."""
-
-LEAST_CONTRAST = 8.0
-"""Grey levels; OpenCV requires 7 between a square and its surroundings."""
+CLEAN = 0.9  # least share of a sample's cells whose points agree, all but one
+_POINTS = (0.3, 0.5, 0.7)  # sample positions in a cell, across and down
+RIM = 0.4  # cells outside the black border where the rim has to be white
+LEAST_CONTRAST = 8.0  # grey levels; OpenCV requires 7 between a square and its surroundings
 
 
 def sample(grey: NDArray[np.uint8], quad: Array, size: int) -> NDArray[np.bool_] | None:

@@ -34,8 +34,7 @@ FAMILIES = {
 }
 """Dictionaries of which none contains another, and their smaller prefixes."""
 
-BY_CHANCE = 0.004
-"""Readings are rejected if at least this likely by chance."""
+BY_CHANCE = 0.004  # readings are rejected if at least this likely by chance
 
 READ = 0.5
 """Least share of the clean squares with its number of bits that an accepted dictionary reads."""

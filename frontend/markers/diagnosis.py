@@ -11,14 +11,12 @@ from .aruco import Image, Sighting
 from .decoding import Reading, decode
 from .markers import Markers, find
 
-MOST = 12
-"""Most frames examined, spread over those given."""
+MOST = 12  # most frames examined, spread over those given
 
 DARK, BRIGHT, FLAT = 40, 250, 25
 """Grey levels: a frame of which 99 % is darker is too dark; brighter is saturated; a frame with less range is flat."""
 
-SATURATED = 0.5
-"""Share of saturated pixels from which a frame is over-exposed."""
+SATURATED = 0.5  # share of saturated pixels from which a frame is over-exposed
 
 BLURRED = 2.2
 """px of `sharpness.blur`.
@@ -27,11 +25,8 @@ Rendered frames of a room, 640 px wide, measure 0.5 in focus; at a lens blur of 
 the markers are still found; at 3.5 px, 2.3 to 2.7, and hardly any.
 """
 
-READABLE = 15
-"""px, side of a marker that is found in four of five frames."""
-
-NEAR, FAR = 0.05, 30.0
-"""m, distances at which no camera reads a marker printed on paper."""
+READABLE = 15  # px, side of a marker that is found in four of five frames
+NEAR, FAR = 0.05, 30.0  # m, distances at which no camera reads a marker printed on paper
 
 
 def diagnose(images: Sequence[Image], markers: Markers, camera: Camera) -> list[str]:

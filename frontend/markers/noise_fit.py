@@ -18,8 +18,7 @@ from ...core.se2 import Array
 GATE = 4.0
 """Standard deviations; for both coordinates of a sighting together, the chi-square bound of the same probability."""
 
-FEWEST = 20
-"""Fewest sightings to fit a slope and a floor."""
+FEWEST = 20  # fewest sightings to fit a slope and a floor
 
 _GATE_BOTH = 19.33  # -2 log(P(|x| > GATE)), chi-square with 2 degrees of freedom
 _ROUNDS = 30

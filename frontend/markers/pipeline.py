@@ -150,12 +150,7 @@ def _settings(recording: Recording) -> dict[str, Any]:
         **recording.motion.settings,
         "noise": recording.noise.settings,
         "camera": camera.settings,
-        "markers": {
-            "dictionary": markers.dictionary,
-            "side": markers.side,
-            **sizes,
-            "max_range": recording.max_range,
-        },
+        "markers": {"dictionary": markers.dictionary, "side": markers.side, **sizes, "max_range": recording.max_range},
     }
 
 

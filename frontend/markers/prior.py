@@ -12,8 +12,7 @@ from ...core.se2 import Array
 from ..camera.response import Measured, Response
 from ._grey import CURL, SHARP, TONE, A, C
 
-BLUR, LOG_BLUR_SD = 0.65, 1.0
-"""px, the blur that is expected, and a factor of e either way."""
+BLUR, LOG_BLUR_SD = 0.65, 1.0  # px, the blur that is expected, and a factor of e either way
 
 INK_SD, TONE_SD, SHARP_SD, SLOPE_SD, BEND_SD = 0.02, 0.5, 1.0, 0.3, 0.1
 """Standard deviations: 0.3 % of the side of a marker of 4 x 4 bits for the ink; gamma 2.2 is 0.8."""

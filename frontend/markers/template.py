@@ -27,8 +27,7 @@ from ._pixels import worst_module
 from ._share import RIM
 from .prior import UNKNOWN_CAMERA
 
-LEAST_CONTRAST = 12.0
-"""Least grey levels between black and white."""
+LEAST_CONTRAST = 12.0  # least grey levels between black and white
 
 CLOSE_FIT = 0.07
 """Residuals' standard deviation over the contrast that must be explained by noise or by sharpening.
@@ -37,8 +36,7 @@ Rendered markers have 0.02, in JPEG of quality 70 up to 0.06, photographs not sh
 a marker 0.08 and more.
 """
 
-NO_FIT = 0.25
-"""Likewise, but never accepted above."""
+NO_FIT = 0.25  # likewise, but never accepted above
 
 SHARPENED = 0.3
 """Amount of sharpening from which its overshoot, which noise and JPEG deform, may leave larger residuals."""
@@ -49,8 +47,7 @@ CLEAN_MODULE = 0.3
 Grainy and sharpened pictures have at most 0.25; a different print has 0.4 and more.
 """
 
-MODEL_SD = 0.002
-"""px, of a corner along each axis, for model errors."""
+MODEL_SD = 0.002  # px, of a corner along each axis, for model errors
 
 
 class PatternFit(NamedTuple):

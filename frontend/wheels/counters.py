@@ -10,11 +10,8 @@ from ...core.se2 import Array
 
 Flags = NDArray[np.bool_]
 
-COUNTER_BITS = (8, 16, 32)
-"""Widths of the counters in use."""
-
-MAX_SPEED = 5.0
-"""m/s; upper limit of a robot's speed."""
+COUNTER_BITS = (8, 16, 32)  # widths of the counters in use
+MAX_SPEED = 5.0  # m/s; upper limit of a robot's speed
 
 WHEELS = ("left", "right")
 

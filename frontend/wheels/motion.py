@@ -15,8 +15,7 @@ from .encoder import Encoder, Floors, compose
 from .holes import Holes, find_holes
 from .units import odd_units
 
-ROWS = 100_000
-"""Readings that are composed at once."""
+ROWS = 100_000  # readings that are composed at once
 
 
 class Motion(Protocol):

@@ -7,8 +7,7 @@ import numpy as np
 from ...core.elementary import arctan2, hypot, sincos
 from ...core.se2 import Array
 
-FEW = 10
-"""Readings below which nothing is odd."""
+FEW = 10  # readings below which nothing is odd
 
 ALONG, ACROSS = 0.9, 0.5
 """Mean resultant lengths of twice the angle from the heading to the way, above and below which a robot drives along its

@@ -10,6 +10,7 @@ import pytest
 
 import driven
 import slamduel
+from lost_logs import ring, unnamed
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.association.options import check
@@ -26,9 +27,8 @@ from slamduel.bench.speed.textbook_fastslam import (
     _wrapped,  # pyright: ignore[reportPrivateUsage]
 )
 from slamduel.core.errors import InputError
-from slamduel.core.factors import UNKNOWN, Dataset, Log, Prior, Step
+from slamduel.core.factors import UNKNOWN, Log, Prior, Step
 from slamduel.core.se2 import Array, Ints
-from slamduel.datasets import registry as datasets
 from tiers import first_quick
 
 make = partial(driven.make, "fastslam", association="particle")
@@ -170,16 +170,9 @@ def folded(mean: Array, cov: Array, landmark: Landmark, step: Step, i: int) -> t
     return mean + K @ off, (after + after.T) / 2
 
 
-def without_ids(log: Log, share: float = 1.0) -> Log:
+def some_ids(log: Log, share: float) -> Log:
     hidden = np.random.default_rng(5).random(len(log.ids)) < share
     return replace(log, ids=np.where(hidden, UNKNOWN, log.ids))
-
-
-def ring(**options: Any) -> Dataset:
-    """A robot that goes round twice among landmarks that stand well apart."""
-    source = datasets.find("circle")
-    sizes: dict[str, Any] = {"steps": 120, "landmarks": 16, "sighting": 0.05, "odometry": 0.02}
-    return source.make(source.options(**(sizes | options)), np.random.default_rng(1))
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -188,7 +181,7 @@ def test_it_is_the_slow_filter(version: int, share: float, below: float) -> None
     """After every step the pose and weights agree, and at the end every particle's map, ids and decisions."""
     resampled = 0
     for seed in range(2):
-        log = without_ids(random_log(np.random.default_rng(seed), 40, 12, radius=4.0).log, share)
+        log = some_ids(random_log(np.random.default_rng(seed), 40, 12, radius=4.0).log, share)
         mine = make(log.prior, seed, particles=5, version=version, resample_below=below)
         slow = SlowFilter(log.prior, 5, np.random.default_rng(seed), version, below)
         for step in log:
@@ -208,7 +201,7 @@ def test_it_is_the_slow_filter(version: int, share: float, below: float) -> None
 def test_on_a_ring_the_map_has_the_right_number_of_landmarks(version: int) -> None:
     log = ring().log
     backend = make(log.prior, particles=100, version=version)
-    for step in without_ids(log):
+    for step in unnamed(log):
         backend.step(step)
     row = association_columns(backend.assigned(), log.ids)
     assert row["wrong_share"] == row["dropped_share"] == 0
@@ -228,7 +221,7 @@ def test_told_all_ids_it_is_the_filter_that_is_told(version: int) -> None:
 
 
 def test_ids_of_map_belief_and_history_are_of_one_particle_however_often_it_is_resampled() -> None:
-    log = without_ids(ring(odometry=0.1, landmarks=30).log)
+    log = unnamed(ring(odometry=0.1, landmarks=30).log)
     backend = make(log.prior, particles=40, resample_below=1.0)
     sighted = 0
     for k, step in enumerate(log):
@@ -246,7 +239,7 @@ def test_ids_of_map_belief_and_history_are_of_one_particle_however_often_it_is_r
 
 
 def test_decisions_are_kept_where_particles_are_resampled_and_nothing_is_seen() -> None:
-    log = without_ids(ring(odometry=0.1).log.head(20))
+    log = unnamed(ring(odometry=0.1).log.head(20))
     backend = make(log.prior, particles=40)
     for step in log:
         backend.step(step)
@@ -261,9 +254,8 @@ def test_decisions_are_kept_where_particles_are_resampled_and_nothing_is_seen() 
 
 def test_on_a_given_map_that_is_held_fixed_its_ids_are_found() -> None:
     log, truth = ring()
-    assert truth is not None
     backend = make(log.prior._replace(map=truth.map), particles=100)
-    for step in without_ids(log):
+    for step in unnamed(log):
         backend.step(step)
     assert (backend.assigned() == log.ids).all()
     assert np.array_equal(backend.map().xy, truth.map.xy)  # pyright: ignore[reportOptionalMemberAccess]

@@ -8,24 +8,12 @@ import pytest
 from driven import NO_LOOPS, NO_SIGHTINGS, final, make, rmse, run
 from random_logs import TextbookKalman, random_log
 from slamduel.backends import models
-from slamduel.backends.api import Diverged, Solution
-from slamduel.bench.speed.textbook_ekf import TextbookEkf
-from slamduel.core.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
+from slamduel.backends.api import Diverged
+from slamduel.core.factors import Log, Map, Odometry, Prior, RangeBearing, Step, Truth
 from slamduel.core.se2 import Array, act_jacobians, compose, compose_jacobians, wrap
 from slamduel.datasets import registry as datasets
 
 GAUSSIAN = ("ekf", "isam2", "graph")
-
-
-@pytest.fixture(scope="module")
-def victoria_park() -> Log:
-    source = datasets.find("victoria-park")
-    return source.make(source.options(), np.random.default_rng(0)).log
-
-
-@pytest.fixture(scope="module")
-def optimum(victoria_park: Log) -> Solution:
-    return final("graph", victoria_park)
 
 
 def numerical(function: Any, at: Array) -> Array:
@@ -77,16 +65,6 @@ def test_place_undoes_sight() -> None:
 def test_a_landmark_at_the_robot_is_named_not_divided_by() -> None:
     with pytest.raises(Diverged, match="robot's own position"):
         models.sight(np.zeros(3), np.zeros(2))
-
-
-@pytest.mark.slow
-def test_ekf_is_the_textbook_filter_on_victoria_park(victoria_park: Log) -> None:
-    mine, textbook = make("ekf", victoria_park.prior), TextbookEkf(victoria_park.prior)
-    for k, step in enumerate(victoria_park.head(700)):
-        assert mine.step(step) == pytest.approx(textbook.step(step), abs=1e-8)
-        if k % 50 == 0:
-            assert mine.map().cov == pytest.approx(textbook.cov[3:, 3:], abs=1e-8)
-            assert mine.belief().cov == pytest.approx(textbook.cov[:3, :3], abs=1e-8)
 
 
 def linearised_answer(log: Log, truth: Truth) -> Array:
@@ -141,13 +119,10 @@ def test_isam2_marginal_is_the_ekf_covariance_on_a_short_log() -> None:
     assert np.linalg.norm(theirs.cov - ours.cov) <= 0.01 * np.linalg.norm(ours.cov)
 
 
-def test_ekf_ends_where_it_should_on_victoria_park(victoria_park: Log, optimum: Solution) -> None:
-    assert rmse(run("ekf", victoria_park)[1], optimum.path) == pytest.approx(11.0, abs=0.1)
-
-
-def test_isam2_ends_at_the_optimum_of_a_third_of_victoria_park(victoria_park: Log) -> None:
-    part = victoria_park.head(2400)
-    assert rmse(final("isam2", part).path, final("graph", part).path) < 0.1
+def test_ekf_ends_where_it_should_on_victoria_park() -> None:
+    source = datasets.find("victoria-park")
+    log = source.make(source.options(), np.random.default_rng(0)).log
+    assert rmse(run("ekf", log)[1], final("graph", log).path) == pytest.approx(11.0, abs=0.1)
 
 
 @pytest.mark.parametrize("with_covariance", [True, False])
@@ -177,40 +152,6 @@ def test_covariances_stay_positive_definite_over_a_long_log(name: str, noise: fl
         covs = (backend.belief().cov, backend.map().cov) if k % 50 == 0 else (backend.belief().cov,)
         assert all(np.array_equal(cov, cov.T) for cov in covs)
         assert k % 50 or all(np.linalg.eigvalsh(cov)[0] > 0 for cov in covs if cov.size)
-
-
-def test_loop_closures_pull_a_drifting_path_together() -> None:
-    """Round a square: the last pose stands on the first, and one relative pose says so."""
-    cov = np.diag([1e-2, 1e-2, 1e-2])
-    deltas = [np.array([1.0, 0.0, np.pi / 2 + 0.1])] * 4
-    steps = [Step(0.0, None, NO_SIGHTINGS, NO_LOOPS)]
-    steps += [Step(k + 1.0, Odometry(delta, cov), NO_SIGHTINGS, NO_LOOPS) for k, delta in enumerate(deltas)]
-    closure = RelativePoses(np.array([0]), np.zeros((1, 3)), 1e-8 * np.eye(3)[None])
-    steps[-1] = steps[-1]._replace(loops=closure)
-    log = Log.from_steps("square", Prior(np.zeros(3), 1e-8 * np.eye(3)), steps)
-    for name in ("isam2", "graph"):
-        path = final(name, log).path
-        assert path[-1] == pytest.approx(np.zeros(3), abs=1e-3), name
-        assert np.hypot(*path[2, :2]) == pytest.approx(np.sqrt(2), abs=0.1), name
-
-
-def test_fastslam_is_close_to_the_ekf_where_noise_is_small() -> None:
-    log, truth = random_log(np.random.default_rng(10), 100, 10)
-    errors = [
-        rmse(run(name, log, **options)[1], truth.poses)
-        for name, options in (("ekf", {}), ("fastslam", {"particles": 2000, "version": 1}))
-    ]
-    assert errors[1] < 2 * errors[0]
-
-
-def test_fastslam_weights_count_every_particle_again_after_resampling() -> None:
-    log = random_log(np.random.default_rng(12), 30, 6).log
-    backend = make("fastslam", log.prior, particles=50, version=1, resample_below=0.0)
-    for step in log:
-        backend.step(step)
-    assert backend.belief().n_eff < 25  # never resampled: the weights have degenerated
-    backend._resample()
-    assert backend.belief().n_eff == pytest.approx(50)
 
 
 def test_map_of_one_landmark_from_a_known_pose() -> None:

@@ -28,7 +28,6 @@ def with_wrong_ids(seed: int) -> Log:
 
 def cost(log: Log, path: Array, landmarks: Map) -> float:
     found = misfit(log, path, landmarks)
-    assert found is not None
     return found.total
 
 

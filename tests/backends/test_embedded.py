@@ -1,12 +1,12 @@
 """The two datasets that come along: what is promised of them, and evo's word on the figures."""
 
-import csv
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from csv_rows import csv_rows
 from driven import aligned_error, run
 from evo_cli import evo
 from room_drives import room_drive
@@ -29,8 +29,7 @@ def test_evo_prints_the_figures_of_the_table(tmp_path: Path, dataset: str, backe
     words = ["--backend", ",".join(backends), "--dataset", dataset, "--seeds", "1"]
     assert main(["run", *words, "--jobs", "2", "--quiet", "--out", str(tmp_path)]) == 0
     folders = json.loads((tmp_path / "run.json").read_text())["folders"]
-    with (tmp_path / "cells.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(tmp_path / "cells.csv")
     assert [row["status"] for row in rows] == ["done"] * len(backends)
     commands: list[tuple[str, ...]] = []
     for row in rows:

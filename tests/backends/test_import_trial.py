@@ -35,6 +35,7 @@ def ending(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.M
     return request.param
 
 
+@pytest.mark.usefixtures("no_report")
 @pytest.mark.parametrize("ending", first_quick(["leaves_at_once", "leaves_by_exit"]), indirect=True)
 def test_its_run_has_a_row_with_the_reason_and_status_1(ending: str, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["run", "--backend", f"{ending}:build,dead-reckoning", "--dataset", "linear[steps=5]", "--seeds", "1"]

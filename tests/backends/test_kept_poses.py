@@ -105,7 +105,6 @@ def test_poses_that_are_no_longer_kept_are_left_out_of_the_state_exactly(most: i
 
 def test_the_gate_has_three_degrees_of_freedom_and_bears_wrong_loops() -> None:
     log, dataset = both(3, 120, share=0.5)
-    assert dataset.truth is not None
     rng, steps = np.random.default_rng(4), list(log)
     for k in range(20, 120, 9):
         wrong = rng.uniform(-3, 3, (1, 3))
@@ -124,7 +123,6 @@ def test_the_gate_has_three_degrees_of_freedom_and_bears_wrong_loops() -> None:
 
 def test_many_loops_at_one_step_are_taken_in_passes() -> None:
     log, dataset = both(5, 60, share=0.0)
-    assert dataset.truth is not None
     steps, poses = list(log), dataset.truth.poses
     to = np.arange(50)
     delta = between(poses[to], poses[55]) + 0.01
@@ -164,8 +162,6 @@ def test_the_invariant_one_is_the_papers_with_elements_of_their_own_for_kept_pos
 @pytest.mark.parametrize("fixed", [True, False])
 def test_the_invariant_one_on_a_given_map(fixed: bool) -> None:
     log, dataset = both(7, 60)
-    assert dataset.truth is not None
-    assert dataset.truth.map is not None
     known = dataset.truth.map
     half = known._replace(ids=known.ids[::2], xy=known.xy[::2])
     cov = None if fixed else 0.01 * np.eye(2 * len(half.ids))

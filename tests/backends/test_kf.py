@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from dense_invariant import turning
 from random_logs import TextbookKalman, random_log
 from slamduel.backends.api import Builder, Diverged
 from slamduel.backends.gaussian.ekf import Ekf
@@ -16,11 +17,6 @@ from slamduel.core.factors import Log, Map, Prior
 from slamduel.core.options import NoOptions
 from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.worlds.linear import Options, linear
-
-
-def turning(angle: float) -> Array:
-    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-
 
 LEFT = turning(np.pi / 2)
 

@@ -39,7 +39,6 @@ def efficiency(loss: str, dimensions: int) -> float:
 def test_the_efficiencies_that_are_printed(loss: str) -> None:
     text = (ROOT / "docs" / "backends.md").read_text(encoding="utf-8")
     row = re.search(rf"^\| `{loss}` \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|$", text, re.MULTILINE)
-    assert row is not None
     scale, *printed = row.groups()
     assert float(scale) == LOSSES[loss]
     assert [f"{100 * efficiency(loss, dimensions):.1f}" for dimensions in (1, 2, 3)] == printed

@@ -48,6 +48,17 @@ def numerical(residual: Callable[[Array], Array], at: Array, information: Array)
     return J.T @ information @ J, -J.T @ information @ residual(at)
 
 
+def of_motion(delta: Array) -> Callable[[Array], Array]:
+    """The residual of a motion between two poses (6,)."""
+
+    def residual(v: Array) -> Array:
+        e = between(v[:3], v[3:]) - delta
+        e[2] = wrap(e[2])
+        return e
+
+    return residual
+
+
 @pytest.mark.parametrize("pose_first", [True, False])
 def test_a_sighting(pose_first: bool) -> None:
     for seed in range(20):
@@ -75,13 +86,8 @@ def test_a_motion(before_first: bool) -> None:
         order = np.r_[ia : ia + 3, ib : ib + 3]
         S = np.zeros((3, 3))
         _log.covariance_of(g.steps[1], _graph.NOISE, S)
-
-        def residual(v: Array, delta: Array = g.steps[1, :3]) -> Array:
-            e = between(v[:3], v[3:]) - delta
-            e[2] = wrap(e[2])
-            return e
-
-        expected = numerical(residual, np.r_[g.values[0], g.values[1]], np.asarray(np.linalg.inv(S), np.float64))
+        W = np.asarray(np.linalg.inv(S), np.float64)
+        expected = numerical(of_motion(g.steps[1, :3]), np.r_[g.values[0], g.values[1]], W)
         assert H[np.ix_(order, order)] == pytest.approx(expected[0], rel=1e-5, abs=1e-4)
         assert b[order] == pytest.approx(expected[1], rel=1e-5, abs=1e-4)
 
@@ -99,12 +105,7 @@ def test_a_loop_and_its_weight(loss: str, before_first: bool) -> None:
         delta = between(at[:3], at[3:]) + rng.normal(0, [0.3, 0.3, 0.1])
         assert _log.add_loop(g, 0, 1, delta, cov)
         H, b = front(g, lambda F, w, g=g: _factors.add_link(g, 1, F, w, ia, ib), 6)
-
-        def residual(v: Array, delta: Array = delta) -> Array:
-            e = between(v[:3], v[3:]) - delta
-            e[2] = wrap(e[2])
-            return e
-
+        residual = of_motion(delta)
         W = np.asarray(np.linalg.inv(cov), np.float64)
         shares.append(weight(loss, 2.0, float(residual(at) @ W @ residual(at)))[0])
         expected = numerical(residual, at, shares[-1] * W)
@@ -119,14 +120,8 @@ def chain(g: Graph, n: int) -> tuple[Array, Array]:
     for k in range(1, n):
         p, q = g.steps[k - 1, 9:], g.steps[k, 9:]
         _log.covariance_of(g.steps[k], _graph.NOISE, one)
-
-        def residual(v: Array, delta: Array = g.steps[k, :3]) -> Array:
-            e = between(v[:3], v[3:]) - delta
-            e[2] = wrap(e[2])
-            return e
-
         rows = slice(3 * k - 3, 3 * k + 3)
-        more = numerical(residual, np.r_[p, q], np.asarray(np.linalg.inv(one), np.float64))
+        more = numerical(of_motion(g.steps[k, :3]), np.r_[p, q], np.asarray(np.linalg.inv(one), np.float64))
         H[rows, rows] += more[0]
         b[rows] += more[1]
     return H, b

@@ -30,7 +30,6 @@ class DenseUkf:
         self.options = options
         self.mean, self.cov, self.ids = np.array(prior.pose), np.array(prior.cov), list[int]()
         if prior.map is not None:
-            assert prior.map.cov is not None
             n = 3 + 2 * len(prior.map.ids)
             cov = np.zeros((n, n))
             cov[:3, :3], cov[3:, 3:] = prior.cov, prior.map.cov

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fuzzing import survivors
+from refusals import refused
 from slamduel.core import files
-from slamduel.core.errors import InputError
 from slamduel.core.files import Rows, read_arrays, write_whole
 
 
@@ -48,25 +49,14 @@ def test_nothing_is_left_of_a_text_that_cannot_be_written(tmp_path: Path) -> Non
 
 def test_arrays_of_a_damaged_file_are_read_or_refused(tmp_path: Path) -> None:
     """A flipped bit or a cut at any place of a compressed archive."""
-    path, rng = tmp_path / "some.npz", np.random.default_rng(0)
+    path = tmp_path / "some.npz"
     np.savez_compressed(path, a=np.arange(300.0), b=np.arange(40))
-    content = path.read_bytes()
     (whole, same) = read_arrays(path, ("a", "b"), "numbers").values()
     assert (whole == np.arange(300)).all()
     assert (same == np.arange(40)).all()
-    refused = 0
-    for case in range(600):
-        broken = bytearray(content if case % 3 else content[: 1 + case // 3 * (len(content) - 1) // 200])
-        broken[int(rng.integers(len(broken)))] ^= 1 << int(rng.integers(8))
-        path.write_bytes(broken)
-        try:
-            read_arrays(path, ("a", "b"), "numbers")
-        except InputError:
-            refused += 1
-    assert refused > 400
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=r"some\.npz: .*c.*, expected a, c\.$"):
-        read_arrays(path, ("a", "c"), "numbers")
+    _, sentences = survivors(lambda file: read_arrays(file, ("a", "b"), "numbers"), path, 600, 0)
+    assert len(sentences) > 300
+    refused(r"some\.npz: .*c.*, expected a, c\.$", read_arrays, path, ("a", "c"), "numbers")
 
 
 @pytest.mark.parametrize(("kind", "shape"), [("f8", ()), ("i2", (3,)), ([("a", "i8"), ("b", "f8", (2, 2))], ())])

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from differences import central
 from motions import between_jacobians, chain
 from slamduel.core import se2
 from slamduel.core.se2 import Array
@@ -74,13 +75,6 @@ def test_headings_come_out_wrapped(a: Array, b: Array):
         assert -np.pi < pose[2] <= np.pi
 
 
-def central(function: Callable[[Array], Array], at: Array) -> Array:
-    """Central differences, (m, n); the step leaves a truncation error of h^2 and a rounding error of eps / h."""
-    h = 1e-5
-    sides = [(function(at + e) - function(at - e)) for e in h * np.eye(len(at))]
-    return np.stack(sides, axis=-1) / (2 * h)
-
-
 @pytest.mark.parametrize(
     ("function", "jacobians", "sizes"),
     [
@@ -89,15 +83,13 @@ def central(function: Callable[[Array], Array], at: Array) -> Array:
         (se2.act, se2.act_jacobians, (3, 2)),
     ],
 )
-def test_jacobians_equal_central_differences(
-    function: Callable[..., Array], jacobians: Callable[..., tuple[Array, Array]], sizes: Sequence[int]
-):
+def test_jacobians_equal_central_differences(function: Callable[..., Array], jacobians: Callable[..., Any], sizes: Any):
     rng = np.random.default_rng(5)
     for _ in range(50):
         a, b = (rng.uniform(-1.5, 1.5, size) for size in sizes)  # headings add up to less than pi: no jump
         by_a, by_b = jacobians(a, b)
-        np.testing.assert_allclose(by_a, central(lambda v, b=b: function(v, b), a), atol=1e-9)
-        np.testing.assert_allclose(by_b, central(lambda v, a=a: function(a, v), b), atol=1e-9)
+        np.testing.assert_allclose(by_a, central(lambda v, b=b: function(v, b), a, 1e-5), atol=1e-9)
+        np.testing.assert_allclose(by_b, central(lambda v, a=a: function(a, v), b, 1e-5), atol=1e-9)
 
 
 @pytest.mark.parametrize(

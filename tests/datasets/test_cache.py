@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slamduel.core.errors import InputError
+from refusals import refused
 from slamduel.core.factors import Dataset
 from slamduel.core.options import option
 from slamduel.datasets import cache
@@ -62,18 +62,14 @@ def test_a_cheap_log_is_made_each_time_and_never_kept(maker: Maker, folder: Path
     assert not folder.exists()
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "seed"), [("y", Options(), 3), ("x", Options(2.0), 3), ("x", Options(), 4)]
-)
-def test_another_name_option_or_seed_is_another_entry(
-    costly: Source, maker: Maker, name: str, options: Options, seed: int
-):
+@pytest.mark.parametrize(("name", "options", "seed"), [("y", Options(), 3), ("x", Options(2), 3), ("x", Options(), 4)])
+def test_another_name_option_or_seed_is_another(costly: Source, maker: Maker, name: str, options: Options, seed: int):
     first = made_ready("x", costly, Options(), 3)
     assert made_ready(name, costly, options, seed).log.digest != first.log.digest
     assert maker.calls == 2
 
 
-def test_another_version_or_another_line_of_code_is_another_entry(
+def test_another_version_or_line_of_code_is_another_entry(
     costly: Source, maker: Maker, monkeypatch: pytest.MonkeyPatch, folder: Path
 ):
     made_ready("x", costly, Options(), 3)
@@ -133,9 +129,8 @@ def test_an_unseeded_source_is_the_same_for_every_seed(maker: Maker):
 
 def test_the_generator_is_the_same_in_another_process():
     code = "from slamduel.datasets.cache import generator; print(generator('aruco-room', 7).integers(2**62))"
-    other = subprocess.run(
-        [sys.executable, "-c", code], env={**os.environ, "PYTHONHASHSEED": "1"}, capture_output=True, check=True
-    )
+    env = {**os.environ, "PYTHONHASHSEED": "1"}
+    other = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, check=True)
     assert int(other.stdout) == cache.generator("aruco-room", 7).integers(2**62)
 
 
@@ -145,6 +140,5 @@ def test_the_generator_depends_on_name_and_seed():
 
 
 def test_a_source_that_makes_an_unusable_log_is_named(costly: Source, folder: Path):
-    with pytest.raises(InputError, match=r"dataset x: sightings row 0: range is -"):
-        made_ready("x", costly, Options(-1.0), 3)
+    refused(r"dataset x: sightings row 0: range is -", made_ready, "x", costly, Options(-1.0), 3)
     assert not folder.exists()

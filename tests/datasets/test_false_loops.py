@@ -9,11 +9,11 @@ import pytest
 
 import slamduel
 from laps import laps
+from refusals import refused
 from slamduel.bench.plan import reference
 from slamduel.bench.plan.spec import read_options
 from slamduel.core.check import check_truth, problems
 from slamduel.core.dead_reckoning import dead_reckoned
-from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log, Truth
 from slamduel.core.se2 import Array, Ints, between, compose
 from slamduel.datasets import archive, registry
@@ -69,7 +69,6 @@ def test_so_many_are_added_and_everything_else_stays(share: float) -> None:
     for name in ("t", "delta", "delta_cov", "ids", "z"):
         assert getattr(found.log, name) is getattr(log, name)
     assert found.log.prior.pose is log.prior.pose
-    assert truth is not None
     assert true(found).poses is truth.poses
 
 
@@ -100,7 +99,6 @@ def test_they_are_anywhere_the_robot_was_with_the_covariances_of_correct_ones() 
 
 def test_they_are_false_by_far() -> None:
     log, truth = made(0.5)
-    assert truth is not None
     which = false(Dataset(log, truth))
     right = between(truth.poses[log.loop_to[which]], truth.poses[log.loop_step[which]])
     off = np.abs(log.loop_delta[which] - right) / np.sqrt(np.einsum("lii->li", log.loop_cov[which]))
@@ -123,7 +121,6 @@ def test_without_the_option_nothing_changes() -> None:
 
 def test_a_log_without_ground_truth_gets_one_without_path_or_map() -> None:
     log, truth = planted(Dataset(world().log, None), 0.1, np.random.default_rng(0))
-    assert truth is not None
     assert len(truth.t) == 0
     assert truth.map is None
     assert rows(log, false(Dataset(log, truth))) == rows(made(0.1).log, false(made(0.1)))
@@ -131,8 +128,7 @@ def test_a_log_without_ground_truth_gets_one_without_path_or_map() -> None:
 
 def test_a_log_without_loops_has_none_to_add_to() -> None:
     bare = Dataset(world().log.without_loops(), world().truth)
-    with pytest.raises(InputError, match=r"^option false_loops=0\.1: laps has no loop closures, expected some to add"):
-        planted(bare, 0.1, np.random.default_rng(0))
+    refused(r"^option false_loops=0\.1: laps has no loop closures,", planted, bare, 0.1, np.random.default_rng(0))
 
 
 # --- the option
@@ -146,8 +142,8 @@ def test_every_dataset_with_loops_of_its_own_can_have_false_ones() -> None:
 
 @pytest.mark.parametrize("share", ["0.6", "-0.1", "some"])
 def test_a_share_is_between_none_and_half(share: str) -> None:
-    with pytest.raises(InputError, match=f"option false_loops={share}"):
-        read_options(registry.find("toro").options, [("false_loops", share)], "dataset toro")
+    toro = registry.find("toro").options
+    refused(f"option false_loops={share}", read_options, toro, [("false_loops", share)], "dataset toro")
 
 
 def test_a_graph_file_with_false_loops_is_the_file_in_everything_else() -> None:
@@ -194,8 +190,7 @@ def test_a_folder_says_where_a_flag_is_odd(tmp_path: Path) -> None:
     lines = path.read_text().splitlines()
     assert lines[0].endswith(",false")
     path.write_text("\n".join([*lines[:3], lines[3][:-1] + "7", *lines[4:]]) + "\n")
-    with pytest.raises(InputError, match=r"loops\.csv, line 4: false is 7\.0, expected 0 or 1"):
-        log_folder.read(tmp_path / "log")
+    refused(r"loops\.csv, line 4: false is 7\.0, expected 0 or 1", log_folder.read, tmp_path / "log")
 
 
 @pytest.mark.parametrize(
@@ -209,21 +204,15 @@ def test_a_folder_says_where_a_flag_is_odd(tmp_path: Path) -> None:
 )
 def test_a_truth_that_names_no_loop_is_refused(which: list[float], message: str) -> None:
     log, truth = world()
-    assert truth is not None
-    with pytest.raises(InputError, match=f"false_loops.*{message}"):
-        check_truth(log, truth._replace(false_loops=np.array(which)), "x")
+    refused(f"false_loops.*{message}", check_truth, log, truth._replace(false_loops=np.array(which)), "x")
 
 
 def test_false_loops_do_not_rule_the_reference() -> None:
     log, truth = planted(Dataset(world().log, None), 0.1, np.random.default_rng(0))
     plain, found = reference.reference(world().log), reference.known(log, truth)
-    assert plain is not None
-    assert found is not None
-    assert truth is not None
     assert plain.words == ""
     count = len(false(Dataset(log, truth)))
-    assert (
-        found.words == f"the batch optimum with a Cauchy loss ({count} of {len(log.loop_to)} loop closures do not fit)"
-    )
+    said = f"the batch optimum with a Cauchy loss ({count} of {len(log.loop_to)} loop closures do not fit)"
+    assert found.words == said
     np.testing.assert_array_equal(found.false_loops, truth.false_loops)
     assert np.abs((found.poses - plain.poses)[:, :2]).max() < 0.05

@@ -1,5 +1,6 @@
 """The digest of every log that is simulated or read is the same whatever the processor."""
 
+import itertools
 import os
 import subprocess
 import sys
@@ -63,9 +64,7 @@ def digests(whole: bool) -> list[str]:
     return said
 
 
-@pytest.mark.parametrize(
-    ("kind", "whole"), first_quick([(kind, whole) for whole in (0, 1) for kind in older_machine.KINDS])
-)
+@pytest.mark.parametrize(("kind", "whole"), first_quick(itertools.product(older_machine.KINDS, (0, 1))))
 def test_the_digests_are_those_of_an_older_machine(kind: str, whole: int) -> None:
     done = subprocess.run(
         [sys.executable, __file__, str(whole)],

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shlex
 import shutil
 import sys
 from collections.abc import Callable
@@ -14,8 +13,8 @@ import pytest
 
 from carmen_files import written
 from charuco_views import poses, sensed
+from docs_pages import PAGES, blocks
 from floor_drives import bag, floor_drive, mounting, odometry, scans
-from places import ROOT
 from random_logs import random_log
 from slamduel.bench.cli import main
 from slamduel.bench.run import benchmark
@@ -52,22 +51,10 @@ PUBLISHED = {
 }
 """Names of published logs, and where they are among the logs at hand."""
 
-PAGES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in ROOT.glob("docs/*.md")}
-PAGES["README.md"] = (ROOT / "README.md").read_text(encoding="utf-8")
-
-
-def blocks(text: str) -> list[list[list[str]]]:
-    """The words of the commands of a page, by the blocks they stand in."""
-    logs: list[str] = re.findall(r"^    LOG='(.*)'$", text, re.MULTILINE)
-    found = re.findall(r"(?:^    bench .*\n)+", text, re.MULTILINE)
-    lines = ((line.partition("   #")[0] for line in block.splitlines()) for block in found)
-    return [[shlex.split(line.replace("$LOG", logs[0]) if logs else line)[1:] for line in block] for block in lines]
-
-
 SHOWN = {
     f"{page} {'; '.join(sorted({words[0] for words in block}))} {k}": block
-    for page, text in PAGES.items()
-    for k, block in enumerate(blocks(text))
+    for page in PAGES
+    for k, block in enumerate(blocks(page))
 }
 
 

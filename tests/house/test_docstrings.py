@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from places import ROOT
+from places import LAYERS, ROOT
 
-LAYERS = ("core", "frontend", "backends", "datasets", "bench")
 KINDS = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 

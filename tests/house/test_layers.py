@@ -7,6 +7,7 @@ then core. A layer has rooms, and a room sees those that `ROOMS` allows it.
 import ast
 import functools
 import graphlib
+import itertools
 import os
 import re
 import subprocess
@@ -31,11 +32,7 @@ TOP = "."
 """The files of a layer that are in none of its rooms."""
 
 ROOMS: dict[str, dict[str, set[str]]] = {
-    "core": {
-        TOP: set(),
-        "toml": {TOP},
-        "kernels": {TOP},
-    },
+    "core": {TOP: set(), "toml": {TOP}, "kernels": {TOP}},
     "frontend": {
         TOP: set(),
         "wheels": {TOP},
@@ -104,6 +101,9 @@ ROOMS: dict[str, dict[str, set[str]]] = {
 }  # fmt: skip
 """Layer -> room -> the rooms of that layer that it may import from, beside itself."""
 
+BLOCKS = ("body", "handlers", "cases", "orelse", "finalbody")
+TOPS = (*BELOW, "__init__.py", "__main__.py")
+
 MOST = 20
 """Modules in one folder."""
 
@@ -132,9 +132,7 @@ def stated(source: str, folder: tuple[str, ...]) -> list[Import]:
 def _stated(block: ast.AST, folder: list[str], at_once: bool) -> Iterator[Import]:
     """Those in a block and in the statements of its statements; expressions, which are most of a file, have none."""
     inside = at_once and not isinstance(block, ast.FunctionDef | ast.AsyncFunctionDef)
-    for node in (
-        one for name in ("body", "handlers", "cases", "orelse", "finalbody") for one in getattr(block, name, [])
-    ):
+    for node in itertools.chain.from_iterable(getattr(block, name, []) for name in BLOCKS):
         if isinstance(node, ast.Import):
             yield from (Import(node.lineno, name.name, inside) for name in node.names)
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -153,9 +151,7 @@ def _stated(block: ast.AST, folder: list[str], at_once: bool) -> Iterator[Import
 
 
 def files(root: Path) -> list[Path]:
-    return sorted(
-        f for f in root.rglob("*.py") if f.relative_to(root).parts[0] in (*BELOW, "__init__.py", "__main__.py")
-    )
+    return sorted(f for f in root.rglob("*.py") if f.relative_to(root).parts[0] in TOPS)
 
 
 def climbing(root: Path) -> list[str]:
@@ -293,21 +289,13 @@ def test_no_folder_is_crowded() -> None:
     assert crowded(ROOT) == []
 
 
-def test_the_command_line_loads_nothing_heavy() -> None:
-    start = ROOT / "bench" / "cli.py"
-    if not start.is_file():
-        pytest.skip("there is no bench/cli.py")
-    assert weighing(start, ROOT) == []
-    code = f"import sys, slamduel.bench.cli; print(*sorted({HEAVY!r} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=os.path.sep)
-    assert done.stdout.strip() == ""
+LIGHT = ("bench.cli", "backends.registry, slamduel.datasets.registry, slamduel.backends.api")
 
 
-def test_backends_and_datasets_are_named_without_being_loaded() -> None:
-    code = (
-        "import sys, slamduel.backends.registry, slamduel.datasets.registry, slamduel.backends.api; "
-        f"print(*sorted({HEAVY!r} & set(sys.modules)))"
-    )
+@pytest.mark.parametrize("modules", LIGHT)
+def test_the_command_line_and_the_names_of_backends_and_datasets_load_nothing_heavy(modules: str) -> None:
+    assert weighing(ROOT / "bench" / "cli.py", ROOT) == []
+    code = f"import sys, slamduel.{modules}; print(*sorted({HEAVY!r} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=os.path.sep)
     assert done.stdout.strip() == ""
 
@@ -323,6 +311,10 @@ PLANTED = {
     "from slamduel.core import se2": "by its own name",
     "from datasets import load_dataset": "as if it were installed by that name",
 }
+LOOKING_UP = [
+    *(("core/se2.py", f"from ..{above} import api") for above in ("frontend", "backends", "datasets", "bench")),
+    ("frontend/wheels.py", "from ..datasets import registry"),
+]
 
 
 @pytest.fixture
@@ -340,23 +332,12 @@ def house(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("planted", PLANTED, ids=PLANTED.get)
-def test_the_walker_sees_an_import_that_climbs(house: Path, planted: str) -> None:
+@pytest.mark.parametrize(("file", "planted"), [*(("backends/ekf.py", text) for text in PLANTED), *LOOKING_UP])
+def test_the_walker_sees_an_import_that_climbs(house: Path, file: str, planted: str) -> None:
     assert climbing(house) == []
-    (house / "backends" / "ekf.py").write_text(planted + "\n")
+    (house / file).write_text(f"from ..core import se2\n{planted}\n")
     (found,) = climbing(house)
-    assert found.startswith(os.path.join("backends", "ekf.py:"))
-
-
-@pytest.mark.parametrize("above", ["frontend", "backends", "datasets", "bench"])
-def test_the_walker_sees_a_core_that_looks_up(house: Path, above: str) -> None:
-    (house / "core" / "se2.py").write_text(f"from ..{above} import api\n")
-    assert climbing(house) == [os.path.join("core", "se2.py:1") + f" .{above}.api"]
-
-
-def test_the_walker_sees_a_front_end_that_looks_up(house: Path) -> None:
-    (house / "frontend" / "wheels.py").write_text("from ..core import se2\nfrom ..datasets import registry\n")
-    assert climbing(house) == [os.path.join("frontend", "wheels.py:2") + " .datasets.registry"]
+    assert found.startswith(os.path.join(*file.split("/")) + ":")
 
 
 @pytest.mark.parametrize("planted", ["import scipy.stats", "from evo import core", "if True:\n    import gtsam"])
@@ -369,10 +350,7 @@ def test_the_walker_sees_what_weighs(house: Path, planted: str) -> None:
     assert weighing(cli, house) == []
 
 
-@pytest.mark.parametrize(
-    "planted",
-    ["from ..run import runner", "from ..run.runner import run", "def f():\n    from ..run.runner import run"],
-)
+@pytest.mark.parametrize("planted", ["from ..run import runner", "def f():\n    from ..run.runner import run"])
 def test_the_walker_sees_a_room_that_looks_up(house: Path, planted: str) -> None:
     for room in ("measure", "run"):
         (house / "bench" / room).mkdir()

@@ -3,7 +3,6 @@
 import argparse
 import re
 import runpy
-import shlex
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from docs_pages import PAGES, blocks
 from places import ROOT
 from random_logs import random_log
 from slamduel.backends import registry
@@ -23,20 +23,9 @@ from slamduel.bench.verdict.summary import lines
 from slamduel.bench.words.console import WIDE
 from slamduel.datasets.formats import log_folder
 
-PAGES = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in ROOT.glob("docs/*.md")}
-PAGES["README.md"] = README = (ROOT / "README.md").read_text(encoding="utf-8")
+README = PAGES["README.md"]
 BESIDE = {"CONTRIBUTING.md": (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")}
-
-
-def commands(page: str) -> list[list[str]]:
-    """The words of every command that a page shows."""
-    text = PAGES[page]
-    found = [line.strip().partition("   #")[0] for line in text.splitlines() if line.startswith("    bench ")]
-    logs: list[str] = re.findall(r"^    LOG='(.*)'$", text, re.MULTILINE)
-    return [shlex.split(line.replace("$LOG", logs[0]) if logs else line) for line in found]
-
-
-SHOWN = [(page, words) for page in PAGES for words in commands(page)]
+SHOWN = [(page, words) for page in PAGES for block in blocks(page) for words in block]
 
 
 def written() -> set[str]:
@@ -47,11 +36,9 @@ def written() -> set[str]:
 @pytest.mark.parametrize(("page", "words"), SHOWN, ids=[" ".join((page, *words)) for page, words in SHOWN])
 def test_every_command_is_taken_and_names_what_exists(page: str, words: list[str]) -> None:
     parser = argparse.ArgumentParser()
-    import_module(COMMANDS[words[1]][1], "slamduel.bench").arguments(parser)
-    given: dict[str, list[str] | str] = vars(
-        parser.parse_args(words[2:])
-    )  # ends the test where an argument is not taken
-    for names in (given.get("backend") or ()) if words[1] == "run" else ():
+    import_module(COMMANDS[words[0]][1], "slamduel.bench").arguments(parser)
+    given: dict[str, list[str] | str] = vars(parser.parse_args(words[1:]))  # ends it where an argument is not taken
+    for names in (given.get("backend") or ()) if words[0] == "run" else ():
         for variant in backend_variants(names.replace("my_module:build", "graph")):
             assert variant.builder is not None, variant.missing
     named = given.get("dataset") or ()
@@ -60,7 +47,7 @@ def test_every_command_is_taken_and_names_what_exists(page: str, words: list[str
 
 
 def test_the_page_of_commands_shows_every_one() -> None:
-    assert {words[1] for words in commands("docs/commands.md")} == set(COMMANDS) | {"run"}
+    assert {words[0] for page, words in SHOWN if page == "docs/commands.md"} == set(COMMANDS) | {"run"}
 
 
 @pytest.mark.parametrize("page", [*PAGES, *BESIDE])
@@ -131,7 +118,6 @@ def test_every_block_of_python_is_run_here() -> None:
 @pytest.mark.usefixtures("no_report")
 def test_the_python_with_a_log_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log, truth = random_log(np.random.default_rng(2), 25, 6)
-    assert truth is not None
     names = ("t", "delta", "delta_cov", "sighting_step", "ids", "z", "z_cov")
     known = {name: getattr(log, name) for name in names} | {"poses": truth.poses}
     monkeypatch.chdir(tmp_path)

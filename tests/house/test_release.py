@@ -12,8 +12,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from places import LAYERS, ROOT
-from sources import kept
-from sources import source as copied
+from sources import built, kept
 
 WORKFLOWS = ("tests", "publish")
 
@@ -33,13 +32,9 @@ def targets() -> set[str]:
     return set(re.findall(r"^([a-z][a-z-]*):", (ROOT / "Makefile").read_text(), re.MULTILINE))
 
 
+@pytest.mark.slow
 def test_the_source_archive_holds_all_that_git_has(tmp_path: Path) -> None:
-    source = copied(tmp_path / "source")
-    command = [sys.executable, "-m", "build", "--sdist", "--no-isolation", "--outdir", tmp_path / "dist", source]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, (done.stdout + done.stderr)[-2000:]
-    (archive,) = (tmp_path / "dist").glob("slamduel-*.tar.gz")
-    with tarfile.open(archive) as tar:
+    with tarfile.open(built(tmp_path, "sdist")) as tar:
         inside = {name.partition("/")[2] for name in tar.getnames() if not tar.getmember(name).isdir()}
     assert set(kept()) - inside == {".gitignore"}
     made = {name for name in inside - set(kept()) if not name.startswith("slamduel.egg-info/")}
@@ -70,9 +65,7 @@ def test_the_workflow_tests_every_python_that_the_package_names(project: dict[st
     matrix = loaded(".github/workflows/tests.yml")["jobs"]["quick"]["strategy"]["matrix"]
     assert matrix["python"] == named
     assert project["requires-python"] == f">={named[0]}"
-    systems = {
-        words[-1] for words in (one.split(" :: ") for one in project["classifiers"]) if words[0] == "Operating System"
-    }
+    systems = {words[-1] for words in classified if words[0] == "Operating System"}
     assert systems == {"MacOS", "Linux"}
     assert {one.split("-")[0] for one in matrix["os"]} == {"ubuntu", "macos"}
 
@@ -128,9 +121,8 @@ def test_an_entry_of_the_changelog_is_one_line_whose_links_lead_somewhere() -> N
         assert not entry.startswith("- ") or "](" in entry, entry
         for name, _, place in (link.partition("#") for link in re.findall(r"\]\(([^):]+)\)", entry)):
             headings = re.findall(r"^#+ (.*)$", (ROOT / name).read_text(), re.MULTILINE)
-            assert not place or place in {re.sub(r"[^\w -]", "", one.lower()).replace(" ", "-") for one in headings}, (
-                entry
-            )
+            anchors = {re.sub(r"[^\w -]", "", one.lower()).replace(" ", "-") for one in headings}
+            assert not place or place in anchors, entry
 
 
 def test_the_image_installs_what_the_package_offers(project: dict[str, Any]) -> None:

@@ -66,6 +66,11 @@ def write(folder: Path, kind: str, messages: Iterable[Said]) -> Path:
     return path / "drive.mcap" if kind == "mcap" else path
 
 
+def file_of(path: Path) -> Path:
+    """The file that has a bag's messages."""
+    return next(one for one in [path, *path.glob("*.db3"), *path.glob("*.mcap")] if one.is_file())
+
+
 def _header(new: Any, old: bool, stamp: int, frame: str) -> Any:
     time = new("builtin_interfaces/msg/Time", *divmod(stamp, 10**9))
     return new("std_msgs/msg/Header", *([0] if old else []), time, frame)

@@ -54,11 +54,7 @@ def fitted(log: Log, start: Array, iterations: int, landmarks: Map | None = None
         motion[:, 2], z[:, 1] = wrap(motion[:, 2]), wrap(z[:, 1])
         first = path[0] - log.prior.pose
         first[2] = wrap(first[2])
-        return (
-            white_start @ first,
-            np.einsum("mij,mj->mi", white_motion, motion),
-            np.einsum("mij,mj->mi", white_z, z),
-        )
+        return (white_start @ first, np.einsum("mij,mj->mi", white_motion, motion), np.einsum("mij,mj->mi", white_z, z))
 
     k, s, motions, furthest = np.arange(len(before)), np.arange(len(step)), len(before), 0.0
     for _ in range(iterations):

@@ -23,17 +23,8 @@ class Processes:
         self.folder = folder
         self.file = folder / "scheduler.json"
         self.running: list[subprocess.Popen[bytes]] = []
-        self.scheduler = self._start(
-            "",
-            "dask_scheduler",
-            "--host",
-            "127.0.0.1",
-            "--port",
-            "0",
-            "--no-dashboard",
-            "--scheduler-file",
-            str(self.file),
-        )
+        here = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(self.file))
+        self.scheduler = self._start("", "dask_scheduler", *here)
         self.until(self.file.exists)
         self.address = str(json.loads(self.file.read_text())["address"])
 

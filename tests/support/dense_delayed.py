@@ -19,7 +19,6 @@ def with_loops(
     rng: np.random.Generator, dataset: Dataset, share: float, *, noise: float = 1.0, errors: float = 1.0
 ) -> Log:
     """The log with one to three loop closures at a share of its steps, two to the same one among them."""
-    assert dataset.truth is not None
     steps, poses = list(dataset.log), dataset.truth.poses
     for k in range(2, len(steps)):
         if rng.uniform() > share:

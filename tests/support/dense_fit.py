@@ -54,6 +54,16 @@ class Normal:
         self.add([(3 * i, by_i), (3 * j, by_j)], e, cov, robust)
 
 
+def sighted(pose: Array, xy: Array, z: Array) -> tuple[Array, Array, Array]:
+    """The residual of a sighting, and its derivatives by the pose (2, 3) and by the landmark (2, 2)."""
+    dx, dy = xy - pose[:2]
+    r = np.hypot(dx, dy)
+    by_xy = np.array([[dx, dy], [-dy / r, dx / r]]) / r
+    e = np.array([r, np.arctan2(dy, dx) - pose[2]]) - z
+    e[1] = wrap(e[1])
+    return e, np.column_stack((-by_xy, [0.0, -1.0])), by_xy
+
+
 def dense_fit(
     log: Log, path: Array, xy: dict[int, Array], iterations: int, loss: str = "none", scale: float = 1.0
 ) -> Dense:
@@ -80,12 +90,7 @@ def dense_fit(
                 normal.add_motion(path, to, k, delta, cov, robust=True)
             for landmark, z, cov in zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True):
                 at = fixed[landmark] if landmark in fixed else xy[landmark]
-                dx, dy = at - path[k, :2]
-                r = np.hypot(dx, dy)
-                by_xy = np.array([[dx, dy], [-dy / r, dx / r]]) / r
-                by_pose = np.column_stack((-by_xy, [0.0, -1.0]))
-                e = np.array([r, np.arctan2(dy, dx) - path[k, 2]]) - z
-                e[1] = wrap(e[1])
+                e, by_pose, by_xy = sighted(path[k], at, z)
                 blocks = [(3 * k, by_pose)] + ([] if landmark in fixed else [(column[landmark], by_xy)])
                 normal.add(blocks, e, cov, robust=True)
         if iteration < iterations:

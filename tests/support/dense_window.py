@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dense_fit import Normal
+from dense_fit import Normal, sighted
 from motions import between_jacobians
 from slamduel.core.factors import Prior, Step
 from slamduel.core.se2 import Array, between, compose, wrap
@@ -110,11 +110,7 @@ class DenseWindow:
                 e, (by_a, by_b) = between(a, b) - z, between_jacobians(a, b)
                 e[2] = wrap(e[2])
             else:
-                dx, dy = b - a[:2]
-                r = np.hypot(dx, dy)
-                by_b = np.array([[dx, dy], [-dy / r, dx / r]]) / r
-                by_a, e = np.column_stack((-by_b, [0.0, -1.0])), np.array([r, np.arctan2(dy, dx) - a[2]]) - z
-                e[1] = wrap(e[1])
+                e, by_a, by_b = sighted(a, b, z)
             normal.add([(column[first], by_a), (column[second], by_b)], e, cov)
         return normal
 

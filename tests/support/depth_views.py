@@ -19,6 +19,7 @@ from slamduel.datasets.rendering.lens import through
 from slamduel.datasets.rendering.room import Room
 from slamduel.frontend.camera.calibration import write_opencv
 from slamduel.frontend.camera.camera import Camera
+from slamduel.frontend.depth.recording import DepthFrame
 
 SIZE = (160, 120)
 CAMERA = Camera(*SIZE, (144.0, 144.0), (79.5, 59.5), (), MOUNTING)
@@ -92,6 +93,14 @@ def odometry_csv(folder: Path, first: float = START - 1, last: float = START + 1
     (folder / "odometry.csv").write_text("\n".join(["t,x,y,heading", *rows]) + "\n")
 
 
+def usable(frames: list[DepthFrame]) -> None:
+    """Frames whose pixels have a grey level and a depth of 0 or more, or none."""
+    for frame in frames:
+        assert frame.grey.shape == frame.depth.shape
+        assert np.isfinite(frame.depth).all()
+        assert (frame.depth >= 0).all()
+
+
 def stamp(t: float) -> int:
     """ns."""
     return round(t * 1e9)
@@ -120,13 +129,10 @@ def compressed_depth(k: int, topic: str, content: bytes, form: str, frame: str =
 
 
 def info_message(topic: str, camera: Camera = CAMERA, frame: str = "camera_optical") -> Said:
-    matrix = camera.matrix
+    plain = bags.camera_info(0, camera.matrix.ravel(), np.pad(camera.distortion, (0, 5 - len(camera.distortion))))
 
     def build(new: Any) -> dict[str, Any]:
-        content = bags.camera_info(0, matrix.ravel(), np.pad(camera.distortion, (0, 5 - len(camera.distortion)))).build(
-            new
-        )
-        return content | {"height": camera.height, "width": camera.width}
+        return plain.build(new) | {"height": camera.height, "width": camera.width}
 
     return Said(topic, bags.CAMERA_INFO, stamp(START), build, frame=frame)
 

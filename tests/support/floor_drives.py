@@ -45,7 +45,6 @@ def scans(drive: LaserRecording, **changes: Any) -> list[bags.Said]:
 
 def odometry(drive: LaserRecording, **changes: Any) -> list[bags.Said]:
     """One message of nav_msgs/Odometry per scan, at its time."""
-    assert drive.odometry is not None
     return [
         bags.odometry(stamp, x, y, turned(heading), **changes)
         for stamp, (x, y, heading) in zip(stamps(drive), drive.odometry.tolist(), strict=True)
@@ -54,7 +53,6 @@ def odometry(drive: LaserRecording, **changes: Any) -> list[bags.Said]:
 
 def by_tf(drive: LaserRecording, parent: str = "odom", child: str = "base_link") -> list[bags.Said]:
     """One message of tf per scan, at its time."""
-    assert drive.odometry is not None
     return [
         bags.transforms(stamp, bags.Transform(parent, child, (x, y, 0.0), turned(heading)))
         for stamp, (x, y, heading) in zip(stamps(drive), drive.odometry.tolist(), strict=True)
@@ -74,7 +72,6 @@ def bag(folder: Path, kind: str, *streams: Sequence[bags.Said]) -> Path:
 
 def carmen(path: Path, drive: LaserRecording, change: Callable[[Array], Array] = lambda ranges: ranges) -> Path:
     """Writes a log of ROBOTLASER1 lines with the numbers that messages have."""
-    assert drive.odometry is not None
     start, step = (repr(float(angle)) for angle in (np.float32(-np.pi / 2), STEP))
     lines = list[str]()
     for stamp, ranges, pose in zip(stamps(drive), drive.ranges, drive.odometry.tolist(), strict=True):

@@ -10,20 +10,7 @@ from slamduel.core.errors import InputError
 
 T = TypeVar("T")
 
-WORDS = (
-    b"nan",
-    b"inf",
-    b"-1",
-    b"1e400",
-    b"1e-320",
-    b"99999999999999999999",
-    b"0x10",
-    b"\xff\xfe",
-    b"\0",
-    b",",
-    b" ",
-    b"#",
-)
+WORDS = (*b"nan inf -1 1e400 1e-320 99999999999999999999 0x10 \xff\xfe \0 ,".split(), b" ", b"#")
 """Plausible output of other programs in place of a number."""
 
 

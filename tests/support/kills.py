@@ -45,7 +45,6 @@ TIMES = {column.name for column in COLUMNS.values() if column.kind.is_time} | {"
 PATIENCE = 300.0
 """s; timeout of an uninterrupted end."""
 
-
 LATEST = 5.0
 """s after the first result, at most, at which something is killed."""
 

@@ -102,7 +102,6 @@ def search(name: str, made: Trial, start: int, given: Map | None = None, *, late
         began = time.process_time()
         pose, belief = backend.step(step), backend.belief()
         assert pose is not None
-        assert belief is not None
         row = int(np.searchsorted(truth.t, log.t[k]))
         true = truth.poses[row] if truth.t[min(row, len(truth.t) - 1)] == log.t[k] else None
         verdict = "silent"
@@ -166,7 +165,6 @@ def _smoothed_park() -> tuple[Log, Array, Map]:
     builder = find("smoother")
     options = builder.options(association="jcbb", confirm=3)
     solution = drive(builder, options, log, lambda: np.random.default_rng(0)).solution
-    assert solution is not None
     return log, solution.path, solution.map
 
 

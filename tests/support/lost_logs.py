@@ -1,12 +1,14 @@
 """Logs of robots that do not know where they are: without ids, carried elsewhere, on another world's map."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from slamduel.bench.measure.locating import TURNED, gap
-from slamduel.core.factors import UNKNOWN, Log, Map, Step, Truth
+from slamduel.core.factors import UNKNOWN, Dataset, Log, Map, Step, Truth
 from slamduel.core.se2 import Array, wrap
+from slamduel.datasets.worlds import circle
 
 RING = "circle[steps=400,landmarks=80,sighting=0.05,odometry=0.02]"
 MAP_SD = 0.01
@@ -16,6 +18,12 @@ MAP_SD = 0.01
 def unnamed(log: Log) -> Log:
     """The log without any id."""
     return replace(log, ids=np.full(len(log.ids), UNKNOWN))
+
+
+def ring(landmarks: int = 16, **options: Any) -> Dataset:
+    """A robot that goes round twice among landmarks that stand well apart."""
+    sizes: dict[str, Any] = {"steps": 120, "landmarks": landmarks, "sighting": 0.05, "odometry": 0.02}
+    return circle.circle(circle.Options(**(sizes | options)), np.random.default_rng(1))
 
 
 def surveyed(known: Map, sd: float = MAP_SD) -> Map:

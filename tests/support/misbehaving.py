@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import re
 import signal
 import sys
 import time
@@ -148,7 +149,7 @@ class WrongShape(Reckoning):
         return np.zeros(2)
 
 
-class Complex(Reckoning):
+class ComplexPose(Reckoning):
     def answer(self) -> Any:
         return self.pose + 1j
 
@@ -213,31 +214,14 @@ class Slow(Reckoning):
         time.sleep(self.options.seconds)
 
 
-raises = Builder(Raises)
-raises_on_loops = Builder(Raises, loops=True)
-shouts = Builder(Shouts)
-not_a_number = Builder(NotANumber)
-leaves_the_earth = Builder(LeavesTheEarth)
-gives_up = Builder(GivesUp)
-loops_for_ever = Builder(LoopsForEver)
-sleeps_for_ever = Builder(SleepsForEver)
-eats_memory = Builder(EatsMemory)
-kills_itself = Builder(KillsItself)
-kills_its_runner = Builder(KillsItsRunner)
-crashes = Builder(Crashes)
-exits = Builder(Exits)
-wrong_shape = Builder(WrongShape)
-complex_pose = Builder(Complex)
-sometimes_none = Builder(SometimesNone)
-wrong_belief = Builder(WrongBelief)
-believes_elsewhere = Builder(BelievesElsewhere)
-twice_in_map = Builder(TwiceInMap)
-half_landmarks = Builder(HalfLandmarks)
-belief_changes_path = Builder(BeliefChangesPath)
-talks = Builder(Talks)
+def _named(kind: type) -> str:
+    """NotANumber is not_a_number."""
+    return re.sub("(?<!^)(?=[A-Z])", "_", kind.__name__).lower()
+
+
+globals().update({_named(kind): Builder(kind) for kind in Reckoning.__subclasses__()})
 draws = Builder(Draws, options=NoOptions, random=True)
 slow = Builder(Slow, options=Pace)
-differs_by_process = Builder(DiffersByProcess)
-fails_where_asked = Builder(FailsWhereAsked)
+raises_on_loops = Builder(Raises, loops=True)
 no_builder = 7
 no_options = Builder(Reckoning, options=dict)

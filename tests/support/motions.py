@@ -1,4 +1,4 @@
-"""Algebra of planar motions for tests only: composition with covariance, and derivatives of `between`."""
+"""Algebra of planar motions for tests only: composition, with covariance too, and derivatives of `between`."""
 
 import numpy as np
 
@@ -18,6 +18,14 @@ def between_jacobians(a: Array, b: Array) -> tuple[Array, Array]:
     by_a[..., 0, 2] = -s * dx + c * dy
     by_a[..., 1, 2] = -c * dx - s * dy
     return by_a, by_b
+
+
+def chained(deltas: Array, start: Array | None = None) -> Array:
+    """(n + 1, 3) the poses of `deltas` (n, 3) one after another, from `start` (3,), or the origin."""
+    path = [np.zeros(3) if start is None else start]
+    for delta in deltas:
+        path.append(compose(path[-1], delta))
+    return np.array(path)
 
 
 def chain(delta: Array, cov: Array, after: Array, after_cov: Array) -> tuple[Array, Array]:

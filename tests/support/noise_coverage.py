@@ -17,9 +17,6 @@ EXPECTED = (0.93, 0.97)
 
 def found(noise: Noise) -> dict[str, tuple[NoiseEstimate | None, float]]:
     """Estimates with their true values."""
-    assert noise.range is not None
-    assert noise.bearing is not None
-    assert noise.motions is not None
     one, other = noise.range.fitted, noise.bearing.fitted
     slow = one.correlation
     values = {

@@ -29,16 +29,10 @@ PLAIN = Slow()
 
 
 def noisy(
-    world: str,
-    seed: int,
-    range_: Slow = PLAIN,
-    bearing: Slow = PLAIN,
-    odometry: tuple[float, float, float] = (1, 1, 1),
+    world: str, seed: int, range_: Slow = PLAIN, bearing: Slow = PLAIN, odometry: tuple[float, float, float] = (1, 1, 1)
 ) -> Dataset:
     """The world's log with other errors, drawn from `seed`; what it states stays."""
     log, truth = load(world, seed)
-    assert truth is not None
-    assert truth.map is not None
     rng = np.random.default_rng([seed, 1])
     right = sighted_from(truth.poses[log.sighting_step], truth.map.xy[rows_of(truth.map.ids, log.ids)])
     z = right + np.stack([_errors(log, right[:, 0], one, k, rng) for k, one in enumerate((range_, bearing))], axis=-1)

@@ -20,7 +20,7 @@ _OPENCV = {"haswell": {"AVX512-SKX": "avx512f"}, "nehalem": {"AVX2": "avx2", "AV
 
 _KINDS = {
     "haswell": {  # AVX2 and FMA, 2013
-        "OPENBLAS_CORETYPE": "Haswell",
+        "OPENBLAS_CORETYPE": "Haswell"
     },
     "nehalem": {  # SSE 4.2, 2008
         "OPENBLAS_CORETYPE": "Nehalem",

@@ -34,8 +34,6 @@ def poses() -> dict[int, Array]:
 def features(frame: int, finder: Finder) -> Features:
     grey = cv2.imread(str(FOLDER / f"frame-{frame:06d}.color.jpg"), cv2.IMREAD_GRAYSCALE)
     depth = cv2.imread(str(FOLDER / f"frame-{frame:06d}.depth.png"), cv2.IMREAD_UNCHANGED)
-    assert grey is not None
-    assert depth is not None
     return finder.find(np.asarray(grey, np.uint8), (depth / 1000).astype(np.float32))
 
 

@@ -13,14 +13,16 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import fields, replace
 from functools import cache, partial
+from itertools import chain
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
+import pytest
 from numba import njit
 
 from depth_drives import drive
@@ -41,21 +43,13 @@ from slamduel.frontend.laser import _matching
 from slamduel.frontend.laser.recording import LaserRecording, matched
 from slamduel.frontend.laser.settings import Settings as LaserSettings
 
-DATA = Path(os.environ.get("SLAMDUEL_DATA", "nowhere")) / "lidar"
+INTEL = Path(os.environ.get("SLAMDUEL_DATA", "nowhere")) / "lidar" / "intel.clf.gz"
 
 SHARES = {"lost", "replaced", "score", "inside", "ratio", "agree"}
 """Settings that are varied by what they lack to 1."""
 
-WRONG, WRONG_TURN = 0.2, math.radians(1)
-"""m and rad; a loop that is farther from the truth is false."""
-
-FLOORS, LAPS = (0,), 1.15
-SCANS = {"intel.clf.gz": (1000, 0.0)}
-"""Scans of a recorded log, from its first one on, and how far ahead of the robot's origin the scanner is, m."""
-
-ROOMS, FRAMES = (0,), 52
-ROOM = depth_room.Drive(laps=1.2, frame_rate=1.5)
-KITCHEN = range(0, 60, 3)
+FALSE_TURN = {0.2: math.radians(1), 0.1: math.radians(2)}
+"""By the distance from the truth, m, beyond which a loop is false: the turn from it, rad, beyond which it is, too."""
 
 LOGS = ("victoria-park", "bailey", "city[landmarks=1000,steps=5000]")
 
@@ -76,15 +70,13 @@ def values(name: str, value: float) -> tuple[float, float]:
     """The two other values of a number."""
     if name in SHARES:
         return 1 - 2 * (1 - value), 1 - (1 - value) / 2
-    if isinstance(value, int):
-        return max(1, value // 2), 2 * value
-    return value / 2, 2 * value
+    return (max(1, value // 2) if isinstance(value, int) else value / 2), 2 * value
 
 
-def numbers(owner: Any, names: Sequence[str]) -> dict[str, float]:
+def numbers(owner: Any, names: Iterable[str]) -> dict[str, float]:
     """The numbers of a class or a module, by name."""
-    found = {name: getattr(owner, name) for name in names}
-    return {name: x for name, x in found.items() if type(x) in (int, float) and x != 0 and not name.startswith("_")}
+    found = {name: getattr(owner, name) for name in names if not name.startswith("_")}
+    return {name: x for name, x in found.items() if type(x) in (int, float) and x != 0}
 
 
 def with_setting(settings: type, name: str, value: float, **options: Any) -> Any:
@@ -97,91 +89,82 @@ def with_setting(settings: type, name: str, value: float, **options: Any) -> Any
 @contextlib.contextmanager
 def changed(module: ModuleType, name: str, value: Any) -> Generator[None]:
     """Gives a constant of a module another value; inner loops of the module are compiled again, with it."""
-    before = getattr(module, name)
-    setattr(module, name, value)
-    loops = [(key, loop) for key, loop in vars(module).items() if getattr(loop, "__module__", "") == module.__name__]
-    loops = [(key, loop) for key, loop in loops if hasattr(loop, "py_func")]
     places = [one for key, one in sys.modules.items() if key.startswith("slamduel")]
-    put = list[tuple[ModuleType, str, Any]]()
-    for key, loop in loops:
-        new = njit(error_model="numpy")(loop.py_func)
-        for place in places:
-            if getattr(place, key, None) is loop:
-                put.append((place, key, loop))
-                setattr(place, key, new)
-    try:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, name, value)
+        for key, loop in list(vars(module).items()):
+            if getattr(loop, "__module__", "") == module.__name__ and hasattr(loop, "py_func"):
+                new = njit(error_model="numpy")(loop.py_func)
+                for place in places:
+                    if getattr(place, key, None) is loop:
+                        patch.setattr(place, key, new)
         yield
-    finally:
-        setattr(module, name, before)
-        for place, key, loop in put:
-            setattr(place, key, loop)
+
+
+def error(path: Array, true: Array) -> float:
+    """The RMSE of position, m, after alignment."""
+    path = np.asarray(path)
+    return ate(aligned(align(path, true), path), true)
+
+
+def compared_with(true: Array, motions: Sequence[Any], loops: Iterable[tuple[Any, int, int]], far: float) -> Figures:
+    """Motions between neighbours and loops, each a motion to a step from an earlier one, by the true poses."""
+    off = errors(np.array([one.delta for one in motions]), true[:-1], true[1:])
+    found = {"motions": float(np.sqrt((off[:, :2] ** 2).sum(axis=1).mean()))}
+    found["NEES"] = compared("", off, np.array([one.cov for one in motions])).nees
+    apart = [errors(one.delta[None], true[[to]], true[[step]])[0] for one, to, step in loops]
+    false = sum(bool(np.hypot(e[0], e[1]) > far or abs(e[2]) > FALSE_TURN[far]) for e in apart)
+    return found | {"loops": len(apart), "false": false}
 
 
 # laser
 
 
 @cache
-def floor(seed: int) -> tuple[LaserRecording, Truth]:
-    return laser_floor.record(laser_floor.Options(laps=LAPS, scan_rate=3.0), np.random.default_rng(seed))
+def floor() -> tuple[LaserRecording, Truth]:
+    return laser_floor.record(laser_floor.Options(laps=1.15, scan_rate=3.0), np.random.default_rng(0))
 
 
 @cache
-def scans(name: str) -> LaserRecording:
-    count, ahead = SCANS[name]
-    recording, _ = carmen.read(DATA / name, carmen.Options(ahead=ahead))
-    odometry = None if recording.odometry is None else recording.odometry[:count]
-    return replace(recording, t=recording.t[:count], ranges=recording.ranges[:count], odometry=odometry)
+def scans() -> LaserRecording:
+    """The first thousand of the recorded log."""
+    whole, _ = carmen.read(INTEL, carmen.Options())
+    odometry = None if whole.odometry is None else whole.odometry[:1000]
+    return replace(whole, t=whole.t[:1000], ranges=whole.ranges[:1000], odometry=odometry)
 
 
 def laser_figures(settings: LaserSettings) -> Figures:
-    """Errors on the made-up floors, of two recorded logs by their relations, and loops."""
-    off, cov, ates, loops, false = list[Array](), list[Array](), list[float](), 0, 0
-    for seed in FLOORS:
-        recording, truth = floor(seed)
-        end = matched(recording, settings)
-        true = truth.poses[[step.scan for step in end.steps]]
-        off.append(errors(np.array([step.delta for step in end.steps[1:]]), true[:-1], true[1:]))
-        cov.append(np.array([step.cov for step in end.steps[1:]]))
-        ates.append(error(end.estimate, true))
-        loops += len(end.loops)
-        for loop in end.loops:
-            e = errors(loop.delta[None], true[[loop.to]], true[[loop.step]])[0]
-            false += bool(np.hypot(e[0], e[1]) > WRONG or abs(e[2]) > WRONG_TURN)
-    found = {"floor": float(np.mean(ates)), "NEES": compared("", np.concatenate(off), np.concatenate(cov)).nees}
-    found |= {"loops": loops, "false": false}
-    for name in SCANS:
-        end = matched(scans(name), settings)
-        truth, _ = related(read_relations(beside(DATA / name)), end)
-        assert truth.relations is not None
-        found[name.partition(".")[0]] = float(truth.relations.judged().errors(np.array(end.estimate))[:, 0].mean())
-    return found
+    """Errors on a made-up floor, and of a recorded log by its relations."""
+    recording, truth = floor()
+    end = matched(recording, settings)
+    true = truth.poses[[step.scan for step in end.steps]]
+    found = compared_with(true, end.steps[1:], [(one, one.to, one.step) for one in end.loops], 0.2)
+    found = {"floor": error(end.estimate, true)} | {name: x for name, x in found.items() if name != "motions"}
+    end = matched(scans(), settings)
+    truth, _ = related(read_relations(beside(INTEL)), end)
+    return found | {"intel": float(truth.relations.judged().errors(np.array(end.estimate))[:, 0].mean())}
 
 
 # depth
 
 
+@cache
+def room() -> tuple[Any, Any, Truth]:
+    return drive(0, depth_room.Drive(laps=1.2, frame_rate=1.5), 52)
+
+
 def depth_figures(make: Callable[..., DepthSettings]) -> Figures:
-    """Errors in rendered rooms, by a smoother on landmarks, of neighbours and of loops; and of a recorded sequence."""
-    ates, off, cov, loops, false = list[float](), list[Array](), list[Array](), 0, 0
-    for seed in ROOMS:
-        recording, _, truth = drive(seed, ROOM, FRAMES)
-        log = log_of(recording, looked_at(recording, make()))
-        ates.append(error(smoothed(log)[1], truth.poses[np.searchsorted(truth.t, log.t)]))
-        end = looked_at(recording, make(landmarks=False, loops=True, odometry="visual"))
-        true = truth.poses[np.searchsorted(truth.t, [step.t for step in end.steps])]
-        motions = [step.motion for step in end.steps[1:] if step.motion is not None]
-        off.append(errors(np.array([motion.delta for motion in motions]), true[:-1], true[1:]))
-        cov.append(np.array([motion.cov for motion in motions]))
-        loops += len(end.loops)
-        for loop in end.loops:
-            e = errors(loop.motion.delta[None], true[[loop.to]], true[[loop.step]])[0]
-            false += bool(np.hypot(e[0], e[1]) > WRONG / 2 or abs(e[2]) > 2 * WRONG_TURN)
-    all_off = np.concatenate(off)
-    found = {"room": float(np.mean(ates)), "motions": float(np.sqrt((all_off[:, :2] ** 2).sum(axis=1).mean()))}
-    found |= {"NEES": compared("", all_off, np.concatenate(cov)).nees, "loops": loops, "false": false}
+    """Errors in a rendered room, by a smoother on landmarks, of neighbours and of loops; and of a recorded sequence."""
+    recording, _, truth = room()
+    log = log_of(recording, looked_at(recording, make()))
+    found = {"room": error(smoothed(log)[1], truth.poses[np.searchsorted(truth.t, log.t)])}
+    end = looked_at(recording, make(landmarks=False, loops=True, odometry="visual"))
+    true = truth.poses[np.searchsorted(truth.t, [step.t for step in end.steps])]
+    motions = [step.motion for step in end.steps[1:] if step.motion is not None]
+    found |= compared_with(true, motions, [(one.motion, one.to, one.step) for one in end.loops], 0.1)
     if FOLDER.is_dir():
-        seen = judged(KITCHEN, make())
-        found |= {"kitchen": float(np.nanmedian(seen[:, 0])), "lost": float(np.isnan(seen[:, 0]).sum())}
+        seen = judged(range(0, 60, 3), make())[:, 0]
+        found |= {"kitchen": float(np.nanmedian(seen)), "lost": float(np.isnan(seen).sum())}
     return found
 
 
@@ -220,95 +203,73 @@ def smoother_figures() -> Figures:
 # tables
 
 
-def error(path: Array, true: Array) -> float:
-    """The RMSE of position, m, after alignment."""
-    path = np.asarray(path)
-    return ate(aligned(align(path, true), path), true)
+Case = tuple[str, float, tuple[float, float], Callable[[float], Figures]]
+"""A number's name and value, two others, and the figures with any."""
 
 
-def tried(measure: Callable[[], Figures]) -> Figures | None:
-    """The figures; None where the setting makes it fail."""
+def shown(measure: Callable[[float], Figures], value: float, usual: Figures) -> list[str]:
+    """A value's figures as the table has them."""
     try:
-        return measure()
+        found = measure(value)
     except Exception as failure:  # whatever a nonsensical setting does
         print(f"{type(failure).__name__}: {failure}", file=sys.stderr)
-        return None
+        return ["fails"] * len(usual)
+    return [f"{found[c]:.3g}" if c in ABSOLUTE else f"{found[c] / before:.2f}" for c, before in usual.items()]
 
 
-Case = tuple[str, float, Sequence[float], list[Figures | None]]
-
-
-def table(title: str, usual: Figures, cases: Iterator[Case]) -> None:
+def table(title: str, usual: Figures, cases: Iterable[Case]) -> None:
     """Prints a table as its rows are measured."""
     print(f"\n## {title}\n\n| setting | value | tried |", " | ".join(usual), "|")
     print("| --- | --- | --- |", " | ".join(["---"] * len(usual)), "|")
     print("| as they are | | |", " | ".join(f"{value:.3g}" for value in usual.values()), "|", flush=True)
-    for name, value, others, figures in cases:
-        cells = list[str]()
-        for column, before in usual.items():
-            pair = ["fails" if one is None else shown(column, one[column], before) for one in figures]
-            cells.append(pair[0] if pair[0] == pair[1] else ", ".join(pair))
+    for name, value, others, measure in cases:
+        pairs = zip(*(shown(measure, other, usual) for other in others), strict=True)
+        cells = [one if one == other else f"{one}, {other}" for one, other in pairs]
         print(f"| `{name}` | {value:g} | {', '.join(f'{x:g}' for x in others)} |", " | ".join(cells), "|", flush=True)
 
 
-def shown(column: str, value: float, before: float) -> str:
-    """A figure as the table has it."""
-    return f"{value:.3g}" if column in ABSOLUTE else f"{value / before:.2f}"
+def settings_cases(settings: type, first: str, figures: Callable[[str, float], Figures]) -> Generator[Case]:
+    """A change of the first one by one in a thousand, which shows what is chance; then every number of the class."""
+    value = getattr(settings, first)
+    yield f"{first}, hardly", value, (0.999 * value, 1.001 * value), partial(figures, first)
+    for name, value in numbers(settings, vars(settings)).items():
+        yield name, value, values(name, value), partial(figures, name)
 
 
-def settings_cases(settings: type, figures: Callable[[Any], Figures], instance: Callable[..., Any]) -> Iterator[Case]:
-    """Each number of a settings class."""
-    for name, value in numbers(settings, list(vars(settings))).items():
-        pair = values(name, value)
-        yield name, value, pair, [tried(partial(figures, instance(settings, name, x))) for x in pair]
+def module_cases(module: ModuleType, names: Sequence[str], measure: Callable[[], Figures]) -> Generator[Case]:
+    """Each of these numbers of a module."""
 
+    def figures(name: str, value: float) -> Figures:
+        with changed(module, name, value):
+            return measure()
 
-def module_cases(modules: Mapping[ModuleType, Sequence[str]], measure: Callable[[], Figures]) -> Iterator[Case]:
-    """Each number of these modules."""
-    for module, names in modules.items():
-        for name, value in numbers(module, names).items():
-            pair, found = values(name, value), list[Figures | None]()
-            for x in pair:
-                with changed(module, name, x):
-                    found.append(tried(measure))
-            yield f"{module.__name__.rpartition('.')[2]}.{name}", value, pair, found
-
-
-def hardly(name: str, value: float, figures: Callable[[float], Figures]) -> Iterator[Case]:
-    """A change by one in a thousand: what differs with it is chance."""
-    pair = (0.999 * value, 1.001 * value)
-    yield f"{name}, hardly", value, pair, [tried(partial(figures, x)) for x in pair]
+    for name, value in numbers(module, names).items():
+        yield f"{module.__name__.rpartition('.')[2]}.{name}", value, values(name, value), partial(figures, name)
 
 
 def study_laser() -> None:
-    def one_of(name: str, value: float) -> Figures:
+    def figures(name: str, value: float) -> Figures:
         return laser_figures(with_setting(LaserSettings, name, value))
 
-    def cases() -> Iterator[Case]:
-        yield from hardly("sd", LaserSettings.sd, partial(one_of, "sd"))
-        yield from settings_cases(LaserSettings, laser_figures, with_setting)
-        usual = partial(laser_figures, LaserSettings())
-        yield from module_cases({_matching: MATCHING}, usual)
-
-    table("Laser", laser_figures(LaserSettings()), cases())
+    usual = partial(laser_figures, LaserSettings())
+    cases = settings_cases(LaserSettings, "sd", figures), module_cases(_matching, MATCHING, usual)
+    table("Laser", usual(), chain(*cases))
 
 
 def study_depth() -> None:
-    def make(settings: type, name: str, value: float) -> Callable[..., DepthSettings]:
-        return partial(with_setting, settings, name, value)
+    def figures(name: str, value: float) -> Figures:
+        return depth_figures(partial(with_setting, DepthSettings, name, value))
 
-    def cases() -> Iterator[Case]:
-        yield from hardly("gate", DepthSettings.gate, lambda x: depth_figures(make(DepthSettings, "gate", x)))
-        yield from settings_cases(DepthSettings, depth_figures, make)
-        yield from module_cases({level: LEVEL}, partial(depth_figures, DepthSettings))
-
-    table("Depth cameras", depth_figures(DepthSettings), cases())
+    usual = partial(depth_figures, DepthSettings)
+    cases = settings_cases(DepthSettings, "gate", figures), module_cases(level, LEVEL, usual)
+    table("Depth cameras", usual(), chain(*cases))
 
 
 def study_smoother() -> None:
-    constants = {smoother: ("CAP", "REACH", "PATIENCE", "EARLY", "ENOUGH", "LEAST"), forest: ("AS_MUCH", "SURE")}
     smoother_figures()  # loads the kernels
-    table("Smoother", smoother_figures(), module_cases(constants, smoother_figures))
+    root = ("CAP", "REACH", "PATIENCE", "EARLY", "ENOUGH", "LEAST")
+    cases = ((smoother, root), (forest, ("AS_MUCH", "SURE")))
+    table("Smoother", smoother_figures(), chain(*(module_cases(*one, smoother_figures) for one in cases)))
 
 
 PARTS = {"laser": study_laser, "depth": study_depth, "smoother": study_smoother}

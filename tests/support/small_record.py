@@ -1,12 +1,15 @@
-"""A small record of a run, created without running anything, for tests of its readers."""
+"""A small record of a run, created without running anything, for tests of its readers; and edits of any record."""
 
-from collections.abc import Mapping, Sequence
+import contextlib
+import sqlite3
+from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from slamduel.bench.record.schema import COLUMNS, KEY, label
+from slamduel.bench.record.files import export
+from slamduel.bench.record.schema import COLUMNS, FILE, KEY, label
 from slamduel.bench.record.store import Known, Store
 from slamduel.core.se2 import Array
 
@@ -94,13 +97,8 @@ class Record:
         row = dict.fromkeys(COLUMNS) | self._key(dataset, backend, options, seed)
         row |= {"status": "done", "reason": "", "digest": f"d{seed}" * 32, "truth_kind": kind}
         row |= {"steps": steps, "sightings": 7, "ignored": 0, "landmarks": LANDMARKS, "timing_alone": int(alone)}
-        row |= {
-            "cost_j": rng.uniform(10, 99),
-            "cpu_s": rng.uniform(1, 9),
-            "finish_s": 0.0,
-            "peak_mb": 12.0,
-            "real_time": 0.01,
-        }
+        row |= {"cost_j": rng.uniform(10, 99), "cpu_s": rng.uniform(1, 9)}
+        row |= {"finish_s": 0.0, "peak_mb": 12.0, "real_time": 0.01}
         row |= {f"step_us_{name}": rng.uniform(1, 900) for name in ("mean", "p50", "p95", "p99", "max")}
         for path in paths:
             prefix = "" if path == "online" else "final_"
@@ -119,8 +117,6 @@ class Record:
             arrays["cost_terms"] = row["cost_j"] * np.array((0.1, 0.2, 0.7, 0.0))
             terms = dict(zip(("j_prior", "j_odometry", "j_sightings"), arrays["cost_terms"].tolist(), strict=False))
             row |= terms | {"j_final" if "final" in paths else "j_online": row["cost_j"]}
-            row |= dict(zip(("j_prior", "j_odometry", "j_sightings"), arrays["cost_terms"].tolist(), strict=False))
-            row["j_final" if "final" in paths else "j_online"] = row["cost_j"]
         self.put(row, {name: a for name, a in arrays.items() if name not in leave_out})
         return row
 
@@ -148,3 +144,22 @@ def put(store: Store, key: str, row: Mapping[str, Any], arrays: Mapping[str, Any
     with store.together() as db:
         db.execute("DELETE FROM results WHERE key = ?", (key,))
         store.put_result(key, row, arrays)
+
+
+def edited(folder: Path, *statements: str, **values: Any) -> Path:
+    """The run or study with its record changed behind everyone's back, `values` being those named in the SQL."""
+    with contextlib.closing(sqlite3.connect(folder / FILE)) as db, db:
+        for statement in statements:
+            db.execute(statement, values)
+    return folder
+
+
+@contextlib.contextmanager
+def record(folder: Path) -> Generator[sqlite3.Connection]:
+    """A record that is changed, and its files with it."""
+    with contextlib.closing(sqlite3.connect(folder / FILE)) as db, db:
+        yield db
+    for path in folder.rglob("*.tum"):
+        path.unlink()
+    with Store(folder) as store:
+        export(store)

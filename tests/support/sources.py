@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,16 @@ def kept() -> list[str]:
     command = ["git", "-C", str(ROOT), "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\0")
     return [name for name in listed if name and (ROOT / name).is_file()]
+
+
+def built(here: Path, kind: str) -> Path:
+    """The "wheel" or "sdist", built from a copy of the files that git has."""
+    command = [sys.executable, "-m", "build", f"--{kind}", "--no-isolation", "--outdir", here / "dist"]
+    words = [*command, source(here / "source")]
+    done = subprocess.run(words, cwd=here, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, (done.stdout + done.stderr)[-2000:]
+    (archive,) = (here / "dist").glob("slamduel-*")
+    return archive
 
 
 def source(folder: Path) -> Path:

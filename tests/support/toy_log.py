@@ -10,6 +10,7 @@ import tarfile
 import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pytest
@@ -18,6 +19,9 @@ from publishers import Behaviour, Http, running
 from slamduel.bench.cli import main
 from slamduel.datasets.published import download
 from slamduel.datasets.published.catalogue import PUBLISHED, Published, place
+
+Serve: TypeAlias = Callable[..., Http]
+Printed: TypeAlias = pytest.CaptureFixture[str]
 
 FILES = {
     name: np.random.default_rng(seed).bytes(size)
@@ -73,7 +77,7 @@ def quick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(PUBLISHED, "toy", entry())
 
 
-def serve() -> Iterator[Callable[..., Http]]:
+def serve() -> Iterator[Serve]:
     """Starts an HTTP server of `content` with the given bad days."""
     with contextlib.ExitStack() as stack:
 
@@ -100,7 +104,7 @@ def assert_in_place(name: str = "toy", files: dict[str, bytes] = FILES) -> None:
     assert beside(name) == {name}
 
 
-def refusal(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
+def refusal(capsys: Printed, *words: str | Path) -> str:
     """The sentences with which the command ends, with status 2."""
     capsys.readouterr()
     assert main(["fetch", "--quiet", *map(str, words)]) == 2

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from driven import make
+from driven import make, run
+from lost_logs import ring, unnamed
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.api import Builder, Expected, Unsuited
@@ -17,31 +18,14 @@ from slamduel.backends.association.options import Association, Moved, check
 from slamduel.backends.gaussian import ekf
 from slamduel.bench.measure.association import association_columns
 from slamduel.core.errors import InputError
-from slamduel.core.factors import UNKNOWN, Dataset, Log, Map, RangeBearing
+from slamduel.core.factors import UNKNOWN, Log, Map, RangeBearing
 from slamduel.core.options import option
-from slamduel.datasets import registry as datasets
 
 BACKENDS = ("ekf", "fastslam", "fixed-lag", "invariant-ekf", "isam2", "kf", "smoother", "ukf")
 
 
-def ring(landmarks: int = 16, **options: Any) -> Dataset:
-    """A robot that goes round twice among landmarks that stand well apart."""
-    source = datasets.find("circle")
-    return source.make(
-        source.options(steps=120, landmarks=landmarks, sighting=0.05, odometry=0.02, **options),
-        np.random.default_rng(1),
-    )
-
-
-def without_ids(log: Log) -> Log:
-    return replace(log, ids=np.full(len(log.ids), UNKNOWN))
-
-
 def driven(name: str, log: Log, **options: Any) -> Any:
-    backend = make(name, log.prior, **options)
-    for step in log:
-        backend.step(step)
-    return backend
+    return run(name, log, **options)[0]
 
 
 def row_of(backend: Any, log: Log) -> dict[str, Any]:
@@ -52,7 +36,7 @@ def row_of(backend: Any, log: Log) -> dict[str, Any]:
 @pytest.mark.parametrize("rule", ["nn", "ml", "jcbb"])
 def test_on_a_ring_of_well_separated_landmarks_every_rule_is_right(name: str, rule: str) -> None:
     log = ring().log
-    backend = driven(name, without_ids(log), association=rule, **({"lag": 1e6} if name == "fixed-lag" else {}))
+    backend = driven(name, unnamed(log), association=rule, **({"lag": 1e6} if name == "fixed-lag" else {}))
     row = row_of(backend, log)
     assert row["wrong_share"] == 0
     assert row["landmarks_merged"] == row["landmarks_clutter"] == 0
@@ -78,7 +62,7 @@ def test_known_ids_go_through_untouched(name: str) -> None:
 
 def test_a_landmark_is_taken_once_a_step() -> None:
     log = ring().log
-    backend = driven("ekf", without_ids(log), association="jcbb")
+    backend = driven("ekf", unnamed(log), association="jcbb")
     for ids in np.split(backend.assigned(), log.sighting_first[1:-1]):
         taken = ids[ids != UNKNOWN]
         assert len(np.unique(taken)) == len(taken)
@@ -109,7 +93,7 @@ def test_a_landmark_that_got_its_known_id_late_is_in_the_map_once() -> None:
 def test_on_a_given_map_its_ids_are_found() -> None:
     log = ring().log
     known = driven("ekf", log).map()
-    given = replace(without_ids(log), prior=log.prior._replace(map=known))
+    given = replace(unnamed(log), prior=log.prior._replace(map=known))
     for name in BACKENDS:
         found = driven(name, given, association="jcbb", **({"lag": 1e6} if name == "fixed-lag" else {})).assigned()
         assert (found[found > UNKNOWN] == log.ids[found > UNKNOWN]).mean() > 0.99
@@ -117,13 +101,11 @@ def test_on_a_given_map_its_ids_are_found() -> None:
             assert (found == log.ids).mean() > 0.95
 
 
-def test_made_up_ids_are_none_of_a_given_map_that_was_made_without_ids() -> None:
+def test_made_up_ids_are_none_of_a_given_map_that_was_made_unnamed() -> None:
     log, truth = ring()
-    assert truth is not None
-    assert truth.map is not None
     kept = np.arange(0, len(truth.map.ids), 2)  # the others are new
     given = Map(FIRST - kept, truth.map.xy[kept], 1e-4 * np.eye(2 * len(kept)))
-    lost = replace(without_ids(log), prior=log.prior._replace(map=given))
+    lost = replace(unnamed(log), prior=log.prior._replace(map=given))
     backend = driven("ekf", lost, association="jcbb")
     named = np.where(np.isin(log.ids, kept), FIRST - log.ids, UNKNOWN)
     assigned = backend.assigned()
@@ -136,7 +118,7 @@ def test_clutter_is_not_born_where_it_has_to_be_confirmed() -> None:
     made = ring(clutter=0.5)
     assert made.truth is not None
     assert made.truth.assigned is not None
-    log, true = without_ids(made.log), made.truth.assigned
+    log, true = unnamed(made.log), made.truth.assigned
     rows = [
         association_columns(driven_to_the_end("ekf", log, association="jcbb", **more).assigned(), true)
         for more in ({}, {"confirm": 2, "within": 4}, {"retire": 8})
@@ -158,10 +140,9 @@ def driven_to_the_end(name: str, log: Log, **options: Any) -> Any:
 def test_steps_that_wait_are_all_handed_on_and_the_pose_until_then_is_odometrys(more: dict[str, Any]) -> None:
     made = ring()
     log, truth = made
-    assert truth is not None
     backend = make("smoother", log.prior, association="jcbb", **more)
     path = []
-    for step in without_ids(log):
+    for step in unnamed(log):
         path.append(backend.step(step))
         believed = backend.belief()
         assert believed.pose.tobytes() == path[-1].tobytes()
@@ -181,7 +162,7 @@ def test_a_frame_that_would_be_mostly_new_is_looked_for_on_the_map() -> None:
     delta[90] += [0.0, 0.0, 0.6]
     off = Log.from_arrays("off", log.prior, log.t, delta, log.delta_cov, log.sighting_step, log.ids, log.z, log.z_cov)
     double = {
-        rescue: row_of(driven("smoother", without_ids(off), association="jcbb", rescue=rescue), off)["landmarks_double"]
+        rescue: row_of(driven("smoother", unnamed(off), association="jcbb", rescue=rescue), off)["landmarks_double"]
         for rescue in (False, True)
     }
     assert double[False] >= 5
@@ -189,7 +170,7 @@ def test_a_frame_that_would_be_mostly_new_is_looked_for_on_the_map() -> None:
 
 
 def test_it_gives_the_same_bits_again_and_shares_nothing() -> None:
-    log = without_ids(random_log(np.random.default_rng(9), 60, 12).log)
+    log = unnamed(random_log(np.random.default_rng(9), 60, 12).log)
     first, second = (make("ekf", log.prior, association="jcbb", lookahead=4) for _ in range(2))
     paths = [(first.step(step), second.step(step)) for step in log]
     assert all(a.tobytes() == b.tobytes() for a, b in paths)
@@ -259,7 +240,7 @@ def test_a_plug_in_gets_it_by_one_method() -> None:
     builder = associating(Builder(Plugin, options=Own))
     backend = builder.make(log.prior, builder.options(association="jcbb"), np.random.default_rng(0))
     assert isinstance(backend, Associating)
-    for step in without_ids(log):
+    for step in unnamed(log):
         backend.step(step)
     assert row_of(backend, log)["wrong_share"] == 0
     blind: Any = Builder(Blind, options=Own)  # pyright: ignore[reportArgumentType]
@@ -279,6 +260,6 @@ def test_where_nothing_is_expected_all_is_new() -> None:
     log = ring().log.head(5)
     builder = associating(Builder(Silent, options=Own))
     backend: Any = builder.make(log.prior, builder.options(association="nn", rescue=False), np.random.default_rng(0))
-    for step in without_ids(log):
+    for step in unnamed(log):
         backend.step(step)
     assert backend.assigned().tolist() == list(range(FIRST, FIRST - len(log.ids), -1))

@@ -38,8 +38,6 @@ def sighted(log: Log, moving: Any, times: int) -> set[int]:
 )
 def test_landmarks_that_move_are_taken_out_and_those_that_stand_are_not(name: str) -> None:
     log, truth = world(moving=0.2)
-    assert truth is not None
-    assert truth.moving is not None
     backend, path = driven(name, log)
     out, movers = set(backend.taken_out().moved.tolist()), sighted(log, truth.moving, 8)
     assert len(movers) >= 3
@@ -57,8 +55,6 @@ def test_landmarks_that_move_are_taken_out_and_those_that_stand_are_not(name: st
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_misread_id_makes_no_landmark_one_that_moves(seed: int) -> None:
     log, truth = world(seed=seed, wrong_ids=0.05)
-    assert truth is not None
-    assert truth.assigned is not None
     backend, path = driven("ekf", log)
     out, misread = backend.taken_out()
     assert len(out) == 0
@@ -68,12 +64,10 @@ def test_a_misread_id_makes_no_landmark_one_that_moves(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "options"),
-    [("circle", {}), ("bailey", {"loops": 1}), ("city", {"landmarks": 100, "steps": 250})],
+    ("name", "options"), [("circle", {}), ("bailey", {"loops": 1}), ("city", {"landmarks": 100, "steps": 250})]
 )
 def test_where_nothing_moves_and_none_is_misread_nothing_is_named(name: str, options: dict[str, Any]) -> None:
     log, truth = world(name, **options)
-    assert truth is not None
     backend, path = driven("ekf", log)
     plain = make("ekf", log.prior)
     known = np.array([plain.step(step) for step in log])
@@ -84,7 +78,6 @@ def test_where_nothing_moves_and_none_is_misread_nothing_is_named(name: str, opt
 
 def test_of_a_robot_that_is_elsewhere_no_landmark_is_taken_out() -> None:
     log, truth = world()
-    assert truth is not None
     delta = log.delta.copy()
     delta[75] += (0.25, 0.1, 0.05)  # which the stated noise does not cover
     delta.flags.writeable = False
@@ -104,8 +97,6 @@ def test_a_landmark_that_creeps_is_found() -> None:
 
 def test_a_landmark_whose_first_sighting_was_misread_is_mapped_again() -> None:
     log, truth = world()
-    assert truth is not None
-    assert truth.map is not None
     late = next(i for i in np.unique(log.ids).tolist() if log.sighting_step[log.ids == i][0] > 20)
     first = np.flatnonzero(log.ids == late)[0]
     z = log.z.copy()
@@ -134,7 +125,6 @@ def test_behind_data_association_made_up_ids_are_taken_out() -> None:
     hidden = replace(log, ids=np.full(len(log.ids), UNKNOWN))
     backend, _ = driven("ekf", hidden, association="jcbb")
     out = backend.taken_out()
-    assert out is not None
     assert (out.moved < UNKNOWN).all()
     assert not set(out.moved.tolist()) & set(backend.map().ids.tolist())
     assert make("ekf", log.prior, association="jcbb").taken_out() is None
@@ -142,9 +132,6 @@ def test_behind_data_association_made_up_ids_are_taken_out() -> None:
 
 def test_a_given_map_is_settled_from_the_start_and_one_that_is_exact_is_unsuited() -> None:
     log, truth = world(moving=0.2)
-    assert truth is not None
-    assert truth.map is not None
-    assert truth.moving is not None
     known = Map(truth.map.ids, truth.map.xy, 0.01 * np.eye(2 * len(truth.map.ids)))
     backend, _ = driven("ekf", replace(log, prior=log.prior._replace(map=known)))
     out = set(backend.taken_out().moved.tolist())

@@ -12,7 +12,7 @@ from slamduel.backends.locating.locate import LEAST, MARGIN, SIGHTINGS, locate
 from slamduel.backends.locating.map_index import indexed
 from slamduel.bench.measure.nees import nees
 from slamduel.core.factors import UNKNOWN, Log, Map, Truth
-from slamduel.core.se2 import Array, act, compose
+from slamduel.core.se2 import act, compose
 
 STARTS = range(0, 360, 30)
 
@@ -31,7 +31,6 @@ def test_a_robot_is_found_with_and_without_ids(named: bool) -> None:
     on = indexed(known)
     for first in STARTS:
         fix = locate(window(log if named else unnamed(log), first, 8), on)
-        assert fix is not None
         assert not astray(fix.pose, truth.poses[first + 7], known)
 
 
@@ -53,10 +52,10 @@ def test_each_sighting_is_told_its_landmark() -> None:
     log, _, known = ring()
     steps = window(log, 60, 6)
     fix = locate(window(unnamed(log), 60, 6), known)
-    assert fix is not None
     true = np.concatenate([step.sightings.ids for step in steps])
     told = fix.ids != UNKNOWN
     assert told.sum() >= LEAST
+    assert MARGIN <= fix.margin <= fix.gain
     assert np.array_equal(fix.ids[told], true[told])
 
 
@@ -64,8 +63,6 @@ def test_a_map_and_its_index_are_the_same() -> None:
     log, _, known = ring()
     steps = window(unnamed(log), 30, 4)
     one, other = locate(steps, known), locate(steps, indexed(known))
-    assert one is not None
-    assert other is not None
     assert one.pose.tobytes() == other.pose.tobytes()
     assert one.gain == other.gain
 
@@ -76,8 +73,6 @@ def test_the_pose_goes_where_the_map_goes() -> None:
     turned = Map(known.ids, act(motion, known.xy), known.cov)
     steps = window(unnamed(log), 90, 6)
     here, there = locate(steps, known), locate(steps, turned)
-    assert here is not None
-    assert there is not None
     assert there.pose == pytest.approx(compose(motion, here.pose), abs=1e-9)
 
 
@@ -104,7 +99,6 @@ def test_ids_tell_places_apart_that_look_alike() -> None:
     ids = np.concatenate((known.ids, known.ids.max() + 1 + known.ids))
     twice = Map(ids, np.concatenate((known.xy, known.xy + np.array((1000.0, 0.0)))), np.eye(4 * n) * 1e-4)
     fix = locate(window(log, 0, 8), twice)
-    assert fix is not None
     assert not astray(fix.pose, truth.poses[7], known)
 
 
@@ -112,7 +106,6 @@ def test_clutter_and_new_landmarks_are_left_out() -> None:
     log, truth, known = ring()
     kept = np.random.default_rng(1).random(len(known.ids)) < 0.8
     rows = np.repeat(kept, 2)
-    assert known.cov is not None
     part = Map(known.ids[kept], known.xy[kept], known.cov[np.ix_(rows, rows)])
     found = [locate(window(unnamed(log), first, 24), part) for first in STARTS]
     fixes = [(fix, first) for fix, first in zip(found, STARTS, strict=True) if fix is not None]
@@ -129,15 +122,8 @@ def test_fewer_landmarks_than_asked_for_are_not_enough() -> None:
     steps = window(unnamed(log), 0, 1)
     assert locate(steps, known, least=len(steps[0].sightings.ids) + 1) is None
     assert locate(steps, known, margin=1e6) is None
-    assert locate(window(unnamed(log), 0, 8), Map(known.ids[:3], known.xy[:3], None)) is None
-
-
-def test_a_fix_is_as_sure_as_it_says() -> None:
-    log, _, known = ring()
-    fix = locate(window(unnamed(log), 0, 8), known)
-    assert fix is not None
-    assert MARGIN <= fix.margin <= fix.gain
-    assert np.linalg.eigvalsh(fix.cov).min() > 0
+    for few in range(4):
+        assert locate(window(unnamed(log), 0, 8), Map(known.ids[:few], known.xy[:few], None)) is None
 
 
 def test_of_a_long_window_only_the_last_sightings_are_used() -> None:
@@ -145,7 +131,6 @@ def test_of_a_long_window_only_the_last_sightings_are_used() -> None:
     many = np.cumsum([len(step.sightings.ids) for step in log])
     steps = int(np.searchsorted(many, SIGHTINGS)) + 20
     fix = locate(window(unnamed(log), 0, steps), known)
-    assert fix is not None
     assert not astray(fix.pose, truth.poses[steps - 1], known)
     assert len(fix.ids) == many[steps - 1]
     assert (fix.ids[:-SIGHTINGS] == UNKNOWN).all()
@@ -159,14 +144,5 @@ def test_the_pose_is_that_of_the_last_step_however_long_ago_the_first_was() -> N
     rough = replace(log, delta_cov=100 * log.delta_cov)
     fix = locate(window(unnamed(rough), 0, 30), known)
     one = locate(window(unnamed(rough), 29, 1), known)
-    assert fix is not None
-    assert one is not None
     assert not astray(fix.pose, truth.poses[29], known)
     assert np.trace(fix.cov) <= 1.5 * np.trace(one.cov)
-
-
-@pytest.mark.parametrize("shape", [(0, 2), (1, 2), (2, 2)])
-def test_a_map_of_hardly_a_landmark_finds_nobody(shape: tuple[int, int]) -> None:
-    log, _, _ = ring()
-    xy: Array = np.ones(shape)
-    assert locate(window(unnamed(log), 0, 4), Map(np.arange(len(xy)), xy, None)) is None

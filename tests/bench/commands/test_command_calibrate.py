@@ -20,7 +20,6 @@ from slamduel.frontend.camera.camera import Camera
 BOARD = "charuco[columns=8,rows=6,square=0.04,marker=0.03,dictionary=4X4_50]"
 CAMERA = Camera(400, 300, (330, 328), (203, 147), (-0.2, 0.06, 0.001, -0.0008, 0.0), np.eye(4))
 
-
 bench = partial(run, calibrate)
 
 
@@ -40,7 +39,6 @@ def test_a_folder_becomes_a_calibration(tmp_path: Path, pictures: Path, capsys: 
     assert (found.width, found.height) == (400, 300)
     assert read(info, np.eye(4)).distortion == found.distortion
     drawn = cv2.imread(str(picture))
-    assert drawn is not None
     assert drawn.shape[0] > 300
     assert len(np.unique(drawn.reshape(-1, 3), axis=0)) > 20
     said = capsys.readouterr().out
@@ -65,7 +63,6 @@ def test_the_cameras_response_is_told_and_kept(tmp_path: Path, capsys: pytest.Ca
     words = "charuco[columns=5,rows=4,square=0.05,marker=0.028,dictionary=4X4_50]"
     assert bench(tmp_path / "one", tmp_path / "two", "--board", words, "--out", out, "--camera-info", info) == 0
     found = read(out, np.eye(4)).response
-    assert found is not None
     assert found.gamma.value == pytest.approx(1.8, abs=0.15)
     assert read(info, np.eye(4)).response == found
     said = capsys.readouterr().out

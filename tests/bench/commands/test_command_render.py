@@ -8,7 +8,6 @@ import pytest
 
 from command import run
 from slamduel.bench.commands import render as command_render
-from slamduel.core.errors import InputError
 from slamduel.datasets.cache import generator
 from slamduel.datasets.depth.open import open_depth
 from slamduel.datasets.recordings.recording import build, open_recording
@@ -28,45 +27,23 @@ def test_the_drive_is_the_one_that_bench_run_sees(tmp_path: Path, capsys: pytest
     expected = aruco_room(Options(seconds=1.0, frame_rate=2.0), generator("aruco-room", 7))
     np.testing.assert_array_equal(found.ids, expected.log.ids)
     np.testing.assert_allclose(found.z, expected.log.z, rtol=0, atol=1e-9)
-    assert truth is not None
-    assert expected.truth is not None
     np.testing.assert_array_equal(truth.poses, expected.truth.poses)
 
 
 def test_several_formats_get_a_folder_each(tmp_path: Path) -> None:
-    assert render(SHORT, "--out", str(tmp_path / "out"), "--as", "frames, ros1,video", "--quiet") == 0
-    assert sorted(one.name for one in (tmp_path / "out").iterdir()) == ["frames", "ros1", "video"]
-    logs = [build(open_recording(tmp_path / "out" / name)).log for name in ("frames", "ros1", "video")]
-    for log in logs[1:]:
-        np.testing.assert_allclose(log.z, logs[0].z, rtol=0, atol=1e-9)
+    assert render(SHORT, "--out", str(tmp_path / "out"), "--as", "frames, video", "--quiet") == 0
+    assert sorted(one.name for one in (tmp_path / "out").iterdir()) == ["frames", "video"]
+    one, other = (build(open_recording(tmp_path / "out" / name)).log for name in ("frames", "video"))
+    np.testing.assert_allclose(one.z, other.z, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_drive_of_a_depth_camera_is_the_one_that_bench_run_sees(tmp_path: Path) -> None:
     short = "depth-room[laps=0.05,frame_rate=2,readout=0.01]"
     assert render(short, "--seed", "4", "--out", str(tmp_path / "drive"), "--as", "tum,mcap", "--quiet") == 0
     drive, _ = record(Drive(laps=0.05, frame_rate=2.0, readout=0.01), generator("depth-room", 4))
     for name in ("tum", "mcap"):
         found = open_depth(tmp_path / "drive" / name)
-        assert found is not None
         for one, ours in zip(found.recording.frames, drive.frames, strict=True):
             np.testing.assert_array_equal(one.grey, ours.grey)
             np.testing.assert_array_equal(one.depth, ours.depth)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["aruco-rom"], "no dataset 'aruco-rom'"),
-        (["victoria-park"], "found 'victoria-park', expected aruco-room or depth-room, whose"),
-        (["aruco-room,aruco-room[seconds=2]"], "expected aruco-room"),
-        (["depth-room", "--as", "mp4"], "found 'mp4', expected one of tum, frames, ros1, ros2, mcap for depth-room"),
-        (["aruco-room[seconds=0]"], "option seconds=0 is out of range"),
-        ([SHORT, "--as", "gif"], "--as: found 'gif', expected one of frames, video, mp4, ros1, ros2, mcap"),
-        ([SHORT, "--as", "frames,frames"], "--as frames,frames: a format is named twice"),
-    ],
-)
-def test_what_cannot_be_rendered(tmp_path: Path, words: list[str], message: str) -> None:
-    with pytest.raises(InputError) as refused:
-        render(*words, "--out", str(tmp_path / "out"))
-    assert message in str(refused.value)
-    assert list(tmp_path.iterdir()) == []

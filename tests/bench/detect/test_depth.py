@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import depth_drives
+from command import refused
 from slamduel.bench.cli import main
 from slamduel.bench.detect.depth import DepthFindings, Levels, detect
 from slamduel.bench.detect.depth_frames import CONTRADICTED, KEPT, annotated
@@ -62,7 +63,6 @@ def test_every_kind_of_recording_becomes_the_same_log(
     assert main(["detect", str(folders[kind]), "--out", str(tmp_path / "log"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     log = log_folder.read(tmp_path / "log").log
-    assert log.clouds is not None
     assert found["steps"] == len(log) == len(log.clouds.first) - 1 > 6
     assert found["frames"] > 15
     assert found["keyframes"] == found["steps"]
@@ -81,32 +81,22 @@ def test_every_kind_of_recording_becomes_the_same_log(
 def test_the_command_refuses_what_it_cannot_do(
     folders: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = str(tmp_path / "log")
-
-    def refused(*words: str) -> str:
-        capsys.readouterr()
-        assert main(["detect", *words, "--out", out, "--quiet"]) == 2
-        said = capsys.readouterr().err
-        assert said.count("\n") == 1
-        assert "Traceback" not in said
-        return said
-
-    tum = str(folders["tum"])
-    assert "is of a depth camera, which has no markers to fit" in refused(tum, "--calibrate-noise")
-    assert "--preview x.txt: " in refused(tum, "--preview", "x.txt")
-    assert "1 frames and 1 steps, expected a drive" in refused(tum, "--seconds", "0.01")
-    assert "has no [laser], expected it where a topic of scans" in refused(tum, "--scan", "/scan")
-    robot = (folders["tum"] / "robot.toml").read_text()
-    odd = folders["tum"] / "odd.toml"
-    odd.write_text(robot.replace("registered = true", 'registered = "yes"'))
-    assert "depth.registered: found 'yes'" in refused(tum, "--robot", str(odd))
+    tum, odd = folders["tum"], folders["tum"] / "odd.toml"
+    odd.write_text((tum / "robot.toml").read_text().replace("registered = true", 'registered = "yes"'))
+    for words, said in (
+        (("--calibrate-noise",), "is of a depth camera, which has no markers to fit"),
+        (("--preview", "x.txt"), "--preview x.txt: "),
+        (("--seconds", "0.01"), "1 frames and 1 steps, expected a drive"),
+        (("--scan", "/scan"), "has no [laser], expected it where a topic of scans"),
+        (("--robot", odd), "depth.registered: found 'yes'"),
+    ):
+        assert said in refused(capsys, "detect", tum, *words, "--out", tmp_path / "log", "--quiet")
     assert not (tmp_path / "log").exists()
 
 
 def test_the_map_shows_the_path_and_levels_the_rocking(folders: dict[str, Path], tmp_path: Path) -> None:
     found = run(folders["frames"], tmp_path / "log")
     picture = cv2.imread(str(tmp_path / "log" / "map.png"))
-    assert picture is not None
     assert max(picture.shape) > 400
     assert (picture == (178, 114, 0)).all(axis=2).sum() > 50  # the path's blue
     tilts = found.levels.tilts
@@ -233,7 +223,6 @@ def test_a_feature_has_the_colour_of_what_became_of_it() -> None:
     recording, shown, _ = depth_drives.drive(1, Drive(), 4)
     one, two = (depth_drives.keyframe(k, shown[k], recording, Settings()) for k in (0, 2))
     trial = Pairs(recording.camera, Settings()).register(one, two, 12, None)
-    assert trial.pair is not None
     rows = trial.pair.rows
     refused = trial._replace(pair=None, reason="it contradicts the wheels", contradicted=rows)
     half = trial._replace(pair=trial.pair._replace(rows=rows[::2]), contradicted=rows[1::2])

@@ -1,6 +1,7 @@
 """`bench detect` of laser scans: from every kind of bag the same log, and what is told of the matches."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import bags
+import command
 import floor_drives as floor
 from slamduel.bench.cli import main
 from slamduel.bench.detect.laser import LaserFindings
@@ -35,20 +37,13 @@ def test_a_bare_bag_runs_and_becomes_the_same_log(
     assert log.digest == direct.digest
     assert found["steps"] == len(log)
     scans = read_beside(tmp_path / "log", "scans", len(log))
-    assert scans is not None
     assert 100 < len(scans.ranges) < 169  # one every 0.1 m or rad
     assert main(["run", "--backend", "dead-reckoning", "--dataset", str(path), "--out", str(tmp_path / "run")]) == 0
     assert "dead-reckoning" in capsys.readouterr().out
 
 
 def test_the_command_refuses_what_it_cannot_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    def refused(*words: Path | str) -> str:
-        assert main(["detect", *map(str, words), "--out", str(tmp_path / "log")]) == 2
-        said = capsys.readouterr().err
-        assert said.count("\n") == 1
-        assert "Traceback" not in said
-        return said
-
+    refused = partial(command.refused, capsys, "detect", "--out", tmp_path / "log")
     recording = floor.floor_drive()
     drive = floor.carmen(tmp_path / "drive" / "floor.clf", recording).parent
     (drive / "robot.toml").write_text("[laser]\npose = [0.0, 0.0, 0.0]\n")
@@ -71,16 +66,8 @@ def findings(**counts: Any) -> LaserFindings:
     recording = square_room()
     assert recording.odometry is not None
     n = len(recording.t)
-    notes = {
-        "scans": n,
-        "lost": 0,
-        "relocated": 0,
-        "by_wheels": 0,
-        "searched": 0,
-        "confirmed": 0,
-        "submaps": 2,
-        "wheels": True,
-    }
+    notes = dict.fromkeys(("lost", "relocated", "by_wheels", "searched", "confirmed"), 0)
+    notes |= {"scans": n, "submaps": 2, "wheels": True}
     notes |= {"turned_down": {}, "settings": {"loops": True}, "left_out": "nothing"} | counts
     rows = np.arange(1, n)
     motion = np.tile([0.125, 0.0, 0.0], (n, 1))
@@ -100,14 +87,8 @@ def test_what_was_matched_is_told_in_numbers() -> None:
         "The robot never came back to where it had been, so no loop was searched for.",
     ]
     assert plain.advice() == []
-    found = findings(
-        lost=3,
-        relocated=2,
-        by_wheels=2,
-        searched=1234,
-        confirmed=4,
-        turned_down={"no place": 1200, "beams through walls": 31},
-    )
+    down = {"no place": 1200, "beams through walls": 31}
+    found = findings(lost=3, relocated=2, by_wheels=2, searched=1234, confirmed=4, turned_down=down)
     assert found.headline() == [
         "9 scans of 720 beams in 8.00 s, with wheels: 9 steps over 1.00 m, 3 loop closures.",
         "3 scans did not match the last metres (33 %); the search placed 2 of them elsewhere.",
@@ -120,5 +101,5 @@ def test_what_was_matched_is_told_in_numbers() -> None:
     (said,) = found.advice()
     assert said.startswith("33 % of the scans did not match, and 100 % of the beams are returns between 0.1 and 10 m")
     told = found.as_json("log")
-    assert list(told["turned_down"].items()) == [("no place", 1200), ("beams through walls", 31)]
+    assert list(told["turned_down"].items()) == [*down.items()]
     json.dumps(told)

@@ -58,7 +58,6 @@ def test_truth_is_taken_to_the_frames_times(tmp_path: Path) -> None:
     middle = Truth(between, (truth.poses[1:] + truth.poses[:-1]) / 2, truth.map, None, "truth")
     run(tmp_path / "log", recording, middle)
     read = log_folder.read(tmp_path / "log").truth
-    assert read is not None
     np.testing.assert_array_equal(read.t, truth.t[1:-1])
     straight = np.hypot(*(read.poses - truth.poses[1:-1])[:, :2].T)
     assert straight.max() < 1.5 * 0.06**2 / 2  # the sagitta of an arc of 1.5 m radius, a frame's turn long
@@ -66,7 +65,6 @@ def test_truth_is_taken_to_the_frames_times(tmp_path: Path) -> None:
 
 def test_errors_are_measured_minus_true() -> None:
     recording, truth = small(3)
-    assert truth.map is not None
     detection = Detection()
     build_log(recording, lambda seen: detection.observe(seen, CAMERA.mounting))
     shuffled = truth._replace(map=truth.map._replace(ids=truth.map.ids[::-1], xy=truth.map.xy[::-1]), t=truth.t[5:])
@@ -184,7 +182,6 @@ def test_bad_frames_are_counted(tmp_path: Path) -> None:
     f = run(tmp_path / "log", replace(recording, frames=frames), truth)
     assert len(f.log) == 58
     assert f.left_out[0] == ("frames that could not be decoded", 2)
-    assert f.true is not None
     assert np.abs(f.true.errors[:, 0]).max() < 6 * np.hypot(0.02 * 5, 0.01)  # each with its own frame's truth
 
 
@@ -215,12 +212,10 @@ def test_calibrated_noise_is_the_noise_there_is(tmp_path: Path, seed: int) -> No
     recording, truth = small_recording(np.random.default_rng(seed), 500, max_range=6.0)
     f = run(tmp_path / "log", recording, truth, calibrate_noise=True)
     c = f.calibration
-    assert c is not None
     for fit, k, floor in zip((c.range, c.bearing), K, FLOOR, strict=True):
         # Held against 4.5 standard errors, and the bend by fitting to readings and not to true ranges: k^2.
         assert abs(fit.k - k) < 4.5 * fit.k_error + k**2
         assert abs(fit.floor - floor) < 4.5 * fit.floor_error + k**2
-    assert f.calibration is not None
     bins = f.calibration.bins
     n = sum(one.sightings for one in bins)
     before, after, _ = np.average([one.nees for one in bins], axis=0, weights=[one.sightings for one in bins])

@@ -1,12 +1,12 @@
 """`bench speed --frontend --only cameras`: the same markers before every camera, and what is written of them."""
 
-import csv
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from csv_rows import csv_rows
 from slamduel.bench.cli import main
 from slamduel.bench.front_ends import study as frontend
 from slamduel.bench.front_ends.cameras import DISTANCES, EFFECTS, PACE, CameraAccuracy, CameraStudy, Effect
@@ -74,8 +74,7 @@ def test_the_command_prints_and_writes_every_camera(
     assert "CPU time" not in said
     assert sorted(path.name for path in out.iterdir()) == ["cameras.png", "frontend.csv"]
     assert (out / "cameras.png").read_bytes().startswith(b"\x89PNG")
-    with table.open() as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(table)
     assert tuple(rows[0]) == COLUMNS
     assert [row["study"] for row in rows] == ["cameras"] * 12
     assert [row["camera"] for row in rows[:3]] == ["ideal", "ideal", "phone"]

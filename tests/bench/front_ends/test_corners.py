@@ -1,11 +1,11 @@
 """`bench speed --frontend --only markers`: what it measures, and what it writes."""
 
-import csv
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from csv_rows import csv_rows
 from slamduel.bench.cli import main
 from slamduel.bench.front_ends import study as frontend
 from slamduel.bench.front_ends.corners import Accuracy, CornerExtent, Cost, Misreadings, Study, errors_in, steps
@@ -97,8 +97,7 @@ def test_the_command_prints_and_writes(
     assert ticks == [10]
     assert table.read_text() == (out / "frontend.csv").read_text()
     assert (out / "frontend.png").read_bytes().startswith(b"\x89PNG")
-    with table.open() as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(table)
     assert tuple(rows[0]) == COLUMNS
     assert [row["study"] for row in rows] == ["cost"] * 2 + ["still"] * 14 + ["moving"] * 8 + ["clutter"]
     assert rows[-1]["frames"] == "7"
@@ -106,22 +105,3 @@ def test_the_command_prints_and_writes(
     blank = [row for row in rows if row["distance_m"] == "6.0" and row["refinement"] == "template"]
     assert [row["nees"] for row in blank] == [""]
     assert sorted(path.name for path in out.iterdir()) == ["frontend.csv", "frontend.png"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["--placements", "1"], "--placements 1: expected 2 or more"),
-        (["--clutter", "-1"], "--clutter -1: expected 0 or more"),
-        (["--csv", "nowhere/t.csv"], "--csv nowhere/t.csv: there is no folder nowhere"),
-    ],
-)
-def test_mistakes_are_a_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["speed", "--frontend", *arguments]) == 2
-    assert sentence in capsys.readouterr().err
-
-
-def test_a_file_is_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "there").write_text("")
-    assert main(["speed", "--frontend", "--out", str(tmp_path / "there")]) == 2
-    assert "found a file, expected a folder" in capsys.readouterr().err

@@ -1,14 +1,14 @@
 """`bench speed --frontend --only laser`: its figures, against others worked out here."""
 
-import csv
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import carmen_files
+from csv_rows import csv_rows
+from matrix_errors import judges_as_matrices_do, matrix
 from slamduel.bench.cli import main
 from slamduel.bench.front_ends import laser
 from slamduel.bench.front_ends.laser import PARTS, LaserDrive, LaserExtent, LaserStudy, consistency, scan_cost
@@ -30,18 +30,11 @@ def drives(laps: float) -> list[LaserDrive]:
     return study(laps).drives(lambda: None)
 
 
-def matrix(pose: Any) -> Any:
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return np.array([[c, -s, pose[0]], [s, c, pose[1]], [0.0, 0.0, 1.0]])
-
-
 @pytest.mark.parametrize("laps", [SHORT, pytest.param(CLOSED, marks=pytest.mark.slow)])
 def test_errors_and_nees_are_those_of_the_log_that_a_run_gets(laps: float) -> None:
     """By homogeneous matrices, one factor after another, from the dataset of the same drive."""
     made = laser_floor(Options(laps=laps), np.random.default_rng([3, 0, 0]))
     log, truth = made.log, made.truth
-    assert truth is not None
-    assert truth.poses is not None
     frames = [matrix(pose) for pose in truth.poses]
     at = np.repeat(np.arange(len(log)), np.diff(log.loop_first))
     factors = {
@@ -53,17 +46,8 @@ def test_errors_and_nees_are_those_of_the_log_that_a_run_gets(laps: float) -> No
     assert list(found) == list(factors)
     assert laps == SHORT or "loop" in factors
     for kind, of_kind in factors.items():
-        squares, errors = 0.0, np.zeros(3)
-        for first, second, delta, cov in of_kind:
-            true = np.linalg.inv(frames[first]) @ frames[second]
-            turn = np.arctan2(true[1, 0], true[0, 0])
-            off = np.array([*(delta[:2] - true[:2, 2]), np.angle(np.exp(1j * (delta[2] - turn)))])
-            squares += off @ np.linalg.inv(cov) @ off
-            errors += off**2
-        row, n = found[kind], len(of_kind)
-        assert row.factors == n
-        assert row.nees == pytest.approx(squares / n / 3, rel=1e-6)
-        assert row.true == pytest.approx(np.sqrt(errors / n).tolist(), rel=1e-6)
+        row = found[kind]
+        judges_as_matrices_do(row, [(frames[one], frames[other], *rest) for one, other, *rest in of_kind])
         assert row.stated == pytest.approx(np.sqrt([np.mean([f[3][i, i] for f in of_kind]) for i in range(3)]).tolist())
 
 
@@ -109,23 +93,9 @@ def test_the_command_prints_and_writes(
     said = capsys.readouterr().out
     for words in ("CPU time of a laser scan", "corridor", "150", "loop search", "±7 m", "true | stated", "step"):
         assert words in said
-    with table.open() as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(table)
     assert [row["study"] for row in rows] == ["laser scan"] * 2 + ["laser search", "laser step"]
     assert [row["log"] for row in rows[:2]] == ["laser-floor", "corridor"]
     assert rows[1]["count"] == "150"
     assert float(rows[0]["ratio"]) == pytest.approx(float(rows[0]["mean_ms"]) / float(rows[0]["reference_ms"]))
     assert float(rows[3]["nees"]) > 0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["--scans", "nowhere.clf"], "--scans nowhere.clf: found no such file, expected a log of laser scans"),
-        (["--only", "markers", "--scans", "a.clf"], "--scans a.clf: found --only markers, expected no log of laser"),
-        (["--only", "cameras", "--scans", "a.clf"], "--scans a.clf: found --only cameras, expected no log of laser"),
-    ],
-)
-def test_mistakes_are_a_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["speed", "--frontend", *arguments]) == 2
-    assert sentence in " ".join(capsys.readouterr().err.split())

@@ -5,11 +5,9 @@ import pytest
 from scipy.optimize import minimize
 from scipy.special import chdtri
 
-from random_logs import random_covariance, random_log
-from slamduel.backends.registry import find
+from random_logs import random_covariance
 from slamduel.bench.measure import accuracy, nees
-from slamduel.bench.measure.misfit import misfit
-from slamduel.core.factors import Log, Map
+from slamduel.core.factors import Map
 from slamduel.core.se2 import Array, compose
 
 
@@ -166,63 +164,3 @@ def test_landmark_nees_leaves_out_what_was_given_as_exact_and_counts_the_collaps
     assert not len(nees.landmark_nees(found._replace(cov=None), truth, np.array([1])))
     assert nees.nees_columns("nees", np.zeros(0), 2) == {}
     assert nees.nees_columns("nees", np.full(4, np.nan), 3) == {}
-
-
-def batch_on(log: Log) -> tuple[Array, Map]:
-    graph = find("graph")
-    backend = graph.make(log.prior, graph.options(), np.random.default_rng(0))
-    for step in log:
-        backend.step(step)
-    solution = backend.finish()
-    assert solution is not None
-    return solution.path, solution.map
-
-
-def test_cost_is_twice_gtsams_error_and_least_at_the_optimum() -> None:
-    rng = np.random.default_rng(6)
-    log = random_log(rng, 60, 10).log
-    path, landmarks = batch_on(log)
-    least = misfit(log, path, landmarks)
-    assert least is not None
-    dof = 2 * len(log.ids) - 2 * len(landmarks.ids)  # 3 a step cancel: prior and odometry against poses
-    assert abs(least.total - dof) < 6 * np.sqrt(2 * dof)
-    for _ in range(20):
-        other = misfit(log, path + 1e-3 * rng.normal(size=path.shape), landmarks)
-        assert other is not None
-        assert other.total > least.total
-
-
-def test_cost_of_an_exact_answer_is_nothing_and_of_a_known_error_what_it_should_be() -> None:
-    log, truth = random_log(np.random.default_rng(7), 30, 6, errors=0.0)
-    assert truth is not None
-    assert truth.map is not None
-    exact = misfit(log, truth.poses, truth.map)
-    assert exact is not None
-    assert exact.total == pytest.approx(0, abs=1e-15)
-    moved_start = truth.poses.copy()
-    moved_start[0, 0] += 0.01
-    found = misfit(log, moved_start, truth.map)
-    assert found is not None
-    e = np.array([0.01, 0, 0])
-    assert found.prior == pytest.approx(e @ np.linalg.solve(log.prior.cov, e))
-    assert found.odometry > 0
-
-
-def test_cost_is_not_defined_without_every_sighted_landmark() -> None:
-    log, truth = random_log(np.random.default_rng(8), 30, 6)
-    assert truth is not None
-    assert truth.map is not None
-    assert misfit(log, truth.poses, Map(truth.map.ids[1:], truth.map.xy[1:], None)) is None
-    assert misfit(log, truth.poses, Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)) is None
-
-
-def test_cost_counts_a_given_map_with_covariance() -> None:
-    log, truth = random_log(np.random.default_rng(9), 20, 4, errors=0.0)
-    assert truth is not None
-    assert truth.map is not None
-    n = len(truth.map.ids)
-    given = truth.map._replace(xy=truth.map.xy + 0.1, cov=0.04 * np.eye(2 * n))
-    known = Log.from_steps("known", log.prior._replace(map=given), list(log))
-    found = misfit(known, truth.poses, truth.map)
-    assert found is not None
-    assert found.prior == pytest.approx(2 * n * 0.1**2 / 0.04)

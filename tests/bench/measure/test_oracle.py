@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from command import refused
 from random_logs import random_log
 from slamduel.bench.cli import main
 from slamduel.bench.measure.cell import TOLD
@@ -15,13 +16,6 @@ from slamduel.datasets.formats import log_folder as logfile
 
 BACKEND = "oracle_backends:true_poses"
 WITHOUT = f"{BACKEND}[needs=false]"
-
-
-@pytest.fixture(scope="module")
-def log_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("logs") / "wander"
-    logfile.write(folder, *random_log(np.random.default_rng(1), 40, 8))
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -50,10 +44,8 @@ def test_a_row_whose_backend_used_the_truth_is_marked(tmp_path: Path, log_folder
     told = found[f"{BACKEND}[]"]
     assert (told.columns["told"], told.columns["reason"]) == (1, TOLD)
     assert told.columns["ate_origin_m"] == 0
-    assert (found[WITHOUT].columns["told"], found[WITHOUT].columns["reason"]) == (
-        0,
-        "",
-    )  # told as well, and made no use of it
+    unused = found[WITHOUT].columns  # told as well
+    assert (unused["told"], unused["reason"]) == (0, "")
     assert found["dead-reckoning[]"].columns["reason"] == ""
     assert json.loads((out / "run.json").read_text())["plan"]["oracle"] is True
     for report in ("report.md", "report.html"):
@@ -105,5 +97,4 @@ def test_a_run_without_it_does_not_become_one_with_it(
 ) -> None:
     out = tmp_path / "run"
     go(out, "--backend", WITHOUT, "--dataset", log_folder)
-    assert main(["run", "--oracle", "--out", str(out)]) == 2
-    assert "holds a run with oracle False, found oracle True" in capsys.readouterr().err
+    assert "holds a run with oracle False, found oracle True" in refused(capsys, "run", "--oracle", "--out", out)

@@ -56,14 +56,10 @@ def test_errors_are_what_evos_command_line_prints(tmp_path: Path) -> None:
     turns = ("--pose_relation", "angle_rad")
     commands = [("ape", *files, *flat), ("ape", *files, "-a", *flat)]
     ours = [ate(estimate, truth), ate(aligned(align(estimate, truth), estimate), truth)]
-    for delta, unit, pairs in (
-        *((str(d), "m", pairs_by_path(truth, d)) for d in (1, 10, 100)),
-        ("7", "f", frames),
-    ):
+    for delta, unit, pairs in (*((str(d), "m", pairs_by_path(truth, d)) for d in (1, 10, 100)), ("7", "f", frames)):
         over = ("rpe", *files, "-d", delta, "-u", unit, "--pairs_from_reference", *flat)
         commands += [over, (*over, "-a"), (*over, *turns), (*over, "-a", *turns)]
         found = relative_error(estimate, truth, pairs)
-        assert found is not None
         ours += [found.translation, found.translation, found.rotation, found.rotation]
     assert ours == pytest.approx(evo(tmp_path, *commands), abs=1e-6)
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from csv_rows import csv_rows
 from random_logs import random_log
 from slamduel.backends.api import Solution
 from slamduel.bench.measure.accuracy import Alignment, aligned, ate
@@ -246,8 +247,7 @@ def test_metrics_csv_names_the_cell_and_has_every_column(tmp_path: Path) -> None
     record.cell("room", "truth", "ekf", seed=3, paths=("final",), rpe_10m_m=0.25, landmarks_missed=2)
     record.failed("room", "truth", "isam2", "diverged", "lost", seed=3)
     export(record.store)
-    with (out / "metrics.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(out / "metrics.csv")
     key = ("dataset", "dataset_options", "backend", "options", "seed")
     assert tuple(rows[0]) == (*key, *MORE)
     assert [(row["backend"], row["seed"], row["rpe_10m_m"], row["landmarks_missed"]) for row in rows] == [

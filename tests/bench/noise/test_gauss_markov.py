@@ -79,7 +79,6 @@ def drawn(
 
 def test_white_errors_have_no_further_parts() -> None:
     found = fitted(drawn(np.random.default_rng(2), 20, 60, 0.0, 1.0, 0.0, 0.0))
-    assert found is not None
     assert found.correlation is None
     assert found.bias is None
     assert found.tails is None
@@ -90,10 +89,6 @@ def test_white_errors_have_no_further_parts() -> None:
 
 def test_correlation_growth_and_bias_are_found() -> None:
     found = fitted(drawn(np.random.default_rng(3), 40, 100, 0.8, 6.0, 1.0, 0.5))
-    assert found is not None
-    assert found.correlation is not None
-    assert found.bias is not None
-    assert found.power is not None
     for one, true in (
         (found.correlation.time, 6.0),
         (found.correlation.share, 0.8),
@@ -108,8 +103,6 @@ def test_correlation_growth_and_bias_are_found() -> None:
 
 def test_the_information_of_sightings_in_a_row_is_that_of_their_covariance() -> None:
     found = fitted(drawn(np.random.default_rng(4), 40, 100, 1.0, 5.0, 0.0, 0.0))
-    assert found is not None
-    assert found.correlation is not None
     share, time = found.correlation.share.value, found.correlation.time.value
     lag = np.abs(np.subtract.outer(np.arange(IN_A_ROW), np.arange(IN_A_ROW)))
     cov = share * np.exp(-lag / time) + (1 - share) * np.eye(IN_A_ROW)
@@ -122,13 +115,10 @@ def test_outliers_are_left_out_and_heavy_tails_are_named() -> None:
     error = chains.error.copy()
     error[::100] += 50.0
     found = fitted(chains._replace(error=error))
-    assert found is not None
     assert found.outliers.value == pytest.approx(0.01)
     assert found.outliers.low < 0.01 < found.outliers.high
     assert found.scale.value == pytest.approx(2.0, rel=6 / np.sqrt(2 * 1200))
     heavy = fitted(chains._replace(error=rng.standard_t(4, len(error))))
-    assert heavy is not None
-    assert heavy.tails is not None
     assert heavy.tails.value == pytest.approx(4.0, abs=2.0)
 
 

@@ -27,11 +27,7 @@ def near(one: NoiseEstimate, true: float) -> bool:
 
 def test_what_is_drawn_is_found_and_said() -> None:
     noise = measured([noisy(WORLD, 7, RANGE, BEARING, (1.3, 0.7, 1.2))], ["drawn"])
-    assert noise.range is not None
-    assert noise.bearing is not None
-    assert noise.motions is not None
     one, other = noise.range.fitted, noise.bearing.fitted
-    assert one.correlation is not None
     assert one.power is not None
     assert near(one.scale, 1.5 * (one.reach / REACH) ** 0.4)
     assert near(one.power, 0.4)
@@ -49,8 +45,6 @@ def test_what_is_drawn_is_found_and_said() -> None:
 def test_several_logs_have_narrower_intervals_and_share_one_noise() -> None:
     logs = [noisy("circle[steps=300]", seed, RANGE, BEARING) for seed in range(4)]
     one, all_ = measured(logs[:1], ["a"]), measured(logs, ["a", "b", "c", "d"])
-    assert one.bearing is not None
-    assert all_.bearing is not None
     first, joint = one.bearing.fitted.scale, all_.bearing.fitted.scale
     assert joint.high - joint.low < 0.7 * (first.high - first.low)
     assert near(joint, 0.8)
@@ -75,7 +69,6 @@ def test_the_correlation_of_pairs_is_that_of_all_pairs_one_by_one() -> None:
     product = sum(error[a] * error[b] for a, b in pairs)
     size = sum((error[a] ** 2 + error[b] ** 2) / 2 for a, b in pairs)
     found = together(step, error)
-    assert found is not None
     assert found.value == pytest.approx(product / size, rel=1e-12)
     assert found.low < 0 < found.high
 
@@ -84,13 +77,11 @@ def test_innovations_are_likeliest_at_the_noise_that_is_drawn() -> None:
     log, _ = noisy("circle[steps=60]", 9, Slow(scale=1.5), Slow(scale=0.8), (1.3, 1.3, 0.7))
     right = np.array([1.3, 0.7, 1.5, 0.8])
     best = likelihood(scaled_by(log, right))
-    assert best is not None
     for k in range(1, 4):
         for factor in (0.5, 2.0):
             other = right.copy()
             other[k] *= factor
             found = likelihood(scaled_by(log, other))
-            assert found is not None
             assert found < best - 5
 
 
@@ -112,12 +103,10 @@ def test_innovations_of_a_first_pair_of_sightings_have_the_likelihood_of_the_sta
 def test_without_a_true_path_the_innovations_tell_the_sizes() -> None:
     log, _ = noisy("circle[steps=250]", 9, Slow(scale=1.5), Slow(scale=0.8), (1.3, 1.3, 0.7))
     noise = measured([Dataset(log, None)], ["blind"])
-    assert noise.innovations is not None
     assert noise.motions is None
     for name, true in (("turn", 0.7), ("range", 1.5), ("bearing", 0.8)):
         assert near(getattr(noise.innovations, name), true)
     model = noise.model
-    assert model.range is not None
     assert model.odometry is not None
     assert model.range.scale == noise.innovations.range.value
     assert any("without a true path" in remark for remark in noise.remarks)
@@ -139,7 +128,6 @@ def test_logs_without_a_true_path_are_left_out_beside_one_that_has_it() -> None:
 
 def test_true_paths_with_too_few_errors_are_refused() -> None:
     log, truth = noisy("circle[steps=300]", 0)
-    assert truth is not None
     few = truth._replace(t=truth.t[:5], poses=truth.poses[:5])
     with pytest.raises(InputError, match="too few measurements with a known error"):
         measured([Dataset(log, few)], ["few"])
@@ -150,6 +138,5 @@ def test_a_log_without_sightings_has_the_noise_of_its_odometry() -> None:
     bare = replace(log, ids=np.full_like(log.ids, -1))
     noise = measured([Dataset(bare, truth)], ["bare"])
     assert noise.range is None
-    assert noise.motions is not None
     assert near(noise.motions.scales[2], 2.0)
     assert noise.model.range is None

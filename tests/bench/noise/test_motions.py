@@ -26,7 +26,6 @@ def test_single_steps_with_a_diagonal_covariance_have_the_root_mean_square() -> 
     stated = np.array([0.01, 0.02, 0.005])
     errors = np.random.default_rng(0).standard_normal((500, 3)) * stated * [1.5, 0.5, 2.0]
     found = fitted_motions([straight(errors, stated)], 1.0)
-    assert found is not None
     right = np.sqrt(np.mean((errors / stated) ** 2, axis=0))
     assert [one.value for one in found.scales] == pytest.approx(right, rel=1e-4)
     half = 1.96 / np.sqrt(2 * 500)
@@ -36,7 +35,6 @@ def test_single_steps_with_a_diagonal_covariance_have_the_root_mean_square() -> 
 
 def test_independent_errors_ask_for_the_same_at_every_horizon() -> None:
     found = fitted_motions([noisy("circle[steps=1500]", 3, odometry=(1.4, 0.7, 1.2))], 1.0)
-    assert found is not None
     for horizon in found.horizons:
         for one, true in zip(horizon.scales, (1.4, 0.7, 1.2), strict=True):
             wide = np.log(one.high / one.low) / 2  # two standard errors
@@ -49,13 +47,11 @@ def test_a_slow_error_asks_for_more_over_longer_times_and_the_horizon_that_matte
     slow = np.repeat(rng.standard_normal((60, 3)), 20, axis=0) * 0.01  # the same for 20 s: sqrt(10) times over 10 s
     dataset = straight(slow, stated)
     found = fitted_motions([dataset], 10.0)
-    assert found is not None
     turn = [one.scales[2].value for one in found.horizons]
     assert turn == sorted(turn)
     assert turn[-1] > 2 * turn[0]
     assert found.scales[2] == found.horizons[[h.seconds for h in found.horizons].index(10.0)].scales[2]
     at_once = fitted_motions([dataset], 1.0)
-    assert at_once is not None
     assert at_once.scales[2] == found.horizons[0].scales[2]
 
 

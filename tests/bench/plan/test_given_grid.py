@@ -38,13 +38,12 @@ def test_a_file_of_the_grid_is_not_the_grid(folder: Path, name: str) -> None:
 
 
 def test_what_contradicts_it_is_refused(folder: Path) -> None:
-    with pytest.raises(InputError, match="has a grid already, expected one of the two"):
-        plan(f"laser-floor[grid={folder}]", folder)
-    with pytest.raises(InputError, match="has the option start, expected --start unknown"):
-        plan("laser-floor[start=unknown]", folder)
-    with pytest.raises(InputError, match="circle takes none; expected a laser log"):
-        plan("laser-floor,circle", folder)
-    with pytest.raises(InputError, match=r"has 2 \*, expected one: it is the seed of each log"):
-        plan("laser-floor", f"{folder.parent.parent}/*/gr*")
-    with pytest.raises(InputError, match=r"--map-fixed: .* is an occupancy grid, which is fixed as it is"):
-        plan("laser-floor", folder, map_fixed=True)
+    for dataset, source, more, said in (
+        (f"laser-floor[grid={folder}]", folder, {}, "has a grid already, expected one of the two"),
+        ("laser-floor[start=unknown]", folder, {}, "has the option start, expected --start unknown"),
+        ("laser-floor,circle", folder, {}, "circle takes none; expected a laser log"),
+        ("laser-floor", f"{folder.parent.parent}/*/gr*", {}, r"has 2 \*, expected one: it is the seed of each log"),
+        ("laser-floor", folder, {"map_fixed": True}, r"--map-fixed: .* is an occupancy grid, which is fixed as it is"),
+    ):
+        with pytest.raises(InputError, match=said):
+            plan(dataset, source, **more)

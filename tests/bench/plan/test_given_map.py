@@ -1,7 +1,7 @@
 """Map, then localise: what a run leaves is what another starts from, exactly, and it is worth it."""
 
-import csv
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import pages
+from csv_rows import csv_rows
 from random_logs import random_log
 from slamduel.backends.api import Backend
 from slamduel.backends.registry import find
@@ -42,7 +43,6 @@ def halves(seed: int, landmarks: int = 10) -> tuple[Log, Log, Truth]:
     """A log cut in two, and the truth of the second half: its start is known from elsewhere, to 10 cm and 0.05 rad."""
     rng = np.random.default_rng(seed)
     log, truth = random_log(rng, 2 * HALF, landmarks)
-    assert truth is not None
     cov = np.diag((0.1, 0.1, 0.05)) ** 2
     pose = truth.poses[HALF] + rng.multivariate_normal(np.zeros(3), cov)
     pose[2] = wrap(pose[2])
@@ -129,8 +129,7 @@ def test_localisation_is_the_textbook_filter_with_that_map(worlds: Path) -> None
     about = json.loads((out / "run.json").read_text())
     assert about["plan"]["map"] == str(source)
     assert len(about["plan"]["map_digest"]) == 64
-    with (out / "cells.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(out / "cells.csv")
     assert {row["digest"] for row in rows} == {localising(log, known, "").digest}
     assert {row["reason"] for row in rows} == {""}
     said = f"{len(known.ids)} landmarks from {source}, with its joint covariance"
@@ -163,8 +162,6 @@ def test_localising_on_a_map_of_ones_own_is_consistent_and_needs_its_joint_covar
         for found, cov in ((joint, known.cov), (alone, block_diagonal(blocks(known.cov)))):
             path, backend = followed("ekf", localising(second, known._replace(cov=cov), "second"))
             belief = backend.belief()
-            assert belief is not None
-            assert belief.cov is not None
             found[k] = nees(path[-1:], belief.cov[None], truth.poses[-1:])[0] / 3
     spread = np.sqrt(2 / (3 * seeds))  # of the mean of chi-square over its 3 degrees of freedom
     assert abs(joint.mean() - 1) < 4 * spread
@@ -251,22 +248,20 @@ def test_files_of_landmarks(worlds: Path, tmp_path: Path) -> None:
 )
 def test_a_bad_file_is_a_sentence_with_its_line(tmp_path: Path, text: str, sentence: str) -> None:
     (tmp_path / "m.csv").write_text(text)
-    with pytest.raises(InputError) as error:
+    with pytest.raises(InputError, match=re.escape(f"{tmp_path / 'm.csv'}") + ".*" + re.escape(sentence)):
         read(str(tmp_path / "m.csv"), fixed=False)
-    assert sentence in str(error.value)
-    assert str(tmp_path / "m.csv") in str(error.value)
 
 
 def test_what_cannot_be_told_apart_or_found_is_a_sentence(worlds: Path, tmp_path: Path) -> None:
     run = worlds / "mapped"
-    with pytest.raises(InputError, match=r"holds 2 maps, expected one of: .*/ekf, .*/isam2"):
-        read(str(run), fixed=False)
-    with pytest.raises(InputError, match="there is no such place; expected the folder of a run"):
-        read(str(tmp_path / "nowhere"), fixed=False)
-    with pytest.raises(InputError, match="there is no map here"):
-        read(str(tmp_path), fixed=False)
-    with pytest.raises(InputError, match="found no cell with a map, expected one of: "):
-        read(str(cell(run, "ekf").with_name("graph")), fixed=False)
+    for place, said in (
+        (run, r"holds 2 maps, expected one of: .*/ekf, .*/isam2"),
+        (tmp_path / "nowhere", "there is no such place; expected the folder of a run"),
+        (tmp_path, "there is no map here"),
+        (cell(run, "ekf").with_name("graph"), "found no cell with a map, expected one of: "),
+    ):
+        with pytest.raises(InputError, match=said):
+            read(str(place), fixed=False)
     own = small_dataset()
     log_folder.write(tmp_path / "own", own.log, own.truth)
     variant = dataset_variants(str(tmp_path / "own"))[0]
@@ -288,9 +283,6 @@ def test_another_map_into_the_same_run_is_refused(
     landmarks.write_text("id,x,y\n3,1,2.5\n")
     assert main(["run", "--out", str(out)]) == 2
     assert f"--map {landmarks}: has changed since this run was begun" in capsys.readouterr().err
-    assert main(["run", "--map-fixed", "--backend", "ekf", "--out", str(tmp_path / "other")]) == 2
-    assert "there is no map to hold fixed" in capsys.readouterr().err
-    assert not (tmp_path / "other").exists()
 
 
 def test_an_older_record_has_the_covariance_of_each_landmark_alone(worlds: Path, tmp_path: Path) -> None:
@@ -303,8 +295,7 @@ def test_an_older_record_has_the_covariance_of_each_landmark_alone(worlds: Path,
             left = {name: array for name, array in store.arrays(row).items() if name not in lacking}
             put(store, row.result, row.columns, left)
     assert main(["report", str(tmp_path / "old")]) == 0
-    with (cell(tmp_path / "old", "ekf") / "steps.csv").open(newline="") as file:
-        steps = list(csv.DictReader(file))
+    steps = csv_rows(cell(tmp_path / "old", "ekf") / "steps.csv")
     assert {(step["ancestors"], step["refused"]) for step in steps} == {("", "")}
     assert (tmp_path / "old" / "cost.csv").read_text().count("\n") == 1
     given = read(str(cell(tmp_path / "old", "ekf")), fixed=False)

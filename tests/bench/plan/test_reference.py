@@ -25,15 +25,12 @@ def world() -> Dataset:
 
 def off(found: Truth | None, world: Dataset) -> float:
     """How far a reference is from where the robot was, m."""
-    assert found is not None
-    assert world.truth is not None
     assert found.kind == "reference"
     return ate(aligned(align(found.poses, world.truth.poses), found.poses), world.truth.poses)
 
 
 def test_without_outliers_the_reference_is_the_plain_optimum(world: Dataset) -> None:
     found = reference.reference(world.log)
-    assert found is not None
     assert (found.words, found.places) == ("", "reference")
     assert off(found, world) < 0.05
 
@@ -43,7 +40,6 @@ def test_wrong_ids_do_not_rule_the_reference(world: Dataset, share: float) -> No
     assert world.truth is not None
     spoilt = swapped(world.log, world.truth, share, np.random.default_rng(1)).log
     found = reference.reference(spoilt)
-    assert found is not None
     assert "Cauchy loss" in found.words
     assert off(found, world) < 1.5 * off(reference.reference(world.log), world) + 0.005
 
@@ -51,7 +47,6 @@ def test_wrong_ids_do_not_rule_the_reference(world: Dataset, share: float) -> No
 def test_a_noise_that_is_stated_too_small_is_no_outlier(world: Dataset) -> None:
     bold = replace(world.log, z_cov=world.log.z_cov / 9, delta_cov=world.log.delta_cov / 9)
     found = reference.reference(bold)
-    assert found is not None
     assert found.words == ""
 
 
@@ -86,10 +81,7 @@ def test_hidden_ids_leave_the_reference_as_it_was(
     monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path))
     log, truth = hidden(Dataset(world.log, None), ids, np.random.default_rng(2))
     found, plain = reference.known(log, truth), reference.reference(world.log)
-    assert found is not None
-    assert plain is not None
     np.testing.assert_array_equal(found.poses, plain.poses)
-    assert found.assigned is not None
     np.testing.assert_array_equal(found.assigned, world.log.ids)
     assert len(list(tmp_path.iterdir())) == 1
 

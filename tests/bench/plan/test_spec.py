@@ -1,6 +1,8 @@
 """Names and options as a user types them."""
 
+import re
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -56,9 +58,8 @@ def test_options_are_read_by_their_annotation(given: list[tuple[str, str]], expe
     ],
 )
 def test_wrong_options_get_a_sentence(given: list[tuple[str, str]], sentence: str) -> None:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=re.escape(sentence)):
         read_options(Options, given, "backend x")
-    assert sentence in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -79,9 +80,8 @@ def test_wrong_options_get_a_sentence(given: list[tuple[str, str]], sentence: st
     ],
 )
 def test_wrong_names_get_a_sentence(text: str, sentence: str) -> None:
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=re.escape(sentence)):
         backend_variants(text)
-    assert sentence in str(caught.value)
 
 
 @pytest.mark.parametrize("option", ["motion=stop-and-go", "moving_speed=1", "roaming=3"])
@@ -91,11 +91,6 @@ def test_options_of_moving_landmarks_are_refused_where_none_move(option: str) ->
         dataset_variants(f"circle[{option}]")
     (found,) = dataset_variants(f"circle[{option},moving=0.2]")
     assert found.options.moving == 0.2
-
-
-def test_wrong_dataset_names_get_a_sentence() -> None:
-    with pytest.raises(InputError, match="did you mean 'victoria-park'"):
-        dataset_variants("victoria-prak")
 
 
 def test_labels_are_what_the_command_line_takes() -> None:
@@ -134,11 +129,6 @@ def test_an_option_at_its_default_is_the_plain_backend() -> None:
     assert backend_variants("fastslam[particles=500]")[0].label == "fastslam"
 
 
-def test_a_path_is_short_for_a_log(tmp_path: Any) -> None:
-    (variant,) = dataset_variants(str(tmp_path))
-    assert (variant.name, variant.options.path) == ("log", str(tmp_path))
-
-
 @pytest.mark.parametrize(
     ("file", "rows", "kind"),
     [
@@ -164,7 +154,7 @@ def test_a_graph_that_is_not_there_is_a_sentence(tmp_path: Any) -> None:
         dataset_variants(str(tmp_path / "none.g2o"))
     with pytest.raises(InputError, match=r"none\.g2o: there is no such file"):
         dataset_variants("none.g2o")
-    (tmp_path / "folder.g2o").mkdir()
+    (tmp_path / "folder.g2o").mkdir()  # a folder's path is short for a log
     assert dataset_variants(str(tmp_path / "folder.g2o"))[0].name == "log"
 
 
@@ -183,33 +173,15 @@ def test_a_plugin_that_cannot_be_imported_is_kept_with_the_reason() -> None:
 
 
 def test_a_plan_comes_back_from_its_words() -> None:
-    words = {
-        "backend": "ekf,fastslam[particles=7]",
-        "dataset": "aruco-room[markers=12],victoria-park",
-        "seeds": 2,
-        "timeout_s": 5.0,
-        "memory_mb": 100,
-        "repeats": 3,
-    }
+    words = {"backend": "ekf,fastslam[particles=7]", "dataset": "aruco-room[markers=12],victoria-park", "seeds": 2}
+    words |= {"timeout_s": 5.0, "memory_mb": 100, "repeats": 3}
     plan = Plan.from_words(words)
-    assert plan.words() == words | {
-        "logs": {},
-        "map": None,
-        "map_fixed": False,
-        "start": "known",
-        "map_digest": None,
-        "oracle": False,
-    }
-    cells = [(c.dataset.name, c.backend.name, c.seed) for c in plan.cells()]
-    assert sorted(cells) == [
-        ("aruco-room", "ekf", 0),
-        ("aruco-room", "ekf", 1),
-        ("aruco-room", "fastslam", 0),
-        ("aruco-room", "fastslam", 1),
-        ("victoria-park", "ekf", 0),  # neither draws: once
-        ("victoria-park", "fastslam", 0),
-        ("victoria-park", "fastslam", 1),
-    ]
+    usual = {"logs": {}, "map": None, "map_fixed": False, "start": "known", "map_digest": None, "oracle": False}
+    assert plan.words() == words | usual
+    cells = {(c.dataset.name, c.backend.name, c.seed) for c in plan.cells()}
+    every = set(product(("aruco-room", "victoria-park"), ("ekf", "fastslam"), (0, 1)))
+    assert cells == every - {("victoria-park", "ekf", 1)}  # neither draws: once
+    assert len(plan.cells()) == len(cells)
 
 
 def test_more_cells_than_memory_holds_are_refused_before_they_are_made() -> None:

@@ -1,6 +1,5 @@
 """`bench run --map M --start unknown`: the robot is found on the map, and its rows say how soon."""
 
-import csv
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import pytest
 
 import pages
 import slamduel
+from csv_rows import csv_rows
 from lost_logs import RING, surveyed, unnamed
 from slamduel.bench.cli import main
 from slamduel.core.check import problems
@@ -52,10 +52,9 @@ def run(world: Path, out: Path, *words: str) -> int:
 def rows_of(out: Path) -> list[dict[str, Any]]:
     found: dict[tuple[str, ...], dict[str, Any]] = {}
     for name in ("cells.csv", "metrics.csv"):
-        with (out / name).open(newline="") as file:
-            for row in csv.DictReader(file):
-                key = tuple(row[part] for part in ("dataset", "backend", "seed"))
-                found[key] = {**found.get(key, {}), **row}
+        for row in csv_rows(out / name):
+            key = tuple(row[part] for part in ("dataset", "backend", "seed"))
+            found[key] = {**found.get(key, {}), **row}
     return list(found.values())
 
 
@@ -133,9 +132,7 @@ def test_a_path_from_the_fix_on_is_reported_and_written_beside_one_of_the_whole_
     assert run(tmp_path, tmp_path / "run", "--backend", "ekf,mcl", "--dataset", dataset) == 0
     rows = {row["backend"]: row for row in rows_of(tmp_path / "run")}
     assert {row["status"] for row in rows.values()} == {"done"}
-    with (tmp_path / "run" / "metrics.csv").open() as file:
-        shares = {row["backend"]: float(row["located_share"]) for row in csv.DictReader(file)}
-    assert shares["ekf"] < 1
+    assert float(rows["ekf"]["located_share"]) < 1
     assert main(["report", str(tmp_path / "run")]) == 0
     assert "Traceback" not in (tmp_path / "run" / "report.md").read_text()
 
@@ -178,5 +175,4 @@ def test_an_unknown_start_pose_costs_nothing() -> None:
     log, truth, known = ring()
     far = log.prior._replace(pose=np.array((100.0, 0.0, 0.0)), map=known, start="unknown")
     found = misfit(replace(log, prior=far), truth.poses, known)
-    assert found is not None
     assert found.prior == 0

@@ -26,22 +26,13 @@ from slamduel.datasets.registry import Source
 
 LOG = Known("d", "t", "truth")
 
-
 READ = code.read
 
 
 def forget() -> None:
     """What is known of files so far."""
-    for cached in (
-        source_key,
-        backend_key,
-        fingerprint,
-        READ,
-        source,
-        code.folder_of,
-        library_version.located,
-        library_version.is_library,
-    ):
+    libraries = (library_version.located, library_version.is_library)
+    for cached in (source_key, backend_key, fingerprint, READ, source, code.folder_of, *libraries):
         cached.cache_clear()
 
 
@@ -69,15 +60,14 @@ def cell(dataset: str = "circle", backend: str = "ekf", seed: int = 0) -> Cell:
     return Cell(dataset_variants(dataset)[0], backend_variants(backend)[0], seed)
 
 
-def keys() -> dict[str, str]:
-    """Of some logs, and of results of some backends."""
-    found = {name: log_key(cell(name).log) for name in ("circle", "matlab-report", "victoria-park")}
-    backends = ("dead-reckoning", "ekf", "ukf", "isam2", "graph", "fastslam")
-    return found | {name: result_key(cell(backend=name), LOG, timed=False, oracle=False) for name in backends}
-
-
 BACKENDS = {"dead-reckoning", "ekf", "ukf", "isam2", "graph", "fastslam"}
 LOGS = {"circle", "matlab-report", "victoria-park"}
+
+
+def keys() -> dict[str, str]:
+    """Of some logs, and of results of some backends."""
+    found = {name: log_key(cell(name).log) for name in LOGS}
+    return found | {name: result_key(cell(backend=name), LOG, timed=False, oracle=False) for name in BACKENDS}
 
 
 @pytest.mark.parametrize(
@@ -98,20 +88,9 @@ LOGS = {"circle", "matlab-report", "victoria-park"}
         ("bench/measure/drive.py", BACKENDS),
         ("bench/measure/score.py", BACKENDS),
         ("bench/measure/nees.py", BACKENDS),
-        (
-            (
-                "bench/report/figures.py bench/report/report.py bench/drawing/page.py "
-                "bench/record/store.py bench/verdict/verdict.py"
-            ),
-            set(),
-        ),
-        (
-            (
-                "bench/drawing/templates/report.html.jinja bench/study/studies/matlab-report.toml "
-                "bench/study/file.py bench/cli.py"
-            ),
-            set(),
-        ),
+        ("bench/report/figures.py bench/report/report.py bench/drawing/page.py bench/record/store.py", set()),
+        ("bench/drawing/templates/report.html.jinja bench/verdict/verdict.py bench/study/file.py bench/cli.py", set()),
+        ("bench/study/studies/matlab-report.toml", set()),
         ("datasets/registry.py backends/registry.py __init__.py", set()),
     ],
 )
@@ -129,11 +108,7 @@ def test_a_cell_is_judged_by_no_report() -> None:
     files, libraries = closure(JUDGE, ELSEWHERE)
     names = {name.removeprefix("slamduel.") for name in files}
     assert {
-        "bench.measure.cell",
-        "bench.measure.drive",
-        "bench.measure.score",
-        "bench.measure.misfit",
-        "bench.measure.nees",
+        *(f"bench.measure.{name}" for name in ["cell", "drive", "score", "misfit", "nees"]),
         "core.factors",
     } <= names
     assert {name for name in names if name.startswith("datasets.")} == set()

@@ -6,6 +6,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,10 @@ import numpy as np
 import pytest
 
 from slamduel.bench.record.database import FORMER
-from slamduel.bench.record.lock import claimed
 from slamduel.bench.record.schema import FILE, packed
 from slamduel.bench.record.store import Known, Store
 from slamduel.core.errors import InputError
-from small_record import Record
+from small_record import Record, edited
 
 ARRAYS = {"t": np.array([0.0, 0.1]), "online": np.array([[0.1, 0.2, 0.3]])}
 
@@ -34,18 +34,8 @@ def database(store: Store) -> sqlite3.Connection:
 
 def cell(seed: int, key: str | None, **swept: Any) -> tuple[Any, ...]:
     """A row of the plan."""
-    return (
-        "circle",
-        "",
-        "ekf",
-        "",
-        seed,
-        {"dataset": "circle", "backend": "ekf", "seed": seed, **swept},
-        f"log {seed}",
-        key,
-        None,
-        None,
-    )
+    parameters = {"dataset": "circle", "backend": "ekf", "seed": seed, **swept}
+    return "circle", "", "ekf", "", seed, parameters, f"log {seed}", key, None, None
 
 
 def filled(folder: Path, count: int = 3) -> None:
@@ -202,7 +192,6 @@ for k in range(10**6):
     print(k, flush=True)
 """
     with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as writer:
-        assert writer.stdout is not None
         said = [writer.stdout.readline() for _ in range(50)]
         writer.send_signal(signal.SIGKILL)
         said += writer.stdout.readlines()
@@ -259,62 +248,46 @@ def test_a_store_in_a_folder_that_cannot_be_written_to_is_read(tmp_path: Path) -
         os.chmod(tmp_path, 0o755)
 
 
-def _no_database(path: Path) -> None:
-    path.write_bytes(b"a line of text, and no database\n" * 100)
+def _no_database(folder: Path) -> None:
+    (folder / FILE).write_bytes(b"a line of text, and no database\n" * 100)
 
 
-def _other_tables(path: Path) -> None:
-    path.unlink()
-    db = sqlite3.connect(path)
-    db.execute("CREATE TABLE cells (x)")
-    db.close()
-
-
-def _later_version(path: Path) -> None:
-    db = sqlite3.connect(path)
-    db.execute("PRAGMA user_version = 99")
-    db.close()
-
-
-def _damaged(path: Path) -> None:
-    content = bytearray(path.read_bytes())
+def _damaged(folder: Path) -> None:
+    content = bytearray((folder / FILE).read_bytes())
     content[4096 * 2 :: 7] = b"\xff" * len(content[4096 * 2 :: 7])
-    path.write_bytes(content)
+    (folder / FILE).write_bytes(content)
 
 
-def _version_1(path: Path) -> None:
-    path.unlink()
-    db = sqlite3.connect(path)
-    db.executescript("CREATE TABLE run (x); CREATE TABLE cells (x); PRAGMA user_version = 1;")
-    db.close()
+def _as(*statements: str, anew: bool = False) -> Callable[[Path], Any]:
+    def spoil(folder: Path) -> None:
+        if anew:
+            (folder / FILE).unlink()
+        edited(folder, *statements)
 
-
-def _no_cells(path: Path) -> None:
-    db = sqlite3.connect(path)
-    db.execute("DROP VIEW cells")
-    db.execute("DROP TABLE results")
-    db.close()
+    return spoil
 
 
 WHOLE = "expected the record of a run or a study, whole. Nothing was changed; cells.csv beside it has the results; "
+RECOVER = "sqlite3 {path} .recover gives what can still be read."
+SPOILT = [
+    (_no_database, f"file is not a database; {WHOLE}{RECOVER}"),
+    (_as("CREATE TABLE cells (x)", anew=True), "found other tables, expected a record."),
+    (_as("PRAGMA user_version = 99"), "found a record of format 99, expected 2: another version of slamduel wrote it."),
+    (
+        _as("CREATE TABLE run (x)", "CREATE TABLE cells (x)", "PRAGMA user_version = 1", anew=True),
+        "bench run into a new folder makes a new one.",
+    ),
+    (_as("DROP VIEW cells", "DROP TABLE results"), f"{WHOLE}{RECOVER}"),
+    (_damaged, f"{WHOLE}{RECOVER}"),
+]
 
 
-@pytest.mark.parametrize(
-    ("spoil", "sentence"),
-    [
-        (_no_database, f"file is not a database; {WHOLE}sqlite3 {{path}} .recover gives what can still be read."),
-        (_other_tables, "found other tables, expected a record."),
-        (_later_version, "found a record of format 99, expected 2: another version of slamduel wrote it."),
-        (_version_1, "bench run into a new folder makes a new one."),
-        (_no_cells, f"{WHOLE}sqlite3 {{path}} .recover gives what can still be read."),
-        (_damaged, f"{WHOLE}sqlite3 {{path}} .recover gives what can still be read."),
-    ],
-)
+@pytest.mark.parametrize(("spoil", "sentence"), SPOILT)
 def test_what_is_no_sound_record_is_named_and_left_alone(tmp_path: Path, spoil: Any, sentence: str) -> None:
     filled(tmp_path, 40)
     (tmp_path / "cells.csv").touch()
     path = tmp_path / FILE
-    spoil(path)
+    spoil(tmp_path)
     before = path.read_bytes()
     for writing in (False, True):
         with pytest.raises(InputError) as caught, Store(tmp_path, writing=writing) as store:
@@ -349,10 +322,7 @@ def test_a_folder_of_something_else_is_a_sentence(tmp_path: Path) -> None:
 )
 def test_a_row_that_somebody_edited_is_refused_by_its_name(tmp_path: Path, statement: str, sentence: str) -> None:
     filled(tmp_path, 1)
-    db = sqlite3.connect(tmp_path / FILE)
-    db.execute(statement)
-    db.commit()
-    db.close()
+    edited(tmp_path, statement)
     with Store(tmp_path) as store, pytest.raises(InputError) as caught:
         list(store.cells())
     assert "circle \N{MIDDLE DOT} ekf \N{MIDDLE DOT} seed 0" in str(caught.value)
@@ -380,9 +350,7 @@ def test_arrays_that_do_not_fit_are_refused(tmp_path: Path, arrays: dict[str, An
 
 def test_a_store_that_lacks_a_column_is_read_and_completed(tmp_path: Path) -> None:
     filled(tmp_path)
-    db = sqlite3.connect(tmp_path / FILE)
-    db.executescript("DROP VIEW cells; ALTER TABLE results DROP COLUMN n_eff_least;")
-    db.close()
+    edited(tmp_path, "DROP VIEW cells", "ALTER TABLE results DROP COLUMN n_eff_least")
     with Store(tmp_path) as store:
         table = store.table(["n_eff_least", "ate_m"])
     assert np.isnan(table.columns["n_eff_least"]).all()
@@ -391,17 +359,6 @@ def test_a_store_that_lacks_a_column_is_read_and_completed(tmp_path: Path) -> No
         assert store.put_result("new", result(n_eff_least=5.0), {})
         store.put_plan([cell(0, "new"), cell(1, "k1")])
         np.testing.assert_array_equal(store.table(["n_eff_least"]).columns["n_eff_least"], [5.0, np.nan])
-
-
-def test_a_second_runner_is_refused(tmp_path: Path) -> None:
-    with (
-        claimed(tmp_path),
-        pytest.raises(InputError, match="another run or study writes to it"),
-        claimed(tmp_path),
-    ):
-        pass
-    with claimed(tmp_path):
-        pass
 
 
 def test_what_is_put_together_is_kept_as_one(tmp_path: Path) -> None:
@@ -425,14 +382,6 @@ def test_what_is_put_together_is_kept_as_one(tmp_path: Path) -> None:
         assert reader.statuses().keys() == {"k0", "kept"}
 
 
-def changed(folder: Path, *statements: str) -> None:
-    db = sqlite3.connect(folder / FILE)
-    for statement in statements:
-        db.execute(statement)
-    db.commit()
-    db.close()
-
-
 @pytest.mark.parametrize(
     ("statement", "sentence"),
     [
@@ -450,7 +399,7 @@ def test_facts_that_somebody_edited_are_refused(tmp_path: Path, statement: str, 
     record = Record(tmp_path / "run")
     record.cell("room", "truth", "ekf")
     record.store.close()
-    changed(tmp_path / "run", statement)
+    edited(tmp_path / "run", statement)
     with Store(tmp_path / "run") as store, pytest.raises(InputError, match=r"expected the record of a run") as caught:
         store.run()
     assert sentence in str(caught.value)
@@ -479,9 +428,7 @@ def test_a_truth_that_does_not_fit_its_cells_is_refused(tmp_path: Path, arrays: 
 def test_a_record_without_rounds_is_read_and_completed(tmp_path: Path) -> None:
     """As versions before repeats wrote it."""
     filled(tmp_path)
-    db = sqlite3.connect(tmp_path / FILE)
-    db.executescript("DROP TABLE rounds;")
-    db.close()
+    edited(tmp_path, "DROP TABLE rounds")
     with Store(tmp_path) as store:
         assert {row.rounds for row in store.cells()} == {()}
     with Store(tmp_path, writing=True) as store:

@@ -1,6 +1,5 @@
 """`bench export` of a study's or a run's folder: its cells for other programs, exactly."""
 
-import csv
 import math
 import sqlite3
 import sys
@@ -9,6 +8,8 @@ from typing import Any
 
 import pytest
 
+from command import refused
+from csv_rows import csv_rows
 from slamduel.bench.cli import main
 from slamduel.bench.record import table as cells_export
 from slamduel.bench.record.schema import COLUMNS, MORE
@@ -79,8 +80,7 @@ def test_both_formats_have_every_cell_exactly(study: Path, tmp_path: Path, monke
     assert columns["status"] == ["done"] * 4 + ["waiting"]
     assert {*COLUMNS, *MORE} - {"steps"} <= set(columns)
 
-    with (tmp_path / "a.csv").open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(tmp_path / "a.csv")
     assert list(rows[0]) == list(columns)
     read = {"int64": int, "double": float, "string": str, "bool": lambda text: text == "true"}
     for name, values in columns.items():
@@ -154,33 +154,24 @@ def test_a_store_that_breaks_off_leaves_what_was_there(
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["study"], "bench: export study: expected --csv FILE or --parquet FILE, for its cells."),
-        (["study", "--out", "x"], "--out: is for a dataset, and study is the folder of a study or a run;"),
-        (
-            ["study", "--as", "g2o", "--csv", "x"],
-            "--as: is for a dataset, and study is the folder of a study or a run;",
-        ),
-        (["study", "--seed", "0", "--csv", "x"], "--seed: is for a dataset"),
-        (["study", "--csv", "x", "--parquet", "x"], "--csv and --parquet: found x for both, expected a file each."),
-        (["study", "--csv", "study"], "study: is a folder, expected a file to be made."),
-        (["study", "--csv", "study/results.sqlite"], "results.sqlite: is a record, expected a file to be made."),
-        (
-            ["study", "--csv", "study/results.sqlite-wal"],
-            "results.sqlite-wal: is a record, expected a file to be made.",
-        ),
-        (["study", "--csv", "no/such.csv"], "no/such.csv: cannot be written (No such file or directory)."),
-        (["study", "--parquet", "no/such.parquet"], "no/such.parquet: cannot be written (No such file or directory)."),
-        (["circle", "--csv", "x"], "--csv: is for the folder of a study or a run, and circle is none;"),
-        (["circle"], "bench: export circle: expected --out FOLDER, a new folder for the files."),
+        ("", "bench: export study: expected --csv FILE or --parquet FILE, for its cells."),
+        ("--out x", "--out: is for a dataset, and study is the folder of a study or a run;"),
+        ("--as g2o --csv x", "--as: is for a dataset, and study is the folder of a study or a run;"),
+        ("--seed 0 --csv x", "--seed: is for a dataset"),
+        ("--csv x --parquet x", "--csv and --parquet: found x for both, expected a file each."),
+        ("--csv study", "study: is a folder, expected a file to be made."),
+        ("--csv study/results.sqlite", "results.sqlite: is a record, expected a file to be made."),
+        ("--csv study/results.sqlite-wal", "results.sqlite-wal: is a record, expected a file to be made."),
+        ("--csv no/such.csv", "no/such.csv: cannot be written (No such file or directory)."),
+        ("--parquet no/such.parquet", "no/such.parquet: cannot be written (No such file or directory)."),
     ],
 )
 def test_a_mistake_is_a_sentence_and_leaves_nothing(
-    study: Path, words: list[str], sentence: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    study: Path, words: str, sentence: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(study.parent)
     before = sorted(study.parent.rglob("*"))
-    assert main(["export", *words]) == 2
-    assert sentence in capsys.readouterr().err
+    assert sentence in refused(capsys, "export", "study", *words.split())
     assert sorted(study.parent.rglob("*")) == before
 
 

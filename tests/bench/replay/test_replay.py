@@ -4,13 +4,13 @@ import json
 import os
 import re
 import shutil
-import sqlite3
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import command
 import pages
 from random_logs import random_log
 from slamduel.bench.cli import main
@@ -19,7 +19,7 @@ from slamduel.bench.replay import rerun
 from slamduel.bench.replay.replay import Replay, choose, replay
 from slamduel.bench.replay.view import View, ellipses, view
 from slamduel.datasets.formats import log_folder
-from small_record import put
+from small_record import edited, put
 
 STEPS, FRAMES = 40, 14
 BACKENDS = "ekf,graph,misbehaving:raises,oracle_backends:true_poses"
@@ -68,7 +68,6 @@ def test_the_paths_and_the_last_map_are_the_recorded_ones(folder: Path, shown: R
     assert [ekf.remark, told.remark] == ["", ""]
     assert graph.remark == "no online path: the final one is shown"
     truth = shown.log.truth
-    assert truth is not None
     assert told.course.path.tobytes() == truth.poses.tobytes()
 
 
@@ -93,7 +92,6 @@ def test_numbers_are_those_of_the_record_and_of_the_log(folder: Path, shown: Rep
     assert np.allclose(panel.nees, before["nees"][shown.frames] / 3, rtol=1e-9)
     assert panel.step_us.tolist() == (before["step_ns"][shown.frames] / 1e3).tolist()
     truth = shown.log.truth
-    assert truth is not None
     off = before["online"] - truth.poses
     assert np.allclose(panel.error, np.sqrt(off[:, 0] ** 2 + off[:, 1] ** 2)[shown.frames])
     k = int(shown.frames[-1])
@@ -132,30 +130,20 @@ def test_another_path_than_the_recorded_one_is_told(folder: Path, tmp_path: Path
 def test_a_recorded_path_that_cannot_be_read_is_told(
     folder: Path, tmp_path: Path, edit: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    shutil.copytree(folder, tmp_path / "run")
-    with sqlite3.connect(tmp_path / "run" / "results.sqlite") as record:
-        record.execute(f"{edit} WHERE key IN (SELECT key FROM results)")
-    record.close()
+    edited(shutil.copytree(folder, tmp_path / "run"), f"{edit} WHERE key IN (SELECT key FROM results)")
     assert main(["replay", str(tmp_path / "run"), "--backend", "ekf", "--out", str(tmp_path / "x.html")]) == 1
     assert "ekf: NOT COMPARED: the recorded path is not there, or cannot be read" in capsys.readouterr().out
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: str | Path) -> str:
-    capsys.readouterr()
-    assert main(["replay", *map(str, words)]) == 2
-    printed = capsys.readouterr()
-    assert (printed.out, printed.err.count("\n")) == ("", 1)
-    return printed.err
+    return command.refused(capsys, "replay", *words)
 
 
 def test_another_log_than_the_recorded_one_is_refused(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    shutil.copytree(folder, tmp_path / "run")
-    with sqlite3.connect(tmp_path / "run" / "results.sqlite") as record:
-        record.execute("UPDATE logs SET digest = ?", ("f" * 64,))
-    record.close()
-    said = refused(capsys, tmp_path / "run", "--out", tmp_path / "x.html")
+    run = edited(shutil.copytree(folder, tmp_path / "run"), "UPDATE logs SET digest = :digest", digest="f" * 64)
+    said = refused(capsys, run, "--out", tmp_path / "x.html")
     assert "has changed since this run" in said
     assert "expected ffffffffffff" in said
     assert os.listdir(tmp_path) == ["run"]
@@ -178,10 +166,6 @@ def test_a_wrong_word_is_a_sentence_that_names_what_is_there(
     before = sorted(os.listdir(folder))
     assert f"bench: {sentence}" in refused(capsys, folder, *words)
     assert sorted(os.listdir(folder)) == before
-
-
-def test_no_run_no_replay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "expected the folder of a run" in refused(capsys, tmp_path)
 
 
 @pytest.mark.slow
@@ -251,42 +235,35 @@ def test_the_page_has_the_map_of_the_end_by_its_changes(page: Path, seen: View) 
 
 
 @pytest.mark.slow
-def test_the_script_draws_what_stands_there_without_it(page: Path) -> None:
-    api = pytest.importorskip(
-        "playwright.sync_api", reason="playwright is not installed: its package drives the browser"
-    )
-    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if chromium is None:
-        pytest.skip("chromium is not installed")
+def test_the_script_draws_what_stands_there_without_it(browser: Any, page: Path) -> None:
     read = "[...document.querySelectorAll('.run path')].map(path => path.getAttribute('d'))"
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        still = browser.new_page(java_script_enabled=False)
-        still.goto(page.as_uri())
-        stills = [path.get_attribute("d") for path in still.locator(".run path").all()]
-        tab = browser.new_page(viewport={"width": 400, "height": 900}, color_scheme="dark")
-        said: list[str] = []
-        asked: list[str] = []
-        tab.on("console", lambda message: said.append(message.text))
-        tab.on("pageerror", lambda error: said.append(str(error)))
-        tab.on("request", lambda request: asked.append(request.url))
-        tab.goto(page.as_uri())
-        assert tab.evaluate(read) == stills
-        assert tab.evaluate("document.documentElement.scrollWidth") == 400
-        tab.keyboard.press("Home")
-        assert tab.locator("#now").inner_text().endswith(f"step 0 of {STEPS - 1}")
-        assert tab.evaluate(read) != stills
-        tab.keyboard.press("ArrowRight")
-        assert tab.locator("#frame").input_value() == "1"
-        tab.keyboard.press("Shift+ArrowRight")
-        assert tab.locator("#frame").input_value() == "11"
-        tab.select_option("#speed", "4")
-        tab.locator("#play").click()
-        tab.wait_for_function(f"document.getElementById('frame').value == {FRAMES - 1}")
-        assert tab.locator("#play").inner_text() == "Play"
-        assert tab.evaluate(read) == stills
-        assert (said, asked) == ([], [page.as_uri()])
-        browser.close()
+    still = browser.new_page(java_script_enabled=False)
+    still.goto(page.as_uri())
+    stills = [path.get_attribute("d") for path in still.locator(".run path").all()]
+    tab = browser.new_page(viewport={"width": 400, "height": 900}, color_scheme="dark")
+    said: list[str] = []
+    asked: list[str] = []
+    tab.on("console", lambda message: said.append(message.text))
+    tab.on("pageerror", lambda error: said.append(str(error)))
+    tab.on("request", lambda request: asked.append(request.url))
+    tab.goto(page.as_uri())
+    assert tab.evaluate(read) == stills
+    assert tab.evaluate("document.documentElement.scrollWidth") == 400
+    tab.keyboard.press("Home")
+    assert tab.locator("#now").inner_text().endswith(f"step 0 of {STEPS - 1}")
+    assert tab.evaluate(read) != stills
+    tab.keyboard.press("ArrowRight")
+    assert tab.locator("#frame").input_value() == "1"
+    tab.keyboard.press("Shift+ArrowRight")
+    assert tab.locator("#frame").input_value() == "11"
+    tab.select_option("#speed", "4")
+    tab.locator("#play").click()
+    tab.wait_for_function(f"document.getElementById('frame').value == {FRAMES - 1}")
+    assert tab.locator("#play").inner_text() == "Play"
+    assert tab.evaluate(read) == stills
+    assert (said, asked) == ([], [page.as_uri()])
+    still.close()
+    tab.close()
 
 
 def test_a_recording_for_rerun(seen: View, tmp_path: Path) -> None:

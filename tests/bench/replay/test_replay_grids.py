@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from io import BytesIO
@@ -41,7 +40,6 @@ BACKENDS = ["dead-reckoning", "graph", "smoother", "misbehaving:raises_on_loops"
 
 def scanned(dataset: Dataset, beams: int = 120) -> Dataset:
     """A scan all round at every step."""
-    assert dataset.truth is not None
     poses = dataset.truth.poses
     n, angles = len(poses), np.linspace(-np.pi, np.pi, beams, endpoint=False) + 0.013
     c, s = np.cos(poses[:, 2:] + angles), np.sin(poses[:, 2:] + angles)
@@ -79,7 +77,6 @@ def seen(shown: Replay) -> View:
 def cells_hit(shown: Replay, path: Array, steps: int, cells: Raster) -> set[tuple[int, int]]:
     """The cells with a hit of the first scans."""
     scans = shown.log.log.scans
-    assert scans is not None
     heading = path[:steps, 2:] + scans.angles
     x = path[:steps, :1] + scans.ranges[:steps] * np.cos(heading)
     y = path[:steps, 1:2] + scans.ranges[:steps] * np.sin(heading)
@@ -112,7 +109,6 @@ def test_a_smoothers_path_is_the_one_it_has_at_the_moment(folder: Path, shown: R
         row = next(row for row in store.cells() if row.columns["backend"] == "smoother")
         recorded = store.arrays(row)
     truth = shown.log.truth
-    assert truth is not None
     assert [revised.frame for revised in course.revised] == replay_course.moments(FRAMES)
     assert course.revised[-1].path.tobytes() == recorded["final"].tobytes()
     for frame, path in course.revised:
@@ -142,7 +138,6 @@ def test_what_raises_has_grids_as_far_as_it_came(shown: Replay, seen: View) -> N
 
 def test_the_newest_scan_is_seen_from_the_backends_pose(shown: Replay, seen: View) -> None:
     scans = shown.log.log.scans
-    assert scans is not None
     for panel in seen.panels[:3]:
         for k in (0, 31, FRAMES - 1):
             every = [
@@ -156,7 +151,6 @@ def test_the_newest_scan_is_seen_from_the_backends_pose(shown: Replay, seen: Vie
 def test_the_whole_room_is_on_the_panels(seen: View) -> None:
     assert (seen.low < LOW + 0.1).all()
     assert (seen.high > HIGH - 0.1).all()
-    assert seen.cells is not None
     assert (seen.cells.origin == seen.low).all()
     assert (seen.cells.origin + seen.cells.size * np.array(seen.cells.shape) >= seen.high - 1e-9).all()
 
@@ -214,35 +208,26 @@ def test_the_chart_begins_where_the_error_is_known(seen: View, tmp_path: Path) -
 
 
 @pytest.mark.slow
-def test_the_script_shows_the_newest_grid_of_each_frame(page: Path, seen: View) -> None:
-    api = pytest.importorskip(
-        "playwright.sync_api", reason="playwright is not installed: its package drives the browser"
-    )
-    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if chromium is None:
-        pytest.skip("chromium is not installed")
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        tab = browser.new_page()
-        said: list[str] = []
-        tab.on("pageerror", lambda error: said.append(str(error)))
-        tab.goto(page.as_uri())
-        tab.keyboard.press("Home")
-        for frame in range(6):
-            shown = tab.evaluate(
-                "[...document.querySelectorAll('.run')].map(run => [...run.querySelectorAll('image')]"
-                ".flatMap((image, k) => image.style.display === 'none' ? [] : [k]))"
-            )
-            behind = [sum(grid.frame <= frame for grid in panel.grids) for panel in seen.panels]
-            assert shown == [[count - 1] if count else [] for count in behind]
-            tab.keyboard.press("ArrowRight")
-        assert said == []
-        browser.close()
+def test_the_script_shows_the_newest_grid_of_each_frame(browser: Any, page: Path, seen: View) -> None:
+    tab = browser.new_page()
+    said: list[str] = []
+    tab.on("pageerror", lambda error: said.append(str(error)))
+    tab.goto(page.as_uri())
+    tab.keyboard.press("Home")
+    for frame in range(6):
+        shown = tab.evaluate(
+            "[...document.querySelectorAll('.run')].map(run => [...run.querySelectorAll('image')]"
+            ".flatMap((image, k) => image.style.display === 'none' ? [] : [k]))"
+        )
+        behind = [sum(grid.frame <= frame for grid in panel.grids) for panel in seen.panels]
+        assert shown == [[count - 1] if count else [] for count in behind]
+        tab.keyboard.press("ArrowRight")
+    assert said == []
+    tab.close()
 
 
 def test_a_film_has_the_walls(seen: View) -> None:
     *_, last = pictures(seen)
-    assert seen.cells is not None
     panel = last[40:, 10 : 10 + WIDTH]  # of dead reckoning
     scale = WIDTH / (seen.high - seen.low)[0]
     dark = 0

@@ -161,7 +161,6 @@ def test_every_backend_in_a_figure_can_be_raised(few: Drawn, crowd: Drawn) -> No
     for drawn in (few, crowd):
         called = tags(drawn.looks)
         for figure in (*drawn.figures, *drawn.panels):
-            assert figure.plot is not None
             for label in {curve.label for curve in figure.plot.curves}:
                 assert f'class="of-{drawn.looks[label].place}"' in figure.svg, (figure.name, label)
             root = ElementTree.fromstring(figure.svg)
@@ -187,7 +186,6 @@ def test_nothing_sticks_out_of_a_figure(few: Drawn, crowd: Drawn) -> None:
 
 def test_many_backends_do_not_eat_the_plot(crowd: Drawn) -> None:
     for figure in crowd.figures:
-        assert figure.plot is not None
         left, top, right, bottom = figure.plot.box
         assert right - left > 170
         assert bottom - top > 95
@@ -237,7 +235,6 @@ def test_the_paper_has_the_same_figure(few: Drawn) -> None:
     assert pdf == figure.printed("pdf")
     assert pdf.startswith(b"%PDF")
     found = re.search(rb"/MediaBox\s*\[\s*0 0 ([\d.]+)", pdf)
-    assert found is not None
     assert float(found[1]) == 252
     assert png.startswith(b"\x89PNG")
     assert int.from_bytes(png[16:20], "big") == 1050  # 3.5 inches at 300 dpi
@@ -247,7 +244,6 @@ def test_the_paper_has_the_same_figure(few: Drawn) -> None:
 
 def test_nees_has_a_band_over_logs_and_none_along_one(few: Drawn, tmp_path: Path) -> None:
     over = few.named("nees")
-    assert over.plot is not None
     assert "7 independent logs" in over.caption
     one = next(curve for curve in over.plot.curves if curve.label == "dead-reckoning")
     runs = few.log.nees["dead-reckoning"]
@@ -263,7 +259,6 @@ def test_nees_has_a_band_over_logs_and_none_along_one(few: Drawn, tmp_path: Path
 
 def test_the_best_is_the_measure_of_the_others(few: Drawn) -> None:
     figure = few.named("pairs")
-    assert figure.plot is not None
     by_log = {line.backend: line.by_log("ate_m") for line in few.lines if "ate_m" in line.values}
     medians = {label: float(np.median(list(errors.values()))) for label, errors in by_log.items()}
     best = min(medians, key=lambda label: medians[label])
@@ -290,7 +285,6 @@ def test_the_log_nearest_to_the_medians_is_drawn(tmp_path: Path) -> None:
     found = lines(record.store.cells())
     shown = drawn_log(record.store, found, looks(line.backend for line in found), record.store.run()["folders"])
     record.store.close()
-    assert shown is not None
     assert (shown.seed, shown.which) == (2, "seed 2, the log nearest to the medians")
 
 
@@ -305,7 +299,6 @@ def test_no_point_is_outside_the_frame_however_accurate(tmp_path: Path) -> None:
     assert shown is not None
     assert shown.which == ""
     pareto = report_figures("x", shown)[0]
-    assert pareto.plot is not None
     assert pareto.plot.y.low < 1e-6 < 100 < pareto.plot.y.high
     assert "better" not in pareto.caption
 
@@ -313,7 +306,6 @@ def test_no_point_is_outside_the_frame_however_accurate(tmp_path: Path) -> None:
 def test_nis_has_a_band_over_logs(few: Drawn) -> None:
     """Chi-square's with four degrees of freedom a step: 5 % of stretches are outside."""
     (plot,) = [figure for figure in few.figures if figure.name == "x-nis"]
-    assert plot.plot is not None
     assert "7 independent logs" in plot.caption
     assert "opacity: 0.12" in plot.svg
     (one,) = [curve for curve in plot.plot.curves if curve.label == "isam2"]
@@ -329,9 +321,6 @@ def test_what_failed_is_counted(few: Drawn) -> None:
 
 def test_error_and_growth_are_those_of_the_record(few: Drawn) -> None:
     error, heading, growth = (few.named(name).plot for name in ("error", "heading", "growth-landmarks"))
-    assert error is not None
-    assert heading is not None
-    assert growth is not None
     trace = next(trace for trace in few.log.traces if trace.label == "isam2")
     for plot, path, final in ((error, "aligned", False), (error, "final_aligned", True), (heading, "aligned", False)):
         (curve,) = [c for c in plot.curves if c.label == "isam2" and c.final == final]

@@ -8,15 +8,11 @@ from typing import Any
 import pytest
 
 from big_record import big
-from narrow_window import CHROMIUM
 from slamduel.bench.report.report import write_report
 from slamduel.bench.words.columns import about
 from small_record import Record
 
-api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: its package drives the browser")
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
-if CHROMIUM is None:
-    pytest.skip("chromium is not installed", allow_module_level=True)
 pytestmark = pytest.mark.slow
 
 BACKENDS = ("ekf", "fastslam", "isam2")
@@ -40,12 +36,6 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> str:
     write_report(made.store)
     made.store.close()
     return (made.store.folder / "report.html").as_uri()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with api.sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-quic"])
 
 
 class Seen:

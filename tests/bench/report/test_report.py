@@ -28,10 +28,8 @@ from tiers import first_quick
 
 EVIL = "<script>alert('a')</script> & | `b` [c](d) $e$"
 
-
 WHOSE = {"ekf": "compiled here", "isam2": "GTSAM's wheel", "graph": "GTSAM's wheel", EVIL: EVIL}
 """Whose programs backends are; of the others the record does not say it."""
-
 
 ODD = "no reading for 5 s, from 20 to 25 s"
 

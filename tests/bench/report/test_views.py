@@ -82,7 +82,6 @@ def test_bench_map_writes_a_view_a_map_for_ros_and_points(
         assert (on_wall | room.on_box(at, 0.08)).all()
         assert on_wall.sum() > 200
         picture = cv2.imread(str(place / "top.png"))
-        assert picture is not None
         assert (picture == room.FLOOR[::-1]).all(axis=2).mean() > 0.3  # blue, green, red
         points, colours = points_of(place / "points.ply")
         assert f"; {len(points):,} points" in said
@@ -106,11 +105,9 @@ def test_heights_and_sizes_are_as_asked(folder: Path, tmp_path: Path, capsys: py
     assert said.count("obstacles from 0.6 to 1 m") == said.count("the online path") - 1 == 1  # graph has none
     assert len(points_of(place / "points.ply")[0]) < fine / 4
     above = cv2.imread(str(place / "grid.pgm"), cv2.IMREAD_UNCHANGED)
-    assert tall is not None
     assert above is not None
     assert above.shape[0] < 0.6 * tall.shape[0]
     origin = re.search(r"origin: \[(.*), (.*), 0.0\]", (place / "grid.yaml").read_text())
-    assert origin is not None
     column, row = np.floor((room.BOX.place[:2] - [float(origin[1]), float(origin[2])]) / 0.1).astype(int)
     around = above[len(above) - 1 - row - 2 : len(above) - 1 - row + 3, column - 2 : column + 3]
     assert (around != 0).all()  # the box is 0.5 m high
@@ -124,7 +121,6 @@ def test_damaged_clouds_in_the_record_are_none(folder: Path) -> None:
     with Store(folder) as store:
         row = next(iter(store.cells()))
         clouds = store.clouds(row)
-        assert clouds is not None
         assert store.scans(row) is None
         np.testing.assert_array_equal(clouds.points, room.room_clouds().points)
         short = row._replace(columns={**row.columns, "steps": STEPS - 1})

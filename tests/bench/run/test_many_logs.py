@@ -1,6 +1,5 @@
 """A dataset of many logs, from its names to its report: one verdict, paired by log, clusters counted once."""
 
-import csv
 import json
 import shutil
 from dataclasses import replace
@@ -10,6 +9,7 @@ import numpy as np
 import pytest
 
 import slamduel
+from csv_rows import csv_rows
 from random_logs import random_log
 from slamduel.bench.cli import main
 from slamduel.bench.record.store import Store
@@ -44,14 +44,9 @@ def bench(*words: str) -> int:
     return main(["run", "--backend", "dead-reckoning,ekf", "--out", "out", "--quiet", *words])
 
 
-def rows(file: Path) -> list[dict[str, str]]:
-    with file.open(newline="") as lines:
-        return list(csv.DictReader(lines))
-
-
 def cells(folder: Path) -> list[dict[str, str]]:
     """Joins the rows of cells.csv and metrics.csv, which name the same cells in the same order."""
-    found = zip(rows(folder / "cells.csv"), rows(folder / "metrics.csv"), strict=True)
+    found = zip(csv_rows(folder / "cells.csv"), csv_rows(folder / "metrics.csv"), strict=True)
     return [cell | more for cell, more in found]
 
 

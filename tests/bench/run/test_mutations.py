@@ -10,8 +10,7 @@ SLOW = 60  # of each family
 
 
 @pytest.mark.parametrize(
-    ("family", "cases"),
-    [*QUICK.items(), *(pytest.param(name, SLOW, marks=pytest.mark.slow) for name in FAMILIES)],
+    ("family", "cases"), [*QUICK.items(), *(pytest.param(name, SLOW, marks=pytest.mark.slow) for name in FAMILIES)]
 )
 def test_no_mutation_is_worse_in_silence(family: str, cases: int) -> None:
     found = list(FAMILIES[family](cases, cases))

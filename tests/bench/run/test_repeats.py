@@ -1,7 +1,6 @@
 """Repeats: every cell timed in several rounds, each in a process of its own, and what is kept of them."""
 
 import contextlib
-import csv
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from csv_rows import csv_rows
 from slamduel.bench.cli import main
 from slamduel.bench.engine.engine import RunRequest
 from slamduel.bench.engine.engine import run as run_cells
@@ -28,13 +28,8 @@ from slamduel.bench.workers.local_executor import Local
 from slamduel.core.errors import InputError
 from small_run import Silent, again, rows
 
-WORDS: dict[str, Any] = {
-    "backend": "dead-reckoning,ekf",
-    "dataset": "circle[steps=30]",
-    "seeds": 3,
-    "timeout_s": 60.0,
-    "memory_mb": 1000,
-}
+WORDS: dict[str, Any] = {"backend": "dead-reckoning,ekf", "dataset": "circle[steps=30]", "seeds": 3}
+WORDS |= {"timeout_s": 60.0, "memory_mb": 1000}
 
 
 class Order(Silent):
@@ -51,11 +46,6 @@ class Order(Silent):
 
 def plan(repeats: int, **more: Any) -> Plan:
     return Plan.from_words({**WORDS, "repeats": repeats, **more})
-
-
-def table(folder: Path, name: str) -> list[dict[str, str]]:
-    with (folder / name).open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +66,7 @@ def test_every_round_times_every_cell_once_log_by_log(thrice: tuple[Path, Order]
 
 def test_rounds_are_in_times_csv_and_their_medians_in_cells_csv(thrice: tuple[Path, Order]) -> None:
     folder, _ = thrice
-    cells, times, metrics = (table(folder, f"{name}.csv") for name in ("cells", "times", "metrics"))
+    cells, times, metrics = (csv_rows(folder / f"{name}.csv") for name in ("cells", "times", "metrics"))
     assert list(cells[0]) == list(COLUMNS)
     assert list(times[0]) == [*KEY, *ROUND]
     assert len(times) == 3 * len(cells) == 18
@@ -93,23 +83,23 @@ def test_rounds_are_in_times_csv_and_their_medians_in_cells_csv(thrice: tuple[Pa
 def test_errors_are_those_of_one_round(thrice: tuple[Path, Order], tmp_path: Path) -> None:
     folder, _ = thrice
     again(plan(1), tmp_path / "once", Silent())
-    for one, other in zip(table(folder, "cells.csv"), table(tmp_path / "once", "cells.csv"), strict=True):
+    for one, other in zip(csv_rows(folder / "cells.csv"), csv_rows(tmp_path / "once" / "cells.csv"), strict=True):
         assert all(one[name] == other[name] for name in ("ate_m", "nees", "digest", "cost_j", "reason"))
-    assert {row["repeats"] for row in table(tmp_path / "once", "metrics.csv")} == {"1"}
-    assert all(row["step_us_p50_low"] == "" for row in table(tmp_path / "once", "metrics.csv"))
+    assert {row["repeats"] for row in csv_rows(tmp_path / "once" / "metrics.csv")} == {"1"}
+    assert all(row["step_us_p50_low"] == "" for row in csv_rows(tmp_path / "once" / "metrics.csv"))
 
 
 def test_more_repeats_add_the_missing_rounds_alone(tmp_path: Path) -> None:
     folder, first = tmp_path / "run", Order()
     again(plan(2), folder, first)
-    before = table(folder, "times.csv")
+    before = csv_rows(folder / "times.csv")
     more = planned({"repeats": 4}, folder)
     assert more.repeats == 4
     second = Order()
     again(more, folder, second)
     assert sorted(second.rounds) == [3, 4]
     assert "ekf done" not in second.ended
-    after = table(folder, "times.csv")
+    after = csv_rows(folder / "times.csv")
     assert [one for one in after if one["round"] in ("1", "2")] == before
     found = recorded_plan(folder)
     assert found is not None
@@ -171,14 +161,6 @@ def test_a_repeat_that_fails_is_told_and_tried_again_where_asked(
     assert go(2).ended == []
     assert go(2, retry=True).ended == ["misbehaving:fails_where_asked again done"] * 2
     assert status(lines(rows(folder).values())) == 0
-
-
-@pytest.mark.parametrize("wrong", ["0", "-1", "2.5", "many"])
-def test_a_bad_number_gets_a_sentence(wrong: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with contextlib.suppress(SystemExit):
-        assert main(["run", "--repeats", wrong, "--out", str(tmp_path / "run")]) == 2
-    assert f"found {wrong}, expected a whole number, at least 1" in capsys.readouterr().err
-    assert not (tmp_path / "run").exists()
 
 
 def test_repeats_beside_other_cells_get_a_sentence(tmp_path: Path) -> None:

@@ -61,12 +61,8 @@ def many(seeds: int, *backends: str) -> list[Line]:
 
 def printed(found: list[Line], width: int, *, terminal: bool = True, remarks: Any = NONE) -> str:
     """What is printed on a console of that width, without styles."""
-
-    class Tty(io.StringIO):
-        def isatty(self) -> bool:
-            return terminal
-
-    console = Console(width=width, file=Tty(), force_terminal=terminal, no_color=True, color_system=None)
+    file = Watched() if terminal else io.StringIO()
+    console = Console(width=width, file=file, force_terminal=terminal, no_color=True, color_system=None)
     conclude(console, found, remarks)
     return console.file.getvalue()  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -159,14 +155,15 @@ def test_failures_go_to_standard_error_where_nothing_else_is_printed(capsys: pyt
     assert said.err == "bench: room: diverged: ekf, 1 of 2: [NaN] in 3\nbench: room: skipped: ukf, 1 of 1: loops\n"
 
 
+@pytest.mark.usefixtures("no_report")
 def test_a_quiet_command_says_why_it_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["--dataset", "circle[steps=300]", "--seeds", "1", "--backend"]
+    words = ["--dataset", "circle[steps=30]", "--seeds", "1", "--backend"]
     assert main(["run", *words, "ekf", "--quiet", "--out", str(tmp_path / "done")]) == 0
     assert capsys.readouterr() == ("", "")
     assert main(["run", *words, "ekf[association=nn]", "--quiet", "--out", str(tmp_path / "skipped")]) == 1
     said = capsys.readouterr()
     assert not said.out
-    assert said.err.startswith("bench: circle[steps=300]: nothing run: 1 cell, all skipped: there")
+    assert said.err.startswith("bench: circle[steps=30]: nothing run: 1 cell, all skipped: there")
 
 
 @pytest.mark.parametrize("width", [12, 20, 30, 80])
@@ -201,7 +198,6 @@ def test_time_left_is_by_dataset_and_backend() -> None:
     pace.took(("short", "graph"), 10.0)
     pace.took(("long", "ekf"), 4.0)
     left = pace.left()
-    assert left is not None
     alike = 2 * 1.0 + 2 * 10.0 + 2 * 4.0
     assert left == pytest.approx(alike + 3 * 40.0)  # as graph is to ekf on short, so on long
     pace.took(("long", "graph"), 40.0)

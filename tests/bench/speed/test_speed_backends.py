@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from csv_rows import csv_rows
 from places import SUPPORT
 from slamduel.backends.api import Map, NoOptions
 from slamduel.backends.gaussian.ekf import Options as EkfOptions
@@ -97,7 +98,6 @@ def test_errors_are_as_large_as_their_covariances_say() -> None:
     place = dict(zip(here.map.ids.tolist(), here.map.xy, strict=True))
     motion, sighting = list[Array](), list[Array]()
     for before, pose, step in zip(path, path[1:], here.drive, strict=False):
-        assert step.odometry is not None
         assert step.odometry.cov == pytest.approx(np.diag(np.square(ODOMETRY_SD)))
         motion.append((step.odometry.delta - between(before, pose)) / ODOMETRY_SD)
         for i, z in zip(step.sightings.ids.tolist(), step.sightings.z, strict=True):
@@ -179,7 +179,6 @@ def test_a_stopwatch_adds_up_the_calls_of_what_it_watches() -> None:
 def test_isam2_is_taken_apart() -> None:
     rows = measure(Process((Subject("isam2", "isam2", _options("isam2")),), (10,), None, LITTLE))
     whole, *parts = rows
-    assert whole.timing is not None
     assert whole.timing.steps == 12
     assert whole.resident_bytes is not None
     assert whole.finish_ms is not None
@@ -192,14 +191,8 @@ def test_isam2_is_taken_apart() -> None:
 def test_a_filter_comes_with_its_references() -> None:
     subjects = tuple(Subject(f"ekf{k}", "ekf", EkfOptions(compress_above=k)) for k in (0, 1000))
     rows = measure(Process(subjects, (10,), None, LITTLE))
-    assert [(row.kind, row.name) for row in rows] == [
-        ("backend", "ekf0"),
-        ("backend", "ekf1000"),
-        ("reference", "dsyrk"),
-        ("reference", "memory"),
-        ("reference", "textbook"),
-        ("reference", "locate"),
-    ]
+    assert [row.name for row in rows if row.kind == "backend"] == ["ekf0", "ekf1000"]
+    assert [row.name for row in rows if row.kind == "reference"] == ["dsyrk", "memory", "textbook", "locate"]
     assert all(row.timing and row.landmarks == 10 for row in rows)
     assert all(row.array_bytes and row.array_bytes >= 8 * 23 * 23 and row.resident_bytes is None for row in rows[:2])
     assert {row.beside for row in rows[2:]} == {"ekf"}
@@ -207,12 +200,8 @@ def test_a_filter_comes_with_its_references() -> None:
 
 def test_particles_are_those_asked_for_at_every_size() -> None:
     rows = measure(Process((Subject("fastslam", "fastslam", FastSlamOptions()),), (3, 10), 40, LITTLE))
-    assert [(row.name, row.landmarks, row.particles) for row in rows] == [
-        ("fastslam", 3, 40),
-        ("particle loop", 3, 40),
-        ("fastslam", 10, 40),
-        ("particle loop", 10, 40),
-    ]
+    found = [(row.name, row.landmarks, row.particles) for row in rows]
+    assert found == [(name, n, 40) for n in (3, 10) for name in ("fastslam", "particle loop")]
     assert all(row.timing for row in rows)
 
 
@@ -263,17 +252,9 @@ def test_ratios_are_of_medians_and_of_means_and_say_what_was_expected() -> None:
         "dense ekf / bare dsyrk, N=300, median step": ("within 1.5 times", "1.60 times", False),
         "dense ekf / compressed ekf, N=1,000, mean step": ("at least 15 times", "24.0 times", True),
         "compressed ekf, N=1,000 / N=300, median step": ("within 1.5 times", "1.20 times", True),
-        "particle loop / fastslam 1.0, M=100 N=100, median step": (
-            "at least 300 times",
-            "1,000 times",
-            True,
-        ),
+        "particle loop / fastslam 1.0, M=100 N=100, median step": ("at least 300 times", "1,000 times", True),
         "fastslam 1.0, N=1,000 / N=100, M=10,000, median step": ("within 1.2 times", "1.30 times", False),
-        "fastslam 2.0 / 1.0, M=100, median step, worst N": (
-            "within 4 times",
-            "2.50 times",
-            True,
-        ),
+        "fastslam 2.0 / 1.0, M=100, median step, worst N": ("within 4 times", "2.50 times", True),
         "Python's own share of isam2's step, N=100": ("under 8 %", "5.00 %", True),
         "a search for the robot on the whole map, N=300, p99": ("within 100 ms", "60.0 ms", True),
     }
@@ -310,55 +291,17 @@ def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFix
     names = "dead-reckoning,fastslam,nowhere:build"
     assert main(["speed", "--quick", "--backend", names, *sizes]) == 0
     said = capsys.readouterr().out
-    for words in (
-        "timed fastslam: N=4, 10, M=20",
-        "6 sightings a step, of the nearest landmarks",
-        "particle loop",
-        "nowhere",
-        "No module",
-        "wrote: ",
-    ):
+    for words in ("timed fastslam: N=4, 10, M=20", "6 sightings a step, of the nearest landmarks", "wrote: "):
         assert words in said
+    assert all(words in said for words in ("particle loop", "nowhere", "No module"))
     assert sorted(path.name for path in out.iterdir()) == ["backends.csv", "backends.png", "ratios.csv"]
     assert (out / "backends.png").read_bytes().startswith(b"\x89PNG")
     assert table.read_text() == (out / "backends.csv").read_text()
-    with table.open() as file:
-        rows = list(csv.DictReader(file))
+    rows = csv_rows(table)
     backends = [(r["name"], r["landmarks"], r["particles"]) for r in rows if r["kind"] == "backend"]
-    assert backends[:4] == [
-        ("dead-reckoning", "4", ""),
-        ("dead-reckoning", "10", ""),
-        ("fastslam", "4", "20"),
-        ("fastslam", "10", "20"),
-    ]
+    assert backends[:2] == [("dead-reckoning", "4", ""), ("dead-reckoning", "10", "")]
+    assert backends[2:4] == [("fastslam", "4", "20"), ("fastslam", "10", "20")]
     assert [r["steps"] for r in rows if r["name"] == "dead-reckoning"] == ["8", "8"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["--sizes", "10,x"], "--sizes 10,x: expected whole numbers above 0"),
-        (["--sizes", "0,10"], "--sizes 0,10: expected whole numbers above 0"),
-        (["--particles", ""], "--particles : expected whole numbers above 0"),
-        (["--sightings", "0"], "--sightings 0: expected 1 or more"),
-        (["--steps", "-3"], "--steps -3: expected 1 or more"),
-        (["--seconds", "nan"], "--seconds nan: expected a number above 0"),
-        (["--backend", "efk"], "did you mean 'ekf'?"),
-        (["--csv", "nowhere/t.csv"], "--csv nowhere/t.csv: there is no folder nowhere"),
-        (
-            ["--crowded", "3"],
-            "--crowded: without --association, --frontend or --batch backends are timed, which has no such option",
-        ),
-        (
-            ["--frontend", "--sizes", "10"],
-            "--sizes: --frontend is the study of front ends, which has no such option",
-        ),
-        (["--frontend", "--scattered"], "--scattered: --frontend is the study of front ends"),
-    ],
-)
-def test_mistakes_are_a_sentence(arguments: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["speed", *arguments]) == 2
-    assert sentence in capsys.readouterr().err
 
 
 @dataclass(frozen=True)
@@ -381,7 +324,6 @@ def _true_path(landmarks: int, steps: int, seed: int) -> list[Array]:
         exact = world(landmarks, steps, 6, seed)
     path, pose = list[Array](), exact.start
     for step in exact.drive:
-        assert step.odometry is not None
         pose = compose(pose, step.odometry.delta)
         path.append(pose)
     return path

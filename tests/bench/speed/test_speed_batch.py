@@ -16,7 +16,6 @@ def test_both_solvers_end_at_the_minimum_from_the_same_start(start: str) -> None
     log = random_log(np.random.default_rng(1), 60, 8, noise=0.3).log
     row = measured("random", log, start, 1)
     assert row.own.cost == pytest.approx(row.gtsam.cost, rel=1e-3)
-    assert row.ratio is not None
     assert row.ratio > 0
     path, landmarks = started(log, start)
     assert path.shape == (60, 3)
@@ -42,5 +41,3 @@ def test_it_prints_and_writes(
     lines = (tmp_path / "batch.csv").read_text().splitlines()
     assert lines[0] == "log,start,own_ms,own_j,gtsam_ms,gtsam_j"
     assert [line.split(",")[2] for line in lines[1:]] == ["incremental", "odometry"]  # the log's name has a comma
-    assert main(["speed", "--batch", "--frontend"]) == 2
-    assert "--frontend --batch: expected one of them" in capsys.readouterr().err

@@ -1,6 +1,6 @@
 """The studies that come along: each says what it asks and whom it follows, and its cells run to what it measures."""
 
-from collections.abc import Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +9,12 @@ import pytest
 
 from slamduel.bench.engine.engine import RunRequest, run
 from slamduel.bench.plan.work import PlannedCell
-from slamduel.bench.record.schema import Row
 from slamduel.bench.study import file as study_file
 from slamduel.bench.study.study import about
 from slamduel.bench.study_report.evidence import evidence
 from slamduel.bench.workers.local_executor import Local
 from slamduel.datasets.published.catalogue import PUBLISHED, place
+from small_run import Silent
 
 STUDIES = study_file.packaged()
 
@@ -36,34 +36,16 @@ def at_hand(cell: PlannedCell) -> bool:
     return not recorded(cell) or place(cell.cell.dataset.name).is_dir()
 
 
-class Watched:
+class Watched(Silent):
     """Which cells ended otherwise than they should."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.amiss: list[tuple[object, ...]] = []
 
-    def looking(self, logs: int) -> None:
-        """Nobody asks."""
-
-    def looked(self, name: str) -> None:
-        """Nobody asks."""
-
-    def say(self, sentence: str) -> None:
-        """Nobody asks."""
-
-    def running(self, cells: Sequence[PlannedCell], done: int, slots: int, recorded: Iterable[Row]) -> None:
-        """Nobody asks."""
-
     def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
-        del seconds
         if row["status"] != "done":
             self.amiss.append((cell.cell.dataset.label, cell.cell.backend.label, row["status"], row["reason"]))
-
-    def repeating(self, cells: Sequence[PlannedCell], number: int, of: int) -> None:
-        """Nobody asks."""
-
-    def repeated(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
-        """Nobody asks."""
 
 
 def few(cells: Sequence[PlannedCell]) -> list[PlannedCell]:

@@ -50,9 +50,8 @@ def test_an_estimate_is_the_sum_over_the_cells_divided_by_the_slots() -> None:
     assert shares == {"ekf": (6, 6, 12.0), "dead-reckoning": (6, 6, 1.5), "fastslam": (12, 12, 96.0)}
     assert found.wall_s == (12 + 1.5 + 96) / 2
     assert (found.cells, found.todo, found.alone, found.timed_now) == (24, 24, 0, 8)
-    assert (
-        executor.asked.count("dead-reckoning") == 4
-    )  # two pairs, each a short one and so twice: the first time much is loading
+    # Two pairs, each a short one and so twice: the first time much is loading.
+    assert executor.asked.count("dead-reckoning") == 4
     assert found.sentences()[0] == "24 cells, 0 done, 24 to be run now."
     assert found.sentences()[1].startswith("About 55 s, 2 at a time, by 8 cells timed now")
     assert found.table()[3] == ("bailey", "fastslam", "12", "0", "12", "96 s")
@@ -94,10 +93,8 @@ def test_results_that_are_there_are_not_run_again_and_tell_how_long_the_others_t
         same = estimated(study(text), executor, store)
         other = estimated(study(text.replace('"ekf"', '"ekf[gate=0.5]"')), executor, store, limit=6)
     assert not executor.asked
-    assert [(share.cells, share.done, share.todo, share.seconds) for share in same.shares] == [
-        (4, 3, 1, 2),
-        (4, 3, 1, 8),
-    ]
+    shares = [(share.cells, share.done, share.todo, share.seconds) for share in same.shares]
+    assert shares == [(4, 3, 1, 2), (4, 3, 1, 8)]
     assert same.wall_s == 8  # the longest
     assert [(share.cells, share.done) for share in other.shares] == [(4, 0), (4, 3)]
     assert sum(share.seconds for share in other.shares) == 4 * 2 + 8

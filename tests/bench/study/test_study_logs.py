@@ -254,7 +254,6 @@ def test_a_reference_of_other_last_bits_is_not_taken(tmp_path: Path, recorded: C
 
 def test_two_makings_differ_by_rounding_or_by_more() -> None:
     log, truth = small_dataset()
-    assert truth is not None
     reference = truth._replace(kind="reference")
     assert same(Dataset(log, truth), small_dataset())
     assert same(Dataset(log, None), Dataset(replace(log, z=log.z + 1e-12), None))

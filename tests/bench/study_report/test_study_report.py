@@ -3,8 +3,6 @@
 import json
 import re
 import shutil
-import sqlite3
-from collections.abc import Iterator
 from html import unescape
 from io import BytesIO
 from pathlib import Path
@@ -15,6 +13,7 @@ import pytest
 from matplotlib.figure import Figure as Canvas
 from matplotlib.image import imread
 
+from command import refused
 from slamduel.bench.claims.curves import MANY, medians, names
 from slamduel.bench.cli import main as bench
 from slamduel.bench.drawing.svg import PAPER
@@ -32,6 +31,7 @@ from slamduel.bench.study_report.tables import median_grid
 from slamduel.bench.verdict.statistics import estimate
 from slamduel.bench.words.numerals import number
 from slamduel.core.errors import InputError
+from small_record import edited
 from small_study import Outcome, small_study
 
 TEXT = """
@@ -380,18 +380,6 @@ def test_a_gallery_of_nothing_is_an_error(tmp_path: Path, capsys: pytest.Capture
     assert "found no study" in capsys.readouterr().err
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    api = pytest.importorskip(
-        "playwright.sync_api", reason="playwright is not installed: its package drives the browser"
-    )
-    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if chromium is None:
-        pytest.skip("chromium is not installed")
-    with api.sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox", "--disable-quic"])
-
-
 @pytest.mark.slow
 def test_pages_fit_are_quiet_and_ask_for_nothing(browser: Any, page: Path) -> None:
     index = gallery([page.parent], page.parent / "index.html")
@@ -426,8 +414,8 @@ def test_no_estimate_where_it_could_not_run(tmp_path: Path, capsys: pytest.Captu
     folder = small_study(tmp_path / "another", "another", TEXT, outcomes())
     (tmp_path / "file").touch()
     for place, sentence in ((folder, "holds the study another, expected"), (tmp_path / "file", "is no folder")):
-        assert bench(["ablate", "matlab-report", "--dry-run", "--out", str(place)]) == 2
-        assert f"--out {place}: {sentence}" in capsys.readouterr().err
+        said = refused(capsys, "ablate", "matlab-report", "--dry-run", "--out", place)
+        assert f"--out {place}: {sentence}" in said
 
 
 @pytest.mark.parametrize(
@@ -443,9 +431,6 @@ def test_a_store_that_makes_no_sense_is_a_sentence(
     tmp_path: Path, spoil: str, sentence: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = small_study(tmp_path / "s", "s", TEXT, outcomes())
-    with sqlite3.connect(folder / "results.sqlite") as db:
-        db.execute(spoil)
-    db.close()
-    assert bench(["report", str(folder)]) == 2
-    assert sentence in capsys.readouterr().err
+    edited(folder, spoil)
+    assert sentence in refused(capsys, "report", folder)
     assert not (folder / "report.html").exists()

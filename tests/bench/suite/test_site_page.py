@@ -1,23 +1,18 @@
 """The benchmark's pages in a browser: nothing sticks out, nothing is fetched, everyone can read them."""
 
 import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from narrow_window import CHROMIUM
 from slamduel.bench.cli import main
 from slamduel.bench.suite.history import keep, summarise
 from slamduel.bench.suite.site import write_site
 from slamduel.bench.suite.site_folder import suites
 
-api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed: its package drives the browser")
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
-if CHROMIUM is None:
-    pytest.skip("chromium is not installed", allow_module_level=True)
 pytestmark = pytest.mark.slow
 
 PLOTS = {"exclude": [["figure .plot > svg"]]}
@@ -55,12 +50,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     keep(place / "site", replace(now, version="0.0.9", date="2020-01-01"))
     write_site(place / "site")
     return place / "site"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with api.sync_playwright() as playwright:
-        yield playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-quic"])
 
 
 def opened(browser: Any, path: Path, width: int, *, dark: bool) -> tuple[Any, list[str], list[str]]:

@@ -1,12 +1,10 @@
 """A suite is a list of runs; its site says what they found, what is missing, who entered, and what has changed."""
 
-import contextlib
-import csv
 import json
 import re
 import shutil
 import sqlite3
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -16,8 +14,8 @@ from urllib.parse import unquote
 import pytest
 
 import pages
+from csv_rows import csv_rows
 from slamduel.bench.cli import main
-from slamduel.bench.record.files import export
 from slamduel.bench.record.schema import COLUMNS, FILE, MORE, Row
 from slamduel.bench.record.store import Store
 from slamduel.bench.run import benchmark
@@ -30,6 +28,7 @@ from slamduel.bench.suite.standing import COSTS, standings
 from slamduel.bench.suite.submission import submissions
 from slamduel.bench.verdict.summary import median, typical
 from slamduel.core.errors import InputError
+from small_record import edited, record
 from small_run import go
 
 TEXT = """
@@ -75,29 +74,27 @@ def theirs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def joined(made: Path, theirs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site with that run entered."""
+    site = shutil.copytree(made, tmp_path_factory.mktemp("joined") / "site")
+    assert entered(site, theirs) == 0
+    return site
+
+
+@pytest.fixture
+def larger(joined: Path, tmp_path: Path) -> Path:
+    """A copy of that one."""
+    return shutil.copytree(joined, tmp_path / "larger")
+
+
 def page(path: Path) -> str:
     return unescape(re.sub(r"<[^>]+>", " ", path.read_text(encoding="utf-8")))
 
 
-def table(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
-
-
-def entered(site: Path, theirs: Path, *more: str) -> int:
+def entered(site: Path, theirs: Path) -> int:
     words = ["suite", "--add", str(theirs), "--out", str(site), "--executor", "here", "--sample", "2", "--quiet"]
-    return main([*words, *more])
-
-
-@contextlib.contextmanager
-def changed(folder: Path) -> Generator[sqlite3.Connection]:
-    """A record that is changed, its files with it."""
-    db = sqlite3.connect(folder / FILE)
-    yield db
-    db.commit()
-    db.close()
-    with Store(folder) as store:
-        export(store)
+    return main(words)
 
 
 def test_each_run_is_an_ordinary_folder(made: Path) -> None:
@@ -156,7 +153,7 @@ def test_every_link_leads_to_a_file_of_the_site_and_nothing_is_fetched(made: Pat
 
 def test_the_page_says_who_is_best_by_how_much_at_what_cost_and_how_consistent(made: Path) -> None:
     text = re.sub(r"\s+", " ", page(made / "index.html"))
-    (best,) = [row for row in table(made / "data/overview.csv") if row["purpose"] == "final"]
+    (best,) = [row for row in csv_rows(made / "data/overview.csv") if row["purpose"] == "final"]
     assert best["backend"] == "smoother"
     assert f"{best['error']} ({best['ends']})" in text
     for said in (best["consistency"], best["cost"], best["why"]):
@@ -169,8 +166,8 @@ def test_the_page_says_who_is_best_by_how_much_at_what_cost_and_how_consistent(m
 def test_the_tables_to_download_have_the_values_of_the_runs(made: Path) -> None:
     (folder,) = made.glob("small/*/circle")
     (path,) = made.glob("data/small-circle-*-ranking.csv")
-    cells = table(folder / "cells.csv")
-    for row in table(path):
+    cells = csv_rows(folder / "cells.csv")
+    for row in csv_rows(path):
         mine = [cell for cell in cells if cell["backend"] == row["backend"]]
         assert int(row["done"]) == int(row["logs"]) == 6
         for name in ("ate_m", "nees", "step_us_p50"):
@@ -178,7 +175,7 @@ def test_the_tables_to_download_have_the_values_of_the_runs(made: Path) -> None:
             assert float(row[name]) == pytest.approx(median(values), rel=1e-12)
             assert min(values) <= float(row[f"{name}_low"]) <= float(row[name]) <= float(row[f"{name}_high"])
     (pairs,) = made.glob("data/small-circle-*-pairs.csv")
-    assert {(row["first"], row["second"]) for row in table(pairs)} >= {("smoother", "ekf")}
+    assert {(row["first"], row["second"]) for row in csv_rows(pairs)} >= {("smoother", "ekf")}
 
 
 def test_each_figure_and_table_names_its_command(made: Path) -> None:
@@ -243,7 +240,7 @@ def test_the_page_shows_results_over_versions(site: Path) -> None:
     assert "Since 0.0.9 of 2020-01-01: 1 regression" in text
     assert re.search(r'<span class="worse">(2\.00 times|\+100 %) \(', (site / "small.html").read_text())
     assert "3 versions" in text
-    medians = [row for row in table(site / "data/small-history.csv") if row["backend"] == "ekf"]
+    medians = [row for row in csv_rows(site / "data/small-history.csv") if row["backend"] == "ekf"]
     assert [row["version"] for row in medians[:2]] == ["0.0.8", "0.0.9"]
     assert float(medians[2]["ate_m"]) == pytest.approx(2 * float(medians[1]["ate_m"]))
     shown = over_versions(summaries(site, "small"))
@@ -272,21 +269,20 @@ def test_a_sparkline_goes_up_with_its_values() -> None:
     assert points([1.0]) == points([]) == points([float("nan"), 2.0]) == ""
 
 
-def test_somebodys_backend_is_ranked_and_marked(site: Path, theirs: Path) -> None:
-    assert entered(site, theirs) == 0
-    (path,) = site.glob("data/small-circle-*-ranking.csv")
-    rows = {row["backend"]: row for row in table(path)}
+def test_somebodys_backend_is_ranked_and_marked(joined: Path) -> None:
+    (path,) = joined.glob("data/small-circle-*-ranking.csv")
+    rows = {row["backend"]: row for row in csv_rows(path)}
     assert rows["invariant-ekf"]["submitted"] == "theirs, verified"
     assert rows["ekf"]["submitted"] == ""
     assert rows["invariant-ekf"]["step_us_p50"]
-    text = page(site / "index.html")
+    text = page(joined / "index.html")
     assert "Verified: nothing that was checked is wrong, and 2 cells run again gave the same." in text
-    assert "verified" in page(site / "small.html")
+    assert "verified" in page(joined / "small.html")
 
 
 def test_whose_a_submitted_backend_is_comes_from_its_run(site: Path, theirs: Path, tmp_path: Path) -> None:
     folder = shutil.copytree(theirs, tmp_path / "plugin")
-    with changed(folder) as db:
+    with record(folder) as db:
         said = json.dumps({"invariant-ekf": "their-slam 1.2"})
         db.execute("INSERT OR REPLACE INTO about VALUES ('distributions', ?)", (said,))
     assert entered(site, folder) == 0
@@ -301,18 +297,17 @@ def test_what_fails_its_verification_is_not_entered(site: Path, theirs: Path, tm
     assert not (site / "submitted").exists()
 
 
-def test_what_has_changed_since_it_was_entered_is_not_verified(site: Path, theirs: Path) -> None:
-    entered(site, theirs)
-    with changed(site / "submitted/theirs") as db:
+def test_what_has_changed_since_it_was_entered_is_not_verified(larger: Path) -> None:
+    with record(larger / "submitted/theirs") as db:
         db.execute("UPDATE results SET ate_m = ate_m / 10 WHERE backend = 'invariant-ekf'")
-    (found,) = submissions(site)
+    (found,) = submissions(larger)
     assert found.mark("invariant-ekf") == "not verified"
     assert "has changed since it was entered" in found.sentence
 
 
 def test_costs_of_another_machine_are_not_compared(site: Path, theirs: Path, tmp_path: Path) -> None:
     folder = shutil.copytree(theirs, tmp_path / "abroad")
-    with changed(folder) as db:
+    with record(folder) as db:
         (said,) = db.execute("SELECT value FROM about WHERE name = 'environment'").fetchone()
         here = json.loads(said) | {"processor": "abacus"}
         db.execute("UPDATE about SET value = ? WHERE name = 'environment'", (json.dumps(here),))
@@ -337,26 +332,17 @@ def standing_of(site: Path) -> Any:
     return found
 
 
-def put_digest(folder: Path, digest: str, facts: Mapping[str, Any]) -> None:
-    """Gives the log of seed 0 another digest in an entered record, and the sketch of `facts`."""
-    db = sqlite3.connect(folder / FILE)
-    db.execute("UPDATE results SET digest = ? WHERE seed = 0", (digest,))
-    words = json.dumps(facts["sketches"][f"{DATASET}, seed 0"])
-    db.execute("UPDATE logs SET digest = ?, sketch = ? WHERE seed = 0", (digest, words))
-    db.commit()
-    db.close()
-
-
 @pytest.mark.parametrize(("off", "logs"), [(0.0, 6), (1.0, 5)])
 def test_a_log_that_differs_by_rounding_is_the_suites_and_any_other_is_left_out(
-    site: Path, theirs: Path, off: float, logs: int
+    larger: Path, off: float, logs: int
 ) -> None:
-    entered(site, theirs)
-    with Store(site / "submitted/theirs") as store:
-        facts = store.run()
-    facts["sketches"][f"{DATASET}, seed 0"]["sums"][0] += off
-    put_digest(site / "submitted/theirs", "abcd", facts)
-    found = standing_of(site)
+    with Store(larger / "submitted/theirs") as store:
+        sketch = store.run()["sketches"][f"{DATASET}, seed 0"]
+    sketch["sums"][0] += off
+    edited(larger / "submitted/theirs", "UPDATE results SET digest = 'abcd' WHERE seed = 0")
+    sql = "UPDATE logs SET digest = 'abcd', sketch = :sketch WHERE seed = 0"
+    edited(larger / "submitted/theirs", sql, sketch=json.dumps(sketch))
+    found = standing_of(larger)
     (line,) = [line for line in found.lines if line.backend == "invariant-ekf"]
     assert len(line.rows) == logs
     assert len({row.columns["digest"] for one in found.lines for row in one.rows}) == 6
@@ -404,36 +390,11 @@ def test_a_bad_suite_file_is_refused_with_its_line(text: str, tmp_path: Path) ->
         suite_file.read(str(tmp_path / "bad.toml"))
 
 
-REFUSED = {
-    "quikc": "did you mean 'quick'?",
-    "quick --verify x": "--verify: found quick beside it, expected no name of a suite",
-    "--sample 3": "--sample: found neither --verify nor --add",
-    "--seed 3 quick": "--seed: found neither --verify nor --add",
-    "--retry": "--retry: found no suite",
-    "--verify nothing": "expected the folder that bench run left",
-    "--site --out nothing": "holds no run of a suite; bench suite NAME --out nothing makes one",
-    "quick --out file": "--out file: is no folder",
-}
-
-
-@pytest.mark.parametrize("words", REFUSED)
-def test_bad_input_is_one_sentence_and_status_2(
-    words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "file").write_text("")
-    assert main(["suite", *words.split()]) == 2
-    said = capsys.readouterr().err
-    assert REFUSED[words] in said
-    assert said.count("\n") == 1
-
-
-def test_damaged_files_of_a_site_are_refused(site: Path, theirs: Path) -> None:
-    entered(site, theirs)
-    for path in (site / "submitted/theirs.json", next(site.glob("history/small/*.json"))):
+def test_damaged_files_of_a_site_are_refused(larger: Path) -> None:
+    for path in (larger / "submitted/theirs.json", next(larger.glob("history/small/*.json"))):
         whole = path.read_text()
         path.write_text(whole[:-20])
         with pytest.raises(InputError, match=re.escape(str(path))):
-            write_site(site)
+            write_site(larger)
         path.write_text(whole)
-    write_site(site)
+    write_site(larger)

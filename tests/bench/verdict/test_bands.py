@@ -84,7 +84,6 @@ def test_the_band_is_chi_squares() -> None:
 def test_averages_are_over_degrees_of_freedom_at_each_time() -> None:
     t = np.array([0.0, 1, 2])
     found = averaged([(t, np.array([3.0, 0, 9])), (t, np.array([3.0, 0, np.inf]))])
-    assert found is not None
     np.testing.assert_array_equal(found.t, t)
     np.testing.assert_array_equal(found.mean, [1, 0, np.inf])
     np.testing.assert_array_equal(found.n, [2, 2, 2])
@@ -95,7 +94,6 @@ def test_runs_of_other_lengths_and_rates_are_read_at_the_nearest_earlier_step() 
     slow = np.array([0.5, 1.5, 2.5, 9.5]), np.array([3.0, 3, 3, 3])
     fast = np.arange(0, 3.01, 0.2), np.arange(16.0)
     found = averaged([slow, fast])
-    assert found is not None
     np.testing.assert_array_equal(found.t, [0.5, 1.5, 2.5])
     np.testing.assert_allclose(found.mean, [(3 + 2) / 6, (3 + 7) / 6, (3 + 12) / 6])
 
@@ -104,7 +102,6 @@ def test_a_missing_covariance_counts_at_its_times_only() -> None:
     t = np.arange(4.0)
     missing = np.array([np.nan, np.nan, 6, np.nan])
     found = averaged([(t, np.full(4, 3.0)), (t, missing), (t, np.array([np.nan, 3, 3, 3]))])
-    assert found is not None
     np.testing.assert_array_equal(found.n, [1, 2, 3, 2])
     np.testing.assert_array_equal(found.mean, [np.nan, 1, 4 / 3, 1])
     np.testing.assert_array_equal(np.isnan(found.low), [True, False, False, False])

@@ -37,8 +37,6 @@ def pair(ratio: float, *rounds: float, n: int = 8, noise: float = 0.02) -> tuple
 
 def test_a_machine_that_is_slower_in_some_rounds_does_not_widen_a_ratio() -> None:
     found, alone = compare_costs(*pair(20, *LOADED), "step_us_p50"), cost(pair(20, *LOADED)[0], "step_us_p50")
-    assert found is not None
-    assert alone is not None
     assert 19 < found.low < 20 < found.high < 21
     assert (found.logs, found.rounds) == (8, 5)
     assert alone.high / alone.low > 2
@@ -48,7 +46,6 @@ def test_a_machine_that_is_slower_in_some_rounds_does_not_widen_a_ratio() -> Non
 
 def test_what_load_may_do_is_not_called_cheaper() -> None:
     found = compare_costs(*pair(1.3, *LOADED), "step_us_p50")
-    assert found is not None
     assert found.low > 1.2
     assert found.standing == "alike"
     assert compared(found, "b") == "about as costly as b"
@@ -56,7 +53,6 @@ def test_what_load_may_do_is_not_called_cheaper() -> None:
 
 def test_costs_that_the_rounds_do_not_tell_apart_are_said_to_be_so_with_the_interval() -> None:
     found = compare_costs(*pair(1.6, *LOADED, noise=0.4), "step_us_p50")
-    assert found is not None
     assert found.low < MARGIN < found.high
     assert "not told apart in cost from b (between" in compared(found, "b")
 
@@ -64,7 +60,6 @@ def test_costs_that_the_rounds_do_not_tell_apart_are_said_to_be_so_with_the_inte
 @pytest.mark.parametrize("count", range(1, FEWEST_ROUNDS))
 def test_too_few_rounds_bear_nothing(count: int) -> None:
     found = compare_costs(*pair(20, *LOADED[:count]), "step_us_p50")
-    assert found is not None
     assert isnan(found.low)
     assert compared(found, "b") == ""
     said = " ".join(verdict(list(pair(20, *LOADED[:count]))).sentences)
@@ -79,7 +74,6 @@ def test_a_round_counts_once_every_cell_has_ended_and_a_log_where_all_are_done()
     failed[2] = dict.fromkeys(failed[2]) | {"round": 3, "status": "timeout", "timing_alone": 1}
     b[5] = b[5]._replace(rounds=failed)
     found = held(a, b, "step_us_p50")
-    assert found is not None
     assert (found.logs, found.rounds) == (7, 4)
 
 
@@ -162,7 +156,6 @@ def test_a_change_between_runs_is_judged_by_the_rounds_of_both() -> None:
         timed(rows("a", 1, 5, step=step), *rounds, noise=0.05) for step, rounds in ((10, LOADED), (40, LOADED[:3]))
     )
     found = between_runs(list(zip(old, new, strict=True)), "step_us_p50")
-    assert found is not None
     assert found.rounds == (5, 3)
     assert found.low < 4 * np.exp(np.mean(np.log(LOADED[:3])) - np.mean(np.log(LOADED))) < found.high
     assert between_runs(list(zip(old, rows("a", 1, 5), strict=True)), "step_us_p50") is None

@@ -3,6 +3,7 @@ import shutil
 import signal
 import socket
 from collections.abc import Generator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -116,15 +117,10 @@ def test_what_a_backend_does_to_its_process_does_not_reach_the_worker(
 
 
 def test_a_cell_that_kills_its_workers_again_and_again_is_to_blame_and_no_other(tmp_path: Path) -> None:
-    there = Processes(tmp_path)
-    dask = Dask(there.address)
-    try:
+    with closing(Processes(tmp_path)) as there, closing(Dask(there.address)) as dask:
         there.worker("--nanny")
         wanted = [*batches(1, "misbehaving:kills_its_runner,ekf"), *batches(3, "ekf")[2:]]
         found = list(dask.run(wanted, alone=False))
-    finally:
-        dask.close()
-        there.close()
     assert len(found) == 3
     ended = {one.index: one.result for one in found}
     assert [ended[k].status for k in range(3)] == ["error", "done", "done"]
@@ -138,18 +134,13 @@ def test_workers_with_other_code_or_none_are_named_and_not_used(tmp_path: Path) 
     shutil.copy(package / "__init__.py", tmp_path / "slamduel")
     with (tmp_path / "slamduel" / "backends" / "gaussian" / "ekf.py").open("a") as code:
         code.write("# another version\n")
-    there = Processes(tmp_path)
     said: list[str] = []
-    dask = Dask(there.address, say=said.append)
-    try:
+    with closing(Processes(tmp_path)) as there, closing(Dask(there.address, say=said.append)) as dask:
         there.worker(before=WITHOUT)
         there.worker(path=tmp_path)
         there.until(lambda: len(dask.cluster.workers()) == 2)
         with pytest.raises(InputError, match=r"none of its 2 workers can be used.*same command"):
             list(dask.run(batches(4), alone=False))
-    finally:
-        dask.close()
-        there.close()
     assert any("module slamduel.backends.gaussian.ekf is not the same" in sentence for sentence in said), said
     assert any("cannot run slamduel: ModuleNotFoundError" in sentence for sentence in said), said
 
@@ -169,8 +160,7 @@ def test_machines_with_other_processors_finish_one_study(tmp_path: Path) -> None
     victoria = tmp_path / "victoria.txt"
     victoria.write_text("\n".join(shipped("victoria_park.txt").read_text().splitlines()[:400]) + "\n")
     study = made("study.toml", MIXED.replace("VICTORIA", f"gtsam[path={victoria},noise=cov]"), full=False)
-    there = Processes(tmp_path)
-    said, found = list[str](), list[Finished]()
+    said, found, out = list[str](), list[Finished](), tmp_path / "out"
 
     class Listening(Dask):
         def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
@@ -178,22 +168,15 @@ def test_machines_with_other_processors_finish_one_study(tmp_path: Path) -> None
                 found.append(finished)
                 yield finished
 
-    dask = Listening(there.address, say=said.append)
-    try:
+    with closing(Processes(tmp_path)) as there, closing(Listening(there.address, say=said.append)) as dask:
         there.worker()
         there.worker(environment=older_machine.environment("nehalem"))
         there.until(lambda: dask.slots == 2)
         wanted = RunRequest(lambda _: True, None, False)
-        assert run(study, tmp_path / "out", dask, wanted, about(study, tmp_path / "out", []), silent()) == Tally(
-            21, 21, 0
-        )
-    finally:
-        dask.close()
-        there.close()
+        assert run(study, out, dask, wanted, about(study, out, []), silent()) == Tally(21, 21, 0)
     assert not said
     logs: dict[Any, set[tuple[str, str]]] = {}
     for finished in found:
-        assert finished.log is not None
         logs.setdefault(finished.batch.log[:3], set()).add(finished.log.digests)
     assert len(logs) == 7
     assert {len(digests) for digests in logs.values()} == {1}, logs

@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Generator, Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,6 @@ import numpy as np
 import pytest
 
 import lasting_workers
-from places import SUPPORT
 from random_logs import random_log
 from slamduel.backends import registry as backends
 from slamduel.bench.measure.cell import Job, Result
@@ -54,14 +52,6 @@ def numbered(jobs: Sequence[str], seed: int, first: int, options: dict[str, Any]
 
 def children() -> set[int]:
     return {process.pid or 0 for process in multiprocessing.active_children()}
-
-
-def exists(pid: int) -> bool:
-    """Whether it runs; one that has ended and that nobody has waited for does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
 
 
 def by_index(ended: Iterable[Finished]) -> dict[int, Result]:
@@ -110,32 +100,6 @@ def test_numbers_are_those_of_this_process_in_any_order(pool: Local) -> None:
     assert {index: numbers(result) for index, result in alone.items()} == {k: numbers(r) for k, r in here.items()}
 
 
-def test_whatever_a_backend_does_it_is_one_result(pool: Local) -> None:
-    expected = {
-        "dead-reckoning": ("done", ""),
-        "misbehaving:raises": ("error", "ValueError: the [brackets]"),
-        "misbehaving:exits": ("error", "SystemExit: had enough"),
-        "misbehaving:crashes": ("error", "was killed by SIGSEGV; its last words: reading address zero now"),
-        "ekf": ("done", ""),
-        "misbehaving:kills_itself": ("error", "the process was killed by SIGKILL"),
-        "misbehaving:eats_memory": ("error", "needed more than the memory limit of 300 MB"),
-        "misbehaving:gives_up": ("diverged", "no longer positive definite"),
-        "misbehaving:talks": ("done", ""),
-        "misbehaving:sleeps_for_ever": ("timeout", "was not finished after 1.5 s of wall time and was stopped"),
-        "fastslam": ("done", ""),
-    }
-    several = batch(list(expected))
-    hasty = dataclasses.replace(several, timeout_s=1.5, jobs=several.jobs[-2:-1])
-    patient = dataclasses.replace(several, jobs=(*several.jobs[:-2], several.jobs[-1]))
-    ended = by_index(pool.run([patient, hasty], alone=False))
-    assert sorted(ended) == list(range(len(expected)))
-    for (name, (status, reason)), (_, result) in zip(expected.items(), sorted(ended.items()), strict=True):
-        assert result.status == status, (name, result)
-        assert reason in result.reason, (name, result)
-    calm = by_index(Here().run([batch(["dead-reckoning", "ekf"])], alone=False))
-    assert numbers(ended[0]) == numbers(calm[0])
-
-
 def test_a_log_that_cannot_be_made_in_time_or_at_all_is_said_of_all_its_jobs(pool: Local) -> None:
     great = dataclasses.replace(datasets.find("city").options(), steps=1_000_000, landmarks=1_000_000)
     slow = dataclasses.replace(batch(["ekf", "ukf"], timeout_s=0.5), options=great)
@@ -148,7 +112,6 @@ def test_a_log_that_cannot_be_made_in_time_or_at_all_is_said_of_all_its_jobs(poo
     assert "not/there" in found[7].result.reason
     assert all(found[index].result.reason.startswith("the log could not be made: ") for index in (0, 1, 7))
     looked = found[None]
-    assert looked.log is not None
     assert (looked.result.status, len(looked.log.digest)) == ("done", 64)
 
 
@@ -243,41 +206,6 @@ def test_an_interrupt_leaves_nothing_at_work(pool: Local) -> None:
     assert not children()
 
 
-RUNNER = """
-import multiprocessing
-from slamduel.backends import registry as backends
-from slamduel.bench.workers.batch import Batch
-from slamduel.bench.measure.cell import Job
-from slamduel.bench.workers.local_executor import Local
-from slamduel.datasets import registry as datasets
-city = datasets.find("city").options(steps=60, landmarks=40)
-names = ["dead-reckoning", "misbehaving:loops_for_ever"]
-jobs = tuple((k, Job(name, name, backends.find(name).options(), 0, 1000)) for k, name in enumerate(names))
-pool = Local(2)
-for finished in pool.run([Batch("city", city, seed, jobs, 60.0, False) for seed in (0, 1)], alone=False):
-    print(*(process.pid for process in multiprocessing.active_children()), flush=True)
-"""
-
-
-@pytest.mark.slow
-def test_nobody_outlives_the_runner() -> None:
-    environment = os.environ | {"PYTHONPATH": str(SUPPORT)}
-    command = [sys.executable, "-c", RUNNER]
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment, text=True
-    ) as runner:
-        assert runner.stdout is not None
-        pids = {int(pid) for _ in range(2) for pid in runner.stdout.readline().split()}
-        assert len(pids) == 2
-        assert all(map(exists, pids))
-        runner.kill()
-        runner.wait(timeout=60)
-    until = time.monotonic() + 10
-    while any(map(exists, pids)) and time.monotonic() < until:
-        time.sleep(0.02)
-    assert not any(map(exists, pids))
-
-
 def test_pools_of_several_threads_inside_of_somebody_elses_worker(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(multiprocessing.current_process()._config, "daemon", True)  # type: ignore[attr-defined]
     found: dict[int, dict[int, Result]] = {}
@@ -309,7 +237,6 @@ def test_a_file_that_has_changed_is_read_again(tmp_path: Path) -> None:
         on_file = dataclasses.replace(batch(["dead-reckoning"]), dataset="log",
                                       options=log_folder.Options(str(tmp_path / "log")))  # fmt: skip
         (ended,) = pool.run([on_file], alone=False)
-        assert ended.log is not None
         assert ended.log.digest == ended.result.row["digest"]
         digests.append(ended.log.digest)
     pool.close()

@@ -67,9 +67,8 @@ WROTE = "\n".join(["wrote 0.0 0.0 0.0 1.0", "wrote 0.0 0.0 1.0 0.0", *["wrote 0.
 def said(*command: object, cache: Path, checks: bool) -> str:
     """A command's output, of a process with numba's checks or without; its status is 0."""
     own = {"NUMBA_BOUNDSCHECK": str(int(checks)), "NUMBA_CACHE_DIR": str(cache), "SLAMDUEL_CACHE": str(cache / "logs")}
-    done = subprocess.run(
-        [sys.executable, *map(str, command)], env={**os.environ, **own}, capture_output=True, text=True, check=False
-    )
+    words = [sys.executable, *map(str, command)]
+    done = subprocess.run(words, env=os.environ | own, capture_output=True, text=True, check=False)
     assert done.returncode == 0, (done.stdout + done.stderr)[-3000:]
     return done.stdout.strip()
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from slamduel.core.errors import InputError
+from refusals import refusal
 from slamduel.core.scan import attempted
 from slamduel.core.toml.table import TomlTable, shown
 
@@ -15,13 +15,6 @@ Read = Callable[[TomlTable], object]
 
 def table(text: str) -> TomlTable:
     return TomlTable.parse("f.toml", text)
-
-
-def refusal(read: Callable[[], object]) -> str:
-    with pytest.raises(InputError) as caught:
-        read()
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
 
 
 TEXT = """name = "x"
@@ -99,14 +92,11 @@ VALUES: dict[str, list[tuple[str, Read]]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("expected", "value", "read"), [(expected, *row) for expected, rows in VALUES.items() for row in rows]
-)
+@pytest.mark.parametrize(("expected", "value", "read"), [(of, *row) for of, rows in VALUES.items() for row in rows])
 def test_a_value_of_another_kind_or_out_of_range(expected: str, value: str, read: Read) -> None:
     found = table(f"# a comment\n[s]\n\nk = {value}\n").table("s")
-    assert (
-        refusal(lambda: read(found)) == f"f.toml, line 4: s.k: found {shown(found.entries['k'])}, expected {expected}."
-    )
+    said = f"f.toml, line 4: s.k: found {shown(found.entries['k'])}, expected {expected}."
+    assert refusal(lambda: read(found)) == said
 
 
 @pytest.mark.parametrize(
@@ -115,11 +105,7 @@ def test_a_value_of_another_kind_or_out_of_range(expected: str, value: str, read
         ("a = 1\n[s]\n", lambda t: t.table("s").number("k"), "f.toml, line 2: s has no 'k', expected a number."),
         ("a = 1\n", lambda t: t.text("k"), "f.toml: the file has no 'k', expected a text in quotes."),
         ("a = 1\n", lambda t: t.table("s").numbers("k", 3), "f.toml: s has no 'k', expected 3 numbers."),
-        (
-            "[[s]]\n[[s]]\n",
-            lambda t: t.tables("s", "")[1].names("k"),
-            "f.toml, line 2: s has no 'k', expected a text",
-        ),
+        ("[[s]]\n[[s]]\n", lambda t: t.tables("s", "")[1].names("k"), "f.toml, line 2: s has no 'k', expected a text"),
     ],
 )
 def test_a_key_that_has_to_be_there(text: str, read: Read, sentence: str) -> None:

@@ -4,30 +4,17 @@ import struct
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import bags
+import depth_views as views
 from bags import KINDS, Said
-from depth_views import (
-    CAMERA,
-    MOUNTING,
-    RATE,
-    SIZE,
-    START,
-    compressed_depth,
-    depth_at,
-    grey_at,
-    image_message,
-    info_message,
-    mounted,
-    odometry_messages,
-    png,
-    raw_message,
-    stamp,
-)  # fmt: skip
-from slamduel.core.errors import InputError
+from depth_views import CAMERA, MOUNTING, RATE, SIZE, START, depth_at, grey_at, png, stamp, usable
+from fuzzing import survivors
+from refusals import refusal
 from slamduel.datasets.depth.open import OpenedDepth, open_depth
 from slamduel.datasets.depth.registering import Registration
 from slamduel.datasets.recordings.recording import Options, make
@@ -38,15 +25,19 @@ from slamduel.frontend.wheels.motion import Track
 from tiers import first_quick
 
 IMAGE, DEPTH, INFO = "/camera/rgb/image_raw", "/camera/depth/image_raw", "/camera/rgb/camera_info"
-TF = bags.transforms(stamp(START - 0.1), mounted(), topic="/tf_static")
+TF = bags.transforms(stamp(START - 0.1), views.mounted(), topic="/tf_static")
+
+
+def in_order(said: Sequence[Said]) -> list[Said]:
+    return sorted(said, key=lambda one: one.stamp)
 
 
 def drive(
     frames: int = 6, kind: str = "16UC1", colour: str = "mono8", other: Sequence[Said] = (TF,), depth_topic: str = DEPTH
 ) -> list[Said]:
-    said = [info_message(INFO), *other, *odometry_messages(frames)]
+    said = [views.info_message(INFO), *other, *views.odometry_messages(frames)]
     for k in range(frames):
-        said += [image_message(k, IMAGE, colour), image_message(k, depth_topic, kind)]
+        said += [views.image_message(k, IMAGE, colour), views.image_message(k, depth_topic, kind)]
     return sorted(said, key=lambda one: one.stamp)
 
 
@@ -65,10 +56,7 @@ def frames_of(found: OpenedDepth) -> list[DepthFrame]:
 
 
 def refused(folder: Path, said: Sequence[Said], robot: str | None = None, kind: str = "mcap") -> str:
-    with pytest.raises(InputError) as caught:
-        frames_of(opened(folder, said, kind, robot))
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+    return refusal(lambda: frames_of(opened(folder, said, kind, robot)))
 
 
 def assert_all(frames: Sequence[DepthFrame], count: int = 6, atol: float = 0.0) -> None:
@@ -106,8 +94,8 @@ def test_compressed_depth_of_millimetres(tmp_path: Path) -> None:
     said = [one for one in drive() if one.topic != DEPTH]
     content = [bytes(12) + png(depth_at(k)) for k in range(6)]
     for form in ("16UC1; compressedDepth", "16UC1; compressedDepth png"):
-        given = [compressed_depth(k, topic, content[k], form) for k in range(6)]
-        assert_all(frames_of(opened(tmp_path / form[-3:], sorted(said + given, key=lambda one: one.stamp))))
+        given = [views.compressed_depth(k, topic, content[k], form) for k in range(6)]
+        assert_all(frames_of(opened(tmp_path / form[-3:], in_order(said + given))))
 
 
 def test_compressed_depth_of_inverse_depths(tmp_path: Path) -> None:
@@ -120,8 +108,8 @@ def test_compressed_depth_of_inverse_depths(tmp_path: Path) -> None:
         z[5:9] = 0
         values = np.where(z > 0, np.rint(a / np.where(z > 0, z, 1.0) + b), 0).astype(np.uint16)
         content = struct.pack("<iff", 1, a, b) + png(values)
-        given.append(compressed_depth(k, topic, content, "32FC1; compressedDepth png"))
-    for k, frame in enumerate(frames_of(opened(tmp_path, sorted(said + given, key=lambda one: one.stamp)))):
+        given.append(views.compressed_depth(k, topic, content, "32FC1; compressedDepth png"))
+    for k, frame in enumerate(frames_of(opened(tmp_path, in_order(said + given)))):
         z = depth_at(k) / 1000
         assert not frame.depth[5:9].any()
         kept = np.r_[0:5, 9 : SIZE[1]]
@@ -134,8 +122,8 @@ def test_big_endian_and_padded_rows_are_read(tmp_path: Path) -> None:
     for k in range(6):
         swapped = np.zeros((SIZE[1], SIZE[0] + 3), ">u2")
         swapped[:, : SIZE[0]] = depth_at(k)
-        one = raw_message(START + k / RATE, DEPTH, "16UC1", swapped)
-        said.append(one._replace(build=lambda new, old=one.build: old(new) | {"width": SIZE[0], "is_bigendian": 1}))
+        one = views.raw_message(START + k / RATE, DEPTH, "16UC1", swapped)
+        said.append(changed(one, width=SIZE[0], is_bigendian=1))
     assert_all(frames_of(opened(tmp_path, sorted(said, key=lambda one: one.stamp))))
 
 
@@ -143,7 +131,7 @@ def test_not_a_number_and_infinite_depths_are_none(tmp_path: Path) -> None:
     said = [one for one in drive(frames=2) if one.topic != DEPTH]
     pixels = np.full(SIZE[::-1], 1.5, np.float32)
     pixels[0, :4] = np.nan, np.inf, -1.0, 0.0
-    said += [raw_message(START + k / RATE, DEPTH, "32FC1", pixels) for k in range(2)]
+    said += [views.raw_message(START + k / RATE, DEPTH, "32FC1", pixels) for k in range(2)]
     frame = frames_of(opened(tmp_path, sorted(said, key=lambda one: one.stamp)))[0]
     assert not frame.depth[0, :4].any()
     assert (frame.depth.ravel()[4:] == 1.5).all()
@@ -152,10 +140,10 @@ def test_not_a_number_and_infinite_depths_are_none(tmp_path: Path) -> None:
 def test_the_footprint_is_the_origin_on_the_floor(tmp_path: Path) -> None:
     """base_link is 0.1 m above base_footprint, and the camera placed from there."""
     up = bags.Transform("base_footprint", "base_link", (0.0, 0.0, 0.1))
-    tf = bags.transforms(stamp(START), up, mounted(), topic="/tf_static")
+    tf = bags.transforms(stamp(START), up, views.mounted(), topic="/tf_static")
     found = opened(tmp_path, drive(other=[tf]))
     np.testing.assert_allclose(found.recording.camera.mounting[2, 3], MOUNTING[2, 3] + 0.1, atol=1e-9)
-    (rest,) = (bags.transforms(stamp(START), mounted(), topic="/tf_static"),)
+    (rest,) = (bags.transforms(stamp(START), views.mounted(), topic="/tf_static"),)
     assert opened(tmp_path / "b", drive(other=[rest])).recording.camera.mounting[2, 3] == pytest.approx(0.75)
 
 
@@ -183,13 +171,13 @@ IR_INFO = "/camera/depth/camera_info"
 
 def beside(robot_knows: bool = False) -> list[Said]:
     """A bag whose depth is of a second camera, placed by tf."""
-    tf = [mounted(), *([] if robot_knows else [mounted("camera_optical", "ir_optical", BESIDE)])]
-    said = [info_message(INFO), info_message(IR_INFO, IR, "ir_optical"), *odometry_messages()]
+    tf = [views.mounted(), *([] if robot_knows else [views.mounted("camera_optical", "ir_optical", BESIDE)])]
+    said = [views.info_message(INFO), views.info_message(IR_INFO, IR, "ir_optical"), *views.odometry_messages()]
     said.append(bags.transforms(stamp(START), *tf, topic="/tf_static"))
     for k in range(6):
-        said.append(image_message(k, IMAGE))
+        said.append(views.image_message(k, IMAGE))
         small = depth_at(k)[::2, ::2].copy()
-        said.append(raw_message(START + k / RATE, DEPTH, "16UC1", small, "ir_optical"))
+        said.append(views.raw_message(START + k / RATE, DEPTH, "16UC1", small, "ir_optical"))
     return sorted(said, key=lambda one: one.stamp)
 
 
@@ -197,7 +185,6 @@ def beside(robot_knows: bool = False) -> list[Said]:
 def test_depth_of_a_second_camera_is_registered(tmp_path: Path, robot_knows: bool) -> None:
     toml = "[depth]\npose = { xyz = [0.0, 0.025, 0.0], rpy = [0, 0, 0.01] }\n" if robot_knows else None
     found = opened(tmp_path, beside(robot_knows), robot=toml)
-    assert found.recording.depth_camera is not None
     assert found.recording.depth_camera.focal == IR.focal
     frames = frames_of(found)
     expected = Registration(IR, found.recording.camera, BESIDE)
@@ -215,9 +202,7 @@ def test_depth_of_a_second_camera_without_its_place_or_calibration_is_refused(tm
     # The only calibration left is that of the other camera.
     assert "80x60 pixels, expected the 160x120 of its camera's calibration" in refused(tmp_path / "b", without)
     nothing = [one for one in beside() if one.type != bags.CAMERA_INFO]
-    assert "has no topic of sensor_msgs/CameraInfo for /camera/rgb/image_raw, expected one, or [camera]" in refused(
-        tmp_path / "c", nothing
-    )
+    assert "has no topic of sensor_msgs/CameraInfo for /camera/rgb/image_raw, exp" in refused(tmp_path / "c", nothing)
 
 
 @pytest.mark.parametrize("name", ["/camera/depth_registered/image_raw", "/camera/aligned_depth_to_color/image_raw"])
@@ -229,16 +214,15 @@ def test_topics_of_registered_depth_are_known_by_their_names(tmp_path: Path, nam
 
 
 def test_the_camera_of_each_topic_is_the_one_beside_it(tmp_path: Path) -> None:
-    other = info_message("/other/camera_info", replace(CAMERA, focal=(99.0, 99.0)))
-    found = opened(tmp_path, sorted([*drive(), other], key=lambda one: one.stamp))
+    other = views.info_message("/other/camera_info", replace(CAMERA, focal=(99.0, 99.0)))
+    found = opened(tmp_path, in_order([*drive(), other]))
     assert found.recording.camera.focal == CAMERA.focal
 
 
 def test_rectified_images_have_no_distortion(tmp_path: Path) -> None:
     distorted = replace(CAMERA, distortion=(-0.2, 0.05, 0.0, 0.0, 0.0))
-    info = info_message(INFO, distorted)
     projection = np.array([[150.0, 0, 80, 0], [0, 151, 60, 0], [0, 0, 1, 0]])
-    info = info._replace(build=lambda new, old=info.build: old(new) | {"p": projection.ravel()})
+    info = changed(views.info_message(INFO, distorted), p=projection.ravel())
     said = [info if one.topic == INFO else one for one in drive()]
     assert opened(tmp_path, said).recording.camera.distortion == distorted.distortion
     said = [one._replace(topic="/camera/rgb/image_rect") if one.topic == IMAGE else one for one in said]
@@ -248,30 +232,25 @@ def test_rectified_images_have_no_distortion(tmp_path: Path) -> None:
 
 
 def test_several_topics_of_a_kind_have_to_be_chosen(tmp_path: Path) -> None:
-    extra = [image_message(k, "/left/image_raw") for k in range(6)]
-    said = sorted([*drive(), *extra], key=lambda one: one.stamp)
+    extra = [views.image_message(k, "/left/image_raw") for k in range(6)]
+    said = in_order([*drive(), *extra])
     assert "expected [topics] image to name the one to use." in refused(tmp_path, said)
     named = f'[depth]\n[topics]\nimage = "{IMAGE}"\ndepth = "{DEPTH}"\n'
     assert_all(frames_of(opened(tmp_path / "b", said, robot=named)))
     wrong = named.replace(IMAGE, "/camera/image")
-    assert "has no images in the topic '/camera/image', which [topics] image names; found" in refused(
-        tmp_path / "c", said, wrong
-    )
+    assert "has no images in the topic '/camera/image', which [topics] " in refused(tmp_path / "c", said, wrong)
 
 
 def test_what_is_missing_is_named(tmp_path: Path) -> None:
     no_depth = [one for one in drive() if one.topic != DEPTH]
     toml = "[depth]\n"
-    assert "has no topic with depth images (16UC1, mono16, 32FC1 or compressedDepth); found" in refused(
-        tmp_path, no_depth, toml
-    )
+    assert "has no topic with depth images (16UC1, mono16, 32FC1 or compre" in refused(tmp_path, no_depth, toml)
     no_image = [one for one in drive() if one.topic != IMAGE]
     assert "has no topic with images, of 8 bits or in colour; found" in refused(tmp_path / "b", no_image, toml)
     no_info = [one for one in drive() if one.topic != INFO]
     said = refused(tmp_path / "c", no_info)
     assert f"has no topic of sensor_msgs/CameraInfo for {IMAGE}, expected one, or [camera] calibration" in said
-    uncalibrated = info_message(INFO)
-    uncalibrated = uncalibrated._replace(build=lambda new, old=uncalibrated.build: old(new) | {"k": np.zeros(9)})
+    uncalibrated = changed(views.info_message(INFO), k=np.zeros(9))
     said = refused(tmp_path / "d", [uncalibrated if one.topic == INFO else one for one in drive()])
     assert f"topic {INFO} is of an uncalibrated camera, expected its focal length." in said
 
@@ -290,34 +269,34 @@ def test_odometry_may_be_in_tf_alone(tmp_path: Path) -> None:
         bags.transforms(stamp(t), bags.Transform("odom", "base_link", (0.5 * (t - START), 0.0, 0.0)))
         for t in np.arange(START - 0.1, START + 0.7, 0.05).tolist()
     ]
-    found = opened(tmp_path, sorted(said + moving, key=lambda one: one.stamp))
+    found = opened(tmp_path, in_order(said + moving))
     assert_all(frames_of(found))
-    assert found.recording.motion is not None
     np.testing.assert_allclose(found.recording.motion.odometry(START, START + 0.4).delta, [0.2, 0, 0], atol=1e-9)
     assert found.recording.notes["topics"]["odometry"] == "tf from odom to base_link"
 
 
+def changed(said: Said, **fields: Any) -> Said:
+    """The message with other fields."""
+    return said._replace(build=lambda new: said.build(new) | fields)
+
+
+def bad(kind: str, pixels: np.ndarray) -> Said:
+    return views.raw_message(START + 0.2, DEPTH, kind, pixels)
+
+
 BAD = {
-    "8 bits": (raw_message(START + 0.2, DEPTH, "mono8", grey_at(2)), "depth images of 8 bits"),
-    "in colour": (
-        raw_message(START + 0.2, DEPTH, "rgb8", np.dstack([grey_at(2)] * 3)),
-        "depth images of other encodings",
-    ),
-    "all zero": (raw_message(START + 0.2, DEPTH, "16UC1", 0 * depth_at(2)), "depth images without any depth"),
-    "another size": (raw_message(START + 0.2, DEPTH, "16UC1", depth_at(2)[:60].copy()), "depth images of another size"),
-    "too short": (
-        (short := raw_message(START + 0.2, DEPTH, "16UC1", depth_at(2)))._replace(
-            build=lambda new, old=short.build: old(new) | {"data": old(new)["data"][:-1000]}
-        ),
-        "depth images that are too short",
-    ),
+    "8 bits": (bad("mono8", grey_at(2)), "depth images of 8 bits"),
+    "in colour": (bad("rgb8", np.dstack([grey_at(2)] * 3)), "depth images of other encodings"),
+    "all zero": (bad("16UC1", 0 * depth_at(2)), "depth images without any depth"),
+    "another size": (bad("16UC1", depth_at(2)[:60].copy()), "depth images of another size"),
+    "too short": (changed(bad("16UC1", depth_at(2)), data=np.zeros(1000, np.uint8)), "depth images that are too short"),
 }
 
 
 @pytest.mark.parametrize("fault", BAD)
 def test_a_bad_depth_image_is_left_out_and_counted(tmp_path: Path, fault: str) -> None:
-    bad, reason = BAD[fault]
-    said = [bad if one.topic == DEPTH and one.stamp == stamp(START + 0.2) else one for one in drive()]
+    spoilt, reason = BAD[fault]
+    said = [spoilt if one.topic == DEPTH and one.stamp == stamp(START + 0.2) else one for one in drive()]
     found = opened(tmp_path, said)
     assert [round(RATE * (frame.seconds - START)) for frame in frames_of(found)] == [0, 1, 3, 4, 5]
     assert found.recording.left_out == {reason: 1}
@@ -331,7 +310,7 @@ def test_damaged_compressed_depth_is_left_out(tmp_path: Path, content: bytes) ->
     said = [one for one in drive() if one.topic != DEPTH]
     whole = [bytes(12) + png(depth_at(k)) for k in range(6)]
     whole[4] = content
-    said += [compressed_depth(k, topic, whole[k], "16UC1; compressedDepth png") for k in range(6)]
+    said += [views.compressed_depth(k, topic, whole[k], "16UC1; compressedDepth png") for k in range(6)]
     found = opened(tmp_path, sorted(said, key=lambda one: one.stamp))
     assert len(frames_of(found)) == 5
     assert found.recording.left_out == {"depth images that cannot be decoded": 1}
@@ -356,20 +335,9 @@ def test_the_dataset_recording_reads_a_bag_by_itself(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", first_quick(KINDS))
 def test_a_damaged_bag_is_read_or_refused_with_a_sentence(tmp_path: Path, kind: str) -> None:
     path = bags.write(tmp_path, kind, drive(frames=3, colour="bgr8"))
-    file = next(one for one in [path, *path.glob("*.db3"), *path.glob("*.mcap")] if one.is_file())
-    whole = file.read_bytes()
-    rng = np.random.default_rng(0)
-    for _ in range(6):
-        content = bytearray(whole)
-        for at in rng.integers(len(content), size=8):
-            content[at] = rng.integers(256)
-        file.write_bytes(content)
-        try:
-            found = open_depth(path)
-            frames = [] if found is None else frames_of(found)
-        except InputError:
-            continue
-        for frame in frames:
-            assert frame.grey.shape == frame.depth.shape == SIZE[::-1]
-            assert np.isfinite(frame.depth).all()
-            assert (frame.depth >= 0).all()
+
+    def read(_: Path) -> list[DepthFrame]:
+        found = open_depth(path)
+        return [] if found is None else frames_of(found)
+
+    survivors(read, bags.file_of(path), 6, 0, usable)

@@ -1,16 +1,16 @@
 """Folders of colour and depth images: joined by their times, with what cannot be used left out and counted."""
 
-import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from depth_views import CAMERA, RATE, START, depth_at, grey_at, odometry_csv, png, robot_toml, tum_folder
-from fuzzing import damaged
-from slamduel.core.errors import InputError
+from depth_views import CAMERA, RATE, START, depth_at, grey_at, odometry_csv, png, robot_toml, tum_folder, usable
+from fuzzing import survivors
+from refusals import refusal
 from slamduel.datasets.depth.folder import read_camera_truth
 from slamduel.datasets.depth.open import OpenedDepth, open_depth
+from slamduel.datasets.recordings.write_depth import quaternion
 from slamduel.datasets.rendering.disturbances import raised, rocked
 from slamduel.frontend.camera.calibration import write_opencv
 from slamduel.frontend.depth.recording import DepthFrame
@@ -27,10 +27,7 @@ def frames_of(path: Path) -> list[DepthFrame]:
 
 
 def refused(path: Path) -> str:
-    with pytest.raises(InputError) as caught:
-        frames_of(path)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+    return refusal(frames_of, path)
 
 
 def test_a_tum_folder_is_read_with_its_own_units_and_times(tmp_path: Path) -> None:
@@ -40,7 +37,6 @@ def test_a_tum_folder_is_read_with_its_own_units_and_times(tmp_path: Path) -> No
     for k, frame in enumerate(frames):
         np.testing.assert_array_equal(frame.grey, grey_at(k))
         np.testing.assert_array_equal(frame.depth, (depth_at(k) / 1000).astype(np.float32))
-        assert frame.colour is not None
         np.testing.assert_array_equal(frame.colour[:, :, 1], grey_at(k))
     assert found.length == 6
     assert found.recording.name == "depth robot"
@@ -64,9 +60,8 @@ def test_colour_and_depth_are_joined_with_their_nearest(tmp_path: Path) -> None:
     depth = np.delete(t + np.resize([0.012, -0.006, 0.005, -0.015], 10), 6)
     found = opened(tum_folder(tmp_path / "drive", colour_at=colour, depth_times=depth))
     frames = list(found.recording.frames)
-    expected = [
-        (int(np.searchsorted(colour, t[k])), int(np.argmin(abs(depth - t[k])))) for k in range(10) if k not in (3, 6)
-    ]
+    joined = [k for k in range(10) if k not in (3, 6)]
+    expected = [(int(np.searchsorted(colour, t[k])), int(np.argmin(abs(depth - t[k])))) for k in joined]
     assert len(frames) == 8
     for frame, (of_colour, of_depth) in zip(frames, expected, strict=True):
         np.testing.assert_array_equal(frame.grey, grey_at(of_colour))
@@ -110,14 +105,11 @@ def test_the_truth_is_of_the_camera_and_may_cover_a_part(tmp_path: Path) -> None
     planar = np.array([[0.1, -0.2, 0.3], [0.4, 0.1, 2.8], [0.5, 0.3, -3.0]])
     cameras = [pose @ rocked(0.03, -0.02) @ CAMERA.mounting for pose in raised(planar)]
     lines = ["# ground truth trajectory", "# timestamp tx ty tz qx qy qz qw"]
-    from slamduel.datasets.recordings.write_depth import quaternion
-
     for k, pose in enumerate(cameras):
         numbers = [START + 0.1 + 0.1 * k, *pose[:3, 3], *quaternion(pose[:3, :3])]
         lines.append(" ".join(f"{number:.9f}" for number in numbers))
     (folder / "groundtruth.txt").write_text("\n".join(lines) + "\n")
     truth = opened(folder).truth
-    assert truth is not None
     np.testing.assert_allclose(truth.t, START + 0.1 + 0.1 * np.arange(3), atol=1e-9)
     np.testing.assert_allclose(truth.poses, planar, atol=1e-8)
 
@@ -133,12 +125,9 @@ def test_the_truth_is_of_the_camera_and_may_cover_a_part(tmp_path: Path) -> None
     ],
 )
 def test_a_faulty_truth_is_refused(tmp_path: Path, line: str, said: str) -> None:
-    from slamduel.datasets.recordings.write_depth import quaternion
-
     first = " ".join(map(str, [1000.0, 0, 0, 1, *quaternion(CAMERA.mounting[:3, :3]).tolist()]))
     (tmp_path / "groundtruth.txt").write_text(f"{first}\n{line}\n")
-    with pytest.raises(InputError, match=re.escape(said)):
-        read_camera_truth(tmp_path, CAMERA.mounting)
+    assert said in refusal(read_camera_truth, tmp_path, CAMERA.mounting)
 
 
 def spoil(folder: Path, k: int, content: bytes | None, name: str = "depth") -> Path:
@@ -164,7 +153,7 @@ FAULTS = {
     "another size": (
         png(depth_at(0)[::2, ::2].copy()),
         "depth images of another size",
-        "has 80x60 pixels, expected the 160x120 of the image that it is registered to",
+        "has 80x60 pixels, expected the",
     ),
 }
 
@@ -187,11 +176,7 @@ def test_a_bad_depth_image_is_left_out_and_counted(tmp_path: Path, fault: str) -
 def test_a_recording_of_bad_depth_images_alone_is_refused(tmp_path: Path, fault: str) -> None:
     content, _, words = FAULTS[fault]
     folder = tum_folder(tmp_path / "drive", frames=3)
-    files = (
-        [spoil(folder, 0, content) for _ in range(3)]
-        if content is None
-        else [spoil(folder, k, content) for k in range(3)]
-    )
+    files = [spoil(folder, 0 if content is None else k, content) for k in range(3)]
     said = refused(folder)
     assert said.startswith(f"{folder}: no frame can be used; {files[0]} ")
     assert words in said
@@ -312,15 +297,9 @@ def test_a_damaged_file_is_read_or_refused_with_a_sentence(tmp_path: Path, name:
     odometry_csv(folder, START - 0.2, START + 0.5)
     poses = [f"{START + k / RATE} 0 0 0.75 -0.57 0.57 -0.41 0.41" for k in range(3)]
     (folder / "groundtruth.txt").write_text("\n".join(["# truth", *poses]) + "\n")
-    file = folder / name
-    whole = file.read_bytes()
-    for content in damaged(whole, 60, seed=1):
-        file.write_bytes(content)
-        try:
-            found = open_depth(folder)
-            frames = [] if found is None else list(found.recording.frames)
-        except InputError:
-            continue
-        for frame in frames:
-            assert frame.grey.shape == frame.depth.shape
-            assert np.isfinite(frame.depth).all()
+
+    def read(_: Path) -> list[DepthFrame]:
+        found = open_depth(folder)
+        return [] if found is None else list(found.recording.frames)
+
+    survivors(read, folder / name, 60, 1, usable)

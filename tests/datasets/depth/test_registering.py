@@ -104,15 +104,13 @@ def test_beyond_a_lens_nothing_is_drawn() -> None:
 def test_a_folder_of_unregistered_depth_is_registered_on_reading(tmp_path: Path) -> None:
     source = SOURCES["half as fine"]
     measured = true_depth(ROOM, through(source), WORLD @ BESIDE)
-    robot_toml(
-        tmp_path, 'calibration = "ir.yaml"\npose = { xyz = [-0.002, 0.025, 0.001], rpy = [0.004, -0.003, 0.008] }'
-    )
+    pose = "pose = { xyz = [-0.002, 0.025, 0.001], rpy = [0.004, -0.003, 0.008] }"
+    robot_toml(tmp_path, f'calibration = "ir.yaml"\n{pose}')
     write_opencv(tmp_path / "ir.yaml", source)
     (tmp_path / "a.png").write_bytes(png(np.full(SIZE[::-1], 90, np.uint8)))
     (tmp_path / "b.png").write_bytes(png(np.rint(1000 * measured).astype(np.uint16)))
     (tmp_path / "frames.csv").write_text("image,depth,t\na.png,b.png,0.5\n")
     found = open_depth(tmp_path)
-    assert found is not None
     (frame,) = found.recording.frames
     expected = Registration(source, CAMERA, BESIDE).registered((np.rint(1000 * measured) / 1000).astype(np.float32))
     assert frame.depth.shape == SIZE[::-1]

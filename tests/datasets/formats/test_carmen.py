@@ -1,16 +1,17 @@
 """CARMEN's laser logs: the same scans however they are written, real logs, and what cannot be used."""
 
-import os
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from carmen_files import flaser, robotlaser, written
+from recorded import at_hand
+from refusals import refused, refused_at
 from slamduel.bench.plan.load import load
-from slamduel.core.errors import InputError
 from slamduel.datasets.formats.carmen import Options, read
 from slamduel.datasets.worlds import laser_floor
 from slamduel.frontend.laser.recording import LaserRecording
@@ -24,10 +25,7 @@ def drive() -> LaserRecording:
 
 def test_the_same_scans_give_the_same_factors_however_they_are_written(drive: LaserRecording, tmp_path: Path) -> None:
     plain, _ = load(str(written(tmp_path / "floor.clf", drive)))
-    for path in (
-        written(tmp_path / "again.clf.gz", drive),
-        written(tmp_path / "robot.clf", drive, robotlaser),
-    ):
+    for path in (written(tmp_path / "again.clf.gz", drive), written(tmp_path / "robot.clf", drive, robotlaser)):
         other, truth = load(str(path))
         assert truth is None or truth.kind == "reference"
         assert (other.t == plain.t).all()
@@ -53,8 +51,7 @@ def test_wheels_that_never_move_are_none(drive: LaserRecording, tmp_path: Path) 
     recording, remarks = read(path, Options())
     assert recording.odometry is None
     assert remarks == ["its odometry never moves: the front end goes by the scans alone"]
-    with pytest.raises(InputError, match="option odometry=wheels: the odometry never moves, expected odometry=none"):
-        read(path, Options(odometry="wheels"))
+    refused("odometry=wheels: the odometry never moves, expected odometry=none", read, path, Options(odometry="wheels"))
 
 
 @pytest.mark.parametrize("stamp", [lambda t: 0.0, lambda t: float(f"{1.01893e9 + t:.6g}")], ids=["zero", "rounded"])
@@ -101,62 +98,42 @@ def spoilt(change: Callable[[list[str]], object]) -> Callable[[list[str]], list[
         (spoilt(lambda w: w.__delitem__(slice(-5, None))), "line 8: the line ends after"),
         (spoilt(lambda w: w.__setitem__(-3, "nan")), "line 8: found 'nan' in the time, expected a finite number"),
         (spoilt(lambda w: w.__setitem__(-4, "inf")), "line 8: found 'inf' in the odometry, expected a finite number"),
-        (
-            lambda lines: [*lines, flaser(99.0, np.ones(181), np.array([1e6, 0.0, 0.0]))],
-            "m from the scan before, expected at most 50 m; odometry=none goes by the scans alone",
-        ),
-        (
-            lambda lines: [*lines, flaser(99.0, np.ones(90), np.zeros(3))],
-            "found a scan of 90 beams, expected 181 at the same angles, as in line 3",
-        ),
+        (lambda lines: [*lines, flaser(99.0, np.ones(181), np.array([1e6, 0, 0]))], "m from the scan before, expected"),
+        (lambda lines: [*lines, flaser(99.0, np.ones(90), np.zeros(3))], "found a scan of 90 beams, expected 181"),
         (
             lambda lines: [re.sub(r"(?<= )\d+\.\d\d(?= )", "2500.0", line) for line in lines],
             "no range is between 0.15 and 25 m, expected metres",
         ),
     ],
 )
-def test_what_cannot_be_used_is_named(
-    change: Callable[[list[str]], list[str]], words: str, drive: LaserRecording, tmp_path: Path
-) -> None:
+def test_what_cannot_be_used_is_named(change: Any, words: str, drive: LaserRecording, tmp_path: Path) -> None:
     path = written(tmp_path / "floor.clf", drive)
     path.write_text("\n".join(change(path.read_text().splitlines())))
-    with pytest.raises(InputError, match=re.escape(words)) as error:
-        read(path, Options())
-    assert str(error.value).startswith(str(path))
+    refused_at(path, words, read, path, Options())
 
 
 def test_a_file_that_is_cut_off_or_missing_is_named(drive: LaserRecording, tmp_path: Path) -> None:
     path = written(tmp_path / "floor.clf.gz", drive)
     path.write_bytes(path.read_bytes()[:20_000])
-    with pytest.raises(InputError, match="expected a whole gzip file"):
-        read(path, Options())
+    refused("expected a whole gzip file", read, path, Options())
     (tmp_path / "plain.clf.gz").write_text("FLASER")
-    with pytest.raises(InputError, match="expected a laser log"):
-        read(tmp_path / "plain.clf.gz", Options())
-    with pytest.raises(InputError, match="No such file"):
-        read(tmp_path / "none.clf", Options())
-
-
-def lidar() -> Path:
-    path = Path(os.environ.get("SLAMDUEL_DATA", "")) / "lidar"
-    if "SLAMDUEL_DATA" not in os.environ or not path.is_dir():
-        pytest.skip("SLAMDUEL_DATA is not set, or has no laser logs")
-    return path
+    refused("expected a laser log", read, tmp_path / "plain.clf.gz", Options())
+    refused("No such file", read, tmp_path / "none.clf", Options())
 
 
 def test_the_intel_lab_is_read_with_its_stamps() -> None:
-    recording, remarks = read(lidar() / "intel.clf.gz", Options())
+    recording, remarks = read(at_hand("lidar") / "intel.clf.gz", Options())
     assert recording.ranges.shape[1] == 180
     assert len(recording.t) > 8000
     assert recording.odometry is not None
     assert not remarks
-    relations = np.loadtxt(lidar() / "intel.relations")
+    relations = np.loadtxt(at_hand("lidar") / "intel.relations")
     exact = np.isin(relations[:, :2], recording.t).all(axis=1)
     assert exact.sum() == 1625
 
 
 def test_freiburgs_building_79_has_no_odometry() -> None:
-    recording, remarks = read(lidar() / "fr079.clf.gz", Options())
+    recording, remarks = read(at_hand("lidar") / "fr079.clf.gz", Options())
     assert recording.odometry is None
     assert recording.ranges.shape[1] == 360
     assert remarks == ["its odometry never moves: the front end goes by the scans alone"]

@@ -11,11 +11,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from differences import central
 from fuzzing import survivors
+from refusals import refusal, refused, refused_at
 from slamduel.core.check import problems
 from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.errors import InputError
-from slamduel.core.factors import UNKNOWN, Dataset, Log, Map
+from slamduel.core.factors import Dataset, Log, Map
 from slamduel.core.se2 import Array, inverse, rotation
 from slamduel.datasets.cache import generator
 from slamduel.datasets.formats import g2o
@@ -57,9 +59,12 @@ def square(*triangle: float) -> Array:
 
 def sampled(information: Array, place: Callable[[Array], Array]) -> Array:
     """The covariance of `place`, a function of a small error with this information, by central differences."""
-    h, axes = 1e-6, np.eye(len(information))
-    J = np.stack([(place(h * axis) - place(-h * axis)) / (2 * h) for axis in axes], axis=-1)
+    J = central(place, np.zeros(len(information)))
     return J @ np.linalg.inv(information) @ J.T
+
+
+def polar(x: float, y: float) -> Array:
+    return np.array([np.hypot(x, y), np.arctan2(y, x)])
 
 
 def plain(pose: gtsam.Pose2) -> Array:
@@ -95,9 +100,7 @@ def test_an_information_is_of_the_error_that_g2o_defines(small: Path) -> None:
     loop = gtsam.Pose2(2, 0.3, 0.5)
     expected = sampled(square(12, 1, 0.5, 22, 0.25, 32), lambda e: plain(loop.retract(e)))
     np.testing.assert_allclose(log.loop_cov[0], expected, rtol=1e-7)
-    expected = sampled(
-        square(50, 5, 60), lambda e: np.array([np.hypot(3 + e[0], 4 + e[1]), np.arctan2(4 + e[1], 3 + e[0])])
-    )
+    expected = sampled(square(50, 5, 60), lambda e: polar(3 + e[0], 4 + e[1]))
     np.testing.assert_allclose(log.z_cov[2], expected, rtol=1e-7)
     start = gtsam.Pose2(1.5, 2.5, 0.25)
     expected = sampled(square(100, 10, 1, 200, 2, 300), lambda e: plain(start.retract(e)))
@@ -127,7 +130,6 @@ def test_without_a_belief_the_first_pose_is_held_where_it_is_put(small: Path) ->
         ("EDGE_SE2 10 12 2", "EDGE_SE2 10 12", "line 10: found 10 numbers after the tag, expected 11 (from to dx"),
         ("EDGE_SE2_XY 12 3 3", "EDGE_SE2_XY 12 3 3e9", "line 12: x is 3000000000.0, expected -1e+09 to 1e+09"),
         ("EDGE_SE2 10 12 2", "EDGE_SE2 10 12 -1e200", "line 10: dx is -1e+200, expected -1e+09 to 1e+09"),
-        ("EDGE_SE2_XY 12 3 3", "EDGE_SE2_XY 12 3 three", "line 12: x is 'three', expected a number"),
         ("EDGE_SE2_XY 12 3 3", "EDGE_SE2_XY 12 3 nan", "line 12: x is nan, expected a finite number"),
         ("EDGE_SE2_XY 12 3", "EDGE_SE2_XY 12 3.5", "line 12: id is 3.5, expected a whole number up to"),
         ("EDGE_SE2_XY 12 3", "EDGE_SE2_XY 12 -3", "line 12: id is -3, expected 0 or more"),
@@ -164,22 +166,15 @@ def test_a_row_that_cannot_be_used_is_named(small: Path, old: str, new: str, wor
     if not words or "id is 9000000000000000" in words:  # as good as the file was
         g2o.read(small)
         return
-    with pytest.raises(InputError) as caught:
-        g2o.read(small)
-    assert str(small) in str(caught.value)
-    assert words in str(caught.value)
+    refused_at(small, words, g2o.read, small)
 
 
 def test_huge_ids_take_no_room(small: Path) -> None:
-    rows = [
-        [
-            {"12": str(2**53), "3": str(2**53 - 2)}.get(word, word)
-            if k < (3 if line.startswith(("EDGE_SE2 ", "EDGE_SE2_XY ")) else 2)
-            else word
-            for k, word in enumerate(line.split(" "))
-        ]
-        for line in SMALL.split("\n")
-    ]
+    huge = {"12": str(2**53), "3": str(2**53 - 2)}
+    rows = [list[str](line.split(" ")) for line in SMALL.split("\n")]
+    for line in rows:
+        ends = 3 if line[0] in ("EDGE_SE2", "EDGE_SE2_XY") else 2
+        line[:ends] = [huge.get(word, word) for word in line[:ends]]
     small.write_text("\n".join(" ".join(row) for row in rows))
     log = g2o.read(small).log
     assert len(log) == 3
@@ -228,7 +223,7 @@ def test_simulated_logs_come_back(name: str, options: dict[str, int], tmp_path: 
 
 def test_an_optimiser_starts_from_dead_reckoning(tmp_path: Path) -> None:
     """Landmarks are put where their first sighting has them."""
-    log = small_log(3, lambda parts: parts.update(prior=parts["prior"]._replace(map=None)))
+    log = small_log(3, without_map)
     path = dead_reckoned(log)
     write_g2o(tmp_path / "log.g2o", log)
     rows = [line.split() for line in (tmp_path / "log.g2o").read_text().split("\n")]
@@ -241,31 +236,25 @@ def test_an_optimiser_starts_from_dead_reckoning(tmp_path: Path) -> None:
     np.testing.assert_allclose(places[12], there, atol=1e-12)
 
 
+def without_map(parts: dict[str, Any]) -> None:
+    parts["prior"] = parts["prior"]._replace(map=None)
+
+
+def with_a_large_id(parts: dict[str, Any]) -> None:
+    without_map(parts)
+    parts["ids"][4] = 2**31
+
+
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "for_gtsam", "words"),
     [
-        (lambda parts: None, "has a map with covariance, which a g2o file cannot represent"),
-        (
-            lambda parts: parts.update(
-                prior=parts["prior"]._replace(map=None), ids=np.array([3, UNKNOWN, UNKNOWN, 3, 2**31, 12])
-            ),
-            "expected at most 2147483647, g2o's largest",
-        ),
+        (None, False, "has a map with covariance, which a g2o file cannot represent"),
+        (with_a_large_id, False, "expected at most 2147483647, g2o's largest"),
+        (without_map, True, "range and bearing of sighting 0 are correlated"),
     ],
 )
-def test_what_g2o_cannot_hold_is_a_sentence(
-    change: Callable[[dict[str, Any]], Any], words: str, tmp_path: Path
-) -> None:
-    with pytest.raises(InputError) as caught:
-        write_g2o(tmp_path / "log.g2o", small_log(1, change))
-    assert words in str(caught.value)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_gtsam_s_rows_need_range_and_bearing_apart(tmp_path: Path) -> None:
-    log = small_log(1, lambda parts: parts.update(prior=parts["prior"]._replace(map=None)))
-    with pytest.raises(InputError, match="range and bearing of sighting 0 are correlated"):
-        write_g2o(tmp_path / "log.g2o", log, for_gtsam=True)
+def test_what_g2o_cannot_hold_is_a_sentence(change: Any, for_gtsam: bool, words: str, tmp_path: Path) -> None:
+    assert words in refusal(write_g2o, tmp_path / "log.g2o", small_log(1, change), for_gtsam=for_gtsam)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -278,13 +267,6 @@ def test_damaged_files_load_or_are_turned_down(small: Path) -> None:
     found, sentences = survivors(g2o.read, small, 360, 1, fit)
     assert len(found) > 50
     assert len(sentences) > 150
-
-
-def test_a_damaged_log_written_by_us_loads_or_is_turned_down(tmp_path: Path) -> None:
-    write_g2o(tmp_path / "log.g2o", small_log(2, without_given_covariance))
-    found, sentences = survivors(g2o.read, tmp_path / "log.g2o", 180, 2, fit)
-    assert len(found) > 25
-    assert len(sentences) > 75
 
 
 @settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -307,5 +289,4 @@ def test_any_rows_load_or_are_turned_down(tmp_path: Path, rows: list[tuple[str, 
 @pytest.mark.parametrize("name", ["g2o", "gtsam", "toro"])
 def test_the_file_has_to_be_named(name: str) -> None:
     source = find(name)
-    with pytest.raises(InputError, match=rf"{name}\[path=FILE\]"):
-        source.make(source.options(), np.random.default_rng(0))
+    refused(rf"{name}\[path=FILE\]", source.make, source.options(), np.random.default_rng(0))

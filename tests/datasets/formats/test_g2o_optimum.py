@@ -1,6 +1,5 @@
 """A g2o file written from a log has, in GTSAM, the optimum of `graph[solver=gtsam]`: by two readers not ours."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +8,10 @@ import numpy as np
 import pytest
 
 import graph_in_gtsam
+from driven import final
 from random_logs import random_log
+from recorded import at_hand
 from slamduel.backends.api import Solution
-from slamduel.backends.registry import find
 from slamduel.bench.measure.misfit import misfit
 from slamduel.core.factors import UNKNOWN, Log, Map
 from slamduel.core.se2 import between, rotation, wrap
@@ -49,9 +49,7 @@ def localisation() -> Log:
 
 
 def freiburg() -> Log:
-    if "SLAMDUEL_DATA" not in os.environ:
-        pytest.skip("SLAMDUEL_DATA is not set: no copy of the Freiburg log")
-    return made("freiburg", path=str(Path(os.environ["SLAMDUEL_DATA"]) / "freiburg"))
+    return made("freiburg", path=str(at_hand("freiburg")))
 
 
 LOGS = {
@@ -67,13 +65,7 @@ LOGS = {
 
 
 def optimum(log: Log) -> Solution:
-    builder = find("graph")
-    backend = builder.make(log.prior, builder.options(solver="gtsam"), np.random.default_rng(0))
-    for step in log.identified():
-        backend.step(step)
-    solution = backend.finish()
-    assert solution is not None
-    return solution
+    return final("graph", log.identified(), solver="gtsam")
 
 
 @pytest.mark.parametrize("name", LOGS)
@@ -88,9 +80,8 @@ def test_gtsam_finds_the_optimum_of_graph_in_the_file(name: str, tmp_path: Path)
     path, landmarks, *_ = optimum(log)
     places = dict(zip(landmarks.ids.tolist(), landmarks.xy, strict=True))
     rng = np.random.default_rng(4)
-    start = graph.values(
-        path + 1e-3 * rng.normal(size=path.shape), {i: xy + 1e-2 * rng.normal(size=2) for i, xy in places.items()}
-    )
+    near = {i: xy + 1e-2 * rng.normal(size=2) for i, xy in places.items()}
+    start = graph.values(path + 1e-3 * rng.normal(size=path.shape), near)
     error, found, points = graph.optimised(start)
     assert graph.factors.error(start) > error * (1 + 1e-4)
     assert graph.factors.error(graph.values(path, places)) == pytest.approx(error, rel=1e-6)

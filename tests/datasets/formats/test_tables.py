@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from fuzzing import survivors
+from refusals import refusal, refused
 from slamduel.core.check import problems
-from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.core.tum import write_tum
@@ -55,6 +55,7 @@ def made(options: dict[str, Any]) -> Dataset:
 def test_what_comes_out_is_what_went_in(files: dict[str, Any]) -> None:
     log, truth = made(files)
     assert not list(problems(log))
+    assert log.remarks == []
     assert log.name == "odometry"
     np.testing.assert_array_equal(truth.t, log.t)
     np.testing.assert_allclose(log.delta[1:], between(truth.poses[:-1], truth.poses[1:]), atol=1e-12)
@@ -142,8 +143,8 @@ def test_ids_that_move_can_be_left_out(files: dict[str, Any]) -> None:
     log = made(files | {"ignore": "1; 77"}).log
     assert set(log.ids.tolist()) == {0}
     assert log.notes["dropped"]["of ignored ids"] == 30
-    with pytest.raises(InputError, match="option ignore=1;x of dataset csv: found 'x'"):
-        made(files | {"ignore": "1;x"})
+    refused("option ignore=1;x of dataset csv: found 'x'", made, files | {"ignore": "1;x"})
+    refused("option odometry of dataset csv is not given", made, {})
 
 
 def changed(name: str, line: int, row: str) -> Callable[[dict[str, Any]], None]:
@@ -158,8 +159,6 @@ def changed(name: str, line: int, row: str) -> Callable[[dict[str, Any]], None]:
 FAULTS: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
     "header": (changed("odometry", 1, "time,x,y,heading"), "odometry.csv, line 1: found the columns time,x,y,heading,"),
     "twice": (changed("odometry", 1, "t,t,x,y"), "expected t,x,y,heading, or t,dx,dy,dtheta, or t,v,omega among them"),
-    "word": (changed("odometry", 7, "0.5,a,0,0"), "odometry.csv, line 7: x is 'a', expected a number"),
-    "width": (changed("odometry", 7, "0.5,0,0"), "odometry.csv, line 7: found 3 columns, expected 4"),
     "nan": (changed("odometry", 7, "0.5,nan,0,0"), "odometry.csv, line 7: x is nan, expected a finite number"),
     "time": (changed("odometry", 7, "0.3,0,0,0"), "odometry.csv, line 7: t is 0.3, expected no earlier than 0.4"),
     "same": (changed("odometry", 7, "0.4,0,0,0"), "odometry.csv, line 7: t is 0.4 as in the row before, with another"),
@@ -167,10 +166,7 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
     "negative": (changed("detections", 3, "0.5,-2,1,0"), "detections.csv, line 3: id is -2, expected 0 to"),
     "again": (changed("detections", 3, "0.5,0,1,0"), "detections.csv, line 3: id 0 occurs twice at t 0.5"),
     "range": (changed("detections", 3, "0.5,1,0,0"), "detections.csv, line 3: the range is 0.0, expected more than 0"),
-    "degrees": (
-        changed("detections", 3, "0.5,1,1,90"),
-        "line 3: bearing is 90.0 radians, expected at most half a turn",
-    ),
+    "degrees": (changed("detections", 3, "0.5,1,1,90"), "line 3: bearing is 90.0 radians, expected at most half"),
     "back": (changed("detections", 4, "0.4,1,1,0"), "detections.csv, line 4: t is 0.4, expected no earlier than 0.5"),
     "place": (changed("landmarks", 3, "0,1,1"), "landmarks.csv, line 3: id 0 occurs twice, expected once"),
 }
@@ -180,9 +176,7 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
 def test_a_fault_is_named_with_its_line(files: dict[str, Any], fault: str) -> None:
     change, sentence = FAULTS[fault]
     change(files)
-    with pytest.raises(InputError) as caught:
-        made(files)
-    assert sentence in str(caught.value)
+    assert sentence in refusal(made, files)
 
 
 def test_clocks_without_a_moment_in_common_are_said_so(files: dict[str, Any]) -> None:
@@ -190,8 +184,7 @@ def test_clocks_without_a_moment_in_common_are_said_so(files: dict[str, Any]) ->
     rows = np.loadtxt(path, delimiter=",", skiprows=1)
     rows[:, 0] += 1.7e9
     csv(path, "t,id,range,bearing", rows)
-    with pytest.raises(InputError, match="expected the same clock"):
-        made(files)
+    refused("expected the same clock", made, files)
 
 
 def test_times_in_nanoseconds_do_not_eat_the_memory(files: dict[str, Any]) -> None:
@@ -201,8 +194,7 @@ def test_times_in_nanoseconds_do_not_eat_the_memory(files: dict[str, Any]) -> No
         rows = np.loadtxt(path, delimiter=",", skiprows=1)
         rows[:, 0] *= 1e9
         csv(path, header, rows)
-    with pytest.raises(InputError, match="are the times in seconds"):
-        made(files)
+    refused("are the times in seconds", made, files)
 
 
 @pytest.mark.parametrize("name", ["odometry", "detections", "truth", "landmarks"])
@@ -210,24 +202,9 @@ def test_damaged_files_are_read_or_turned_down(files: dict[str, Any], name: str)
     def fit(found: Dataset) -> None:
         assert not list(problems(found.log))
 
-    read, refused = survivors(
-        lambda _: made(files), Path(files[name]), 150 if name in ("odometry", "detections") else 60, 3, fit
-    )
+    read, refused = survivors(lambda _: made(files), Path(files[name]), 100, 3, fit)
     assert read
     assert refused
-
-
-def test_without_files_it_says_what_to_give() -> None:
-    with pytest.raises(InputError, match="option odometry of dataset csv is not given"):
-        made({})
-
-
-def remarks(options: dict[str, Any]) -> list[str]:
-    return made(options).log.remarks
-
-
-def test_an_ordinary_drive_has_no_remark(files: dict[str, Any]) -> None:
-    assert remarks(files) == []
 
 
 def test_a_hole_in_the_odometry_is_remarked_and_has_no_regular_keyframes(files: dict[str, Any]) -> None:
@@ -256,7 +233,7 @@ def test_motion_that_is_lost_in_a_hole_is_unknown_after_it(files: dict[str, Any]
 def test_detections_outside_the_odometrys_time_are_remarked(files: dict[str, Any]) -> None:
     t, poses = drive()
     csv(Path(files["odometry"]), "t,x,y,heading", np.column_stack((t, poses))[t <= 20])
-    (remark,) = remarks(files)
+    (remark,) = made(files).log.remarks
     found = "20 of 60 detections (33 %) are before or after the odometry, 0 to 20 s, and left out"
     assert remark == f"{files['detections']}: {found}"
 
@@ -265,20 +242,20 @@ def test_headings_in_degrees_are_remarked_and_read_with_their_option(files: dict
     t, poses = drive()
     turned = np.column_stack((t, poses * [1, 1, 180 / np.pi]))
     csv(Path(files["odometry"]), "t,x,y,heading", turned)
-    first, *_ = remarks(files)
+    first, *_ = made(files).log.remarks
     assert first.startswith(f"{files['odometry']}: the robot drives along its headings if they are in degrees")
     csv(Path(files["detections"]), "t,id,x,y", np.array([[k, 0, 1, 0] for k in range(1, 20)]))
-    assert remarks(files | {"angles": "degrees"}) == []
+    assert made(files | {"angles": "degrees"}).log.remarks == []
 
 
 def test_an_option_or_a_column_without_effect_is_remarked(files: dict[str, Any]) -> None:
-    assert remarks(files | {"ignore": "0"}) == []
-    (remark,) = remarks(files | {"ignore": "0;99"})
+    assert made(files | {"ignore": "0"}).log.remarks == []
+    (remark,) = made(files | {"ignore": "0;99"}).log.remarks
     assert remark == f"option ignore=0;99: {files['detections']} has no detection of id 99, which is to be left out"
     t, poses = drive()
     both = np.column_stack((t, poses, np.full(len(t), 0.5), np.full(len(t), 0.4)))
     csv(Path(files["odometry"]), "t,x,y,heading,v,omega", both)
-    (remark,) = remarks(files)
+    (remark,) = made(files).log.remarks
     assert remark == f"{files['odometry']}: has t,v,omega as well as t,x,y,heading, which is used"
 
 
@@ -286,13 +263,11 @@ def test_positions_and_headings_beyond_any_robot_are_refused(files: dict[str, An
     t, poses = drive()
     poses[7, 2] = 1e308
     csv(Path(files["odometry"]), "t,x,y,heading", np.column_stack((t, poses)))
-    with pytest.raises(InputError, match=r"odometry\.csv, line 9: heading is 1e\+308, expected -1e\+09 to 1e\+09"):
-        made(files)
+    refused(r"odometry\.csv, line 9: heading is 1e\+308, expected -1e\+09 to 1e\+09", made, files)
 
 
 def test_a_pipe_or_a_device_is_refused_at_once(files: dict[str, Any], tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.csv")
     for path in (tmp_path / "pipe.csv", Path("/dev/zero")):
         for name in ("odometry", "detections", "truth"):
-            with pytest.raises(InputError, match=f"{path}: is a pipe or a device, expected a regular file"):
-                made(files | {name: str(path)})
+            refused(f"{path}: is a pipe or a device, expected a regular file", made, files | {name: str(path)})

@@ -1,17 +1,17 @@
-import os
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from batch_fit import aligned, fitted, points, rmse
+from differences import central
+from driven import run
 from fuzzing import survivors
-from slamduel.backends import registry
+from recorded import at_hand
+from refusals import refused, refused_at
 from slamduel.core.check import problems
 from slamduel.core.dead_reckoning import dead_reckoned
-from slamduel.core.errors import InputError
-from slamduel.core.factors import Dataset, Log, Map
+from slamduel.core.factors import Dataset, Log
 from slamduel.core.se2 import Array, act
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published import dlr
@@ -42,11 +42,6 @@ def small(tmp_path: Path) -> Path:
     return path
 
 
-def numeric(function: Callable[[Array], Array], at: Array) -> Array:
-    h = 1e-6
-    return np.stack([(function(at + h * e) - function(at - h * e)) / (2 * h) for e in np.eye(len(at))], axis=-1)
-
-
 def motion(theirs: Array) -> Array:
     """Where the file's (dX, dY, dPhi) leads: what is gone forward, to the left, and how the nose turns to the left."""
     phi = theirs[2]
@@ -69,7 +64,7 @@ def test_a_motion_is_turned_into_our_frame_and_so_is_its_covariance(small: Path)
     np.testing.assert_allclose(log.delta[1], motion(theirs), atol=1e-15)
     xx, xy, yy, xphi, yphi, phiphi = map(float, MOTION.split())
     cov = np.array([[xx, xy, xphi], [xy, yy, yphi], [xphi, yphi, phiphi]])
-    jacobian = numeric(motion, theirs)
+    jacobian = central(motion, theirs)
     np.testing.assert_allclose(log.delta_cov[1], jacobian @ cov @ jacobian.T, rtol=1e-8)
 
 
@@ -80,7 +75,7 @@ def test_a_sighting_is_turned_into_our_frame_and_so_is_its_covariance(small: Pat
     xx, xy, yy = map(float, CIRCLE.split())
     for k, theirs in ((0, [1.0, -2.0]), (1, [-1.0, -3.0])):
         np.testing.assert_allclose(log.z[k], sighting(np.array(theirs)), atol=1e-15)
-        jacobian = numeric(sighting, np.array(theirs))
+        jacobian = central(sighting, np.array(theirs))
         np.testing.assert_allclose(log.z_cov[k], jacobian @ [[xx, xy], [xy, yy]] @ jacobian.T, rtol=1e-7)
 
 
@@ -138,8 +133,7 @@ def test_the_folder_will_do_and_the_log_survives_the_disk(small: Path):
 
 def test_without_a_path_the_fetched_copy_is_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path))
-    with pytest.raises(InputError, match=r"bench fetch dlr .*dlr\[path=map.circles\]"):
-        dlr.source.make(Options(), np.random.default_rng(0))
+    refused(r"bench fetch dlr .*dlr\[path=map.circles\]", dlr.source.make, Options(), np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(
@@ -167,10 +161,7 @@ def test_without_a_path_the_fetched_copy_is_wanted(tmp_path: Path, monkeypatch: 
 def test_a_bad_row_is_named(small: Path, old: str, new: str, words: str):
     assert old in SMALL
     small.write_text(SMALL.replace(old, new, 1))
-    with pytest.raises(InputError) as caught:
-        dlr.read(small)
-    assert str(caught.value).startswith(str(small))
-    assert words in str(caught.value)
+    refused_at(small, words, dlr.read, small)
 
 
 def test_a_damaged_file_is_read_or_turned_down(small: Path):
@@ -186,10 +177,7 @@ def test_a_damaged_file_is_read_or_turned_down(small: Path):
 
 @pytest.fixture(scope="module")
 def whole() -> Log:
-    place = os.environ.get("SLAMDUEL_DATA")
-    if not place:
-        pytest.skip("SLAMDUEL_DATA is not set: it names the folder with dlr/map.circles")
-    return dlr.read(Path(place) / "dlr").log
+    return dlr.read(at_hand("dlr")).log
 
 
 def test_nothing_of_the_log_is_lost(whole: Log):
@@ -212,26 +200,17 @@ def test_a_motion_s_covariance_is_of_the_frame_before_it(whole: Log):
     assert np.median(across[turning]) < 0.2 * np.median(np.abs(turn[turning]))
 
 
-def estimated(name: str, log: Log) -> tuple[Array, Map]:
-    """The online path of a backend, and the map it ends with."""
-    builder = registry.find(name)
-    backend = builder.make(log.prior, builder.options(), np.random.default_rng(0))
-    path = [backend.step(step) for step in log]
-    solution = backend.finish()
-    return np.array(path), solution.map if solution else backend.map()
-
-
 @pytest.mark.slow
 def test_the_map_closes_its_loops(whole: Log):
     """Circles that are left for 100 steps and more: where they are placed before, and where at the last visit."""
     log = whole.identified()
-    path, landmarks = estimated("ekf", log)
+    backend, path = run("ekf", log)
     fit = fitted(log, path, iterations=6)
     assert np.median(gaps(log, dead_reckoned(log))) > 5
     assert np.median(gaps(log, fit.path)) < 0.05
     assert np.percentile(gaps(log, fit.path), 90) < 0.25
 
-    places = landmarks.xy[np.argsort(landmarks.ids)]
+    places = backend.map().xy[np.argsort(backend.map().ids)]
     assert rmse(aligned(places, fit.xy), fit.xy) < 0.5  # of a building of 40 m by 60 m
     assert 9000 < (fit.motions**2).sum() < 14000  # chi2 of 9,888 numbers: the odometry's covariances are right
 

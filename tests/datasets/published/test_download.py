@@ -1,6 +1,5 @@
 """A download comes whole, or ends with a sentence, whatever the server does."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -11,13 +10,13 @@ from publishers import Behaviour, Ftp, Http, running
 from slamduel.bench.cli import main
 from slamduel.datasets.published import download
 from slamduel.datasets.published.catalogue import PUBLISHED
-from toy_log import LOG, assert_in_place, beside, refusal
+from toy_log import LOG, Printed, Serve, assert_in_place, beside, refusal
 
 quick = pytest.fixture(autouse=True)(toy_log.quick)
 serve = pytest.fixture(toy_log.serve)
 
 
-def test_an_honest_server(serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_honest_server(serve: Serve, capsys: Printed) -> None:
     server = serve()
     assert main(["fetch", "toy", "--url", server.url]) == 0
     assert_in_place()
@@ -29,10 +28,11 @@ def test_an_honest_server(serve: Callable[..., Http], capsys: pytest.CaptureFixt
     assert len(server.paths) == 1  # nothing was asked for again
 
 
-@pytest.mark.parametrize(
-    "fault", [publishers.drops, publishers.drops_a_chunk, publishers.stalls, *map(publishers.answers, (429, 500, 503))]
-)
-def test_a_passing_fault_is_waited_for(serve: Callable[..., Http], fault: Behaviour) -> None:
+PASSING = [publishers.drops, publishers.drops_a_chunk, publishers.stalls, *map(publishers.answers, (429, 500, 503))]
+
+
+@pytest.mark.parametrize("fault", PASSING)
+def test_a_passing_fault_is_waited_for(serve: Serve, fault: Behaviour) -> None:
     server = serve(fault, fault)
     assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
     assert len(server.paths) == 3
@@ -46,9 +46,7 @@ def test_a_passing_fault_is_waited_for(serve: Callable[..., Http], fault: Behavi
         (publishers.drops, "the connection broke after 98,304 bytes"),
     ],
 )
-def test_a_lasting_fault_is_given_up(
-    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str], fault: Behaviour, wording: str
-) -> None:
+def test_a_lasting_fault_is_given_up(serve: Serve, capsys: Printed, fault: Behaviour, wording: str) -> None:
     server = serve(*[fault] * 10)
     assert f"\n  {server.url}: {wording}.\n" in refusal(capsys, "toy", "--url", server.url)
     assert len(server.paths) == 1 + download.RETRIES
@@ -56,9 +54,7 @@ def test_a_lasting_fault_is_given_up(
 
 
 @pytest.mark.parametrize("code", [401, 404])
-def test_a_file_that_is_gone_is_asked_for_once(
-    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str], code: int
-) -> None:
+def test_a_file_that_is_gone_is_asked_for_once(serve: Serve, capsys: Printed, code: int) -> None:
     server = serve(publishers.answers(code))
     text = refusal(capsys, "toy", "--url", server.url)
     assert f"{server.url}: {code} " in text
@@ -66,9 +62,7 @@ def test_a_file_that_is_gone_is_asked_for_once(
     assert len(server.paths) == 1
 
 
-def test_redirects_are_followed_but_not_in_a_circle_or_to_a_file(
-    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_redirects_are_followed_but_not_in_a_circle_or_to_a_file(serve: Serve, capsys: Printed) -> None:
     here = serve(publishers.answers(302, Location=serve().url))
     assert main(["fetch", "toy", "--quiet", "--url", here.url]) == 0
     assert_in_place()
@@ -79,7 +73,7 @@ def test_redirects_are_followed_but_not_in_a_circle_or_to_a_file(
     assert_in_place()
 
 
-def test_no_server_at_all(capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_server_at_all(capsys: Printed) -> None:
     with running(server := Http(LOG)):
         pass
     assert f"{server.url}: Connection refused" in refusal(capsys, "toy", "--url", server.url)
@@ -87,7 +81,7 @@ def test_no_server_at_all(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize("url", ["file:///etc/passwd", "log.zip", "http://", "http://[", "ftp://", "gopher://x/y"])
-def test_an_address_that_is_none(capsys: pytest.CaptureFixture[str], url: str) -> None:
+def test_an_address_that_is_none(capsys: Printed, url: str) -> None:
     assert f"{url}: " in refusal(capsys, "toy", "--url", url)
 
 
@@ -98,15 +92,13 @@ def test_an_ftp_server_that_breaks_off() -> None:
     assert_in_place()
 
 
-def test_a_file_that_an_ftp_server_does_not_have(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_file_that_an_ftp_server_does_not_have(capsys: Printed) -> None:
     with running(server := Ftp(LOG)):
         url = server.url.replace("log.zip", "none.zip")
         assert f"{url}: 550 no such file" in refusal(capsys, "toy", "--url", url)
 
 
-def test_a_download_without_end(
-    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_download_without_end(serve: Serve, capsys: Printed, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(PUBLISHED, "toy", replace(PUBLISHED["toy"], largest=100_000))
     server = serve()
     assert "more than 100,000 bytes" in refusal(capsys, "toy", "--url", server.url)

@@ -1,20 +1,19 @@
-import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from batch_fit import aligned, fitted, rmse
+from differences import central
+from driven import run
 from fuzzing import survivors
-from slamduel.backends import registry
+from recorded import at_hand
+from refusals import refused, refused_at
 from slamduel.core.check import problems
 from slamduel.core.dead_reckoning import dead_reckoned
-from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log, Map
 from slamduel.core.se2 import Array, compose
-from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published import freiburg
 from slamduel.datasets.published.freiburg import Options
 
@@ -44,13 +43,7 @@ def moved(turns: Array) -> Array:
     return compose(pose, np.array([0.0, 0.0, second]))
 
 
-TURNS = [
-    [0.1, 0.5, 0.05],
-    [-0.3, 0.2, -0.1],
-    [0.0, 0.0, 0.0],
-    [2.0, 3.0, 2.5],
-    [-1.0, -0.4, 0.2],
-]
+TURNS = [[0.1, 0.5, 0.05], [-0.3, 0.2, -0.1], [0.0, 0.0, 0.0], [2.0, 3.0, 2.5], [-1.0, -0.4, 0.2]]
 
 
 def test_a_motion_is_turn_way_turn():
@@ -62,11 +55,9 @@ def test_a_motion_is_turn_way_turn():
 
 def test_its_jacobian_is_the_numerical_one():
     _, jacobian = freiburg.relative(np.array(TURNS))
-    h = 1e-6
     for row, found in zip(np.array(TURNS), jacobian, strict=True):
         if abs(row[0] + row[2]) < np.pi - 1e-3 or abs(row[0] + row[2]) > np.pi + 1e-3:
-            numeric = np.stack([(moved(row + h * e) - moved(row - h * e)) / (2 * h) for e in np.eye(3)], axis=-1)
-            np.testing.assert_allclose(found, numeric, atol=1e-9)
+            np.testing.assert_allclose(found, central(moved, row), atol=1e-9)
 
 
 def test_the_noise_is_that_of_the_turns():
@@ -74,13 +65,9 @@ def test_the_noise_is_that_of_the_turns():
     rng = np.random.default_rng(7)
     options = Options(alpha1=0.02, alpha2=0.003, alpha3=0.01, alpha4=0.004)
     turns, draws = np.array([0.02, 0.5, -0.05]), 200_000
-    sd = np.sqrt(
-        [
-            options.alpha1 * turns[0] ** 2 + options.alpha2 * turns[1] ** 2,
-            options.alpha3 * turns[1] ** 2 + options.alpha4 * (turns[0] ** 2 + turns[2] ** 2),
-            options.alpha1 * turns[2] ** 2 + options.alpha2 * turns[1] ** 2,
-        ]
-    )
+    first, way, second = turns**2
+    by_turn = [options.alpha1 * turn + options.alpha2 * way for turn in (first, second)]
+    sd = np.sqrt([by_turn[0], options.alpha3 * way + options.alpha4 * (first + second), by_turn[1]])
     sample, _ = freiburg.relative(turns + sd * rng.normal(size=(draws, 3)))
     _, jacobian = freiburg.relative(turns[None])
     cov = jacobian[0] @ freiburg.turns_cov(turns[None], options)[0] @ jacobian[0].T
@@ -127,16 +114,9 @@ def test_the_landmarks_alone_are_the_truth(folder: Path):
     np.testing.assert_array_equal(truth.map.xy, [[2, 1], [0, 4], [7, 7]])
 
 
-def test_the_log_survives_the_disk(folder: Path):
-    dataset = freiburg.source.make(Options(path=str(folder)), np.random.default_rng(0))
-    log_folder.write(folder / "log", *dataset)
-    assert log_folder.read(folder / "log").log.digest == dataset.log.digest
-
-
 def test_without_a_path_the_fetched_copy_is_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path))
-    with pytest.raises(InputError, match=r"bench fetch freiburg .*freiburg\[path=FOLDER\]"):
-        freiburg.source.make(Options(), np.random.default_rng(0))
+    refused(r"bench fetch freiburg .*\[path=FOLDER\]", freiburg.source.make, Options(), np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(
@@ -144,14 +124,12 @@ def test_without_a_path_the_fetched_copy_is_wanted(tmp_path: Path, monkeypatch: 
     [
         ("sensor_data.dat", "0.2 -0.1", "0.2", "line 4: found 2 numbers after ODOMETRY, expected 3 (rot1 trans rot2)"),
         ("sensor_data.dat", "-0.3 0.2", "-30 0.2", "line 4: it turns by -30.0 and -0.1, expected radians"),
-        ("sensor_data.dat", "-0.3 0.2", "-0.3 inf", "line 4: trans is 'inf', expected a number"),
         ("sensor_data.dat", "SENSOR 2 3.8", "LASER 2 3.8", "line 3: found 'LASER', expected ODOMETRY"),
         ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 1 3.8", "line 3: landmark 1 occurs twice after one motion"),
         ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 4 3.8", "line 3: landmark 4 is not in world.dat"),
         ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 2.5 3.8", "line 3: id is '2.5', expected a whole number from 0"),
         ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 5000000000 3.8", "line 3: landmark 5000000000 is not in world.dat"),
         ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 2", "line 3: found 2 numbers after SENSOR, expected 3 (id range"),
-        ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 2 3_8", "line 3: range is '3_8', expected a number."),
         ("sensor_data.dat", "SENSOR 2 3.8", "SENSOR 2 3e9", "line 3: range is '3e9', expected a number no larger than"),
         ("sensor_data.dat", "-0.03", "-0.6", "line 5: range is -0.6, expected more than 0, or at least -0.5"),
         ("sensor_data.dat", "3.21", "32.1", "line 3: bearing is 32.1, expected radians"),
@@ -160,7 +138,6 @@ def test_without_a_path_the_fetched_copy_is_wanted(tmp_path: Path, monkeypatch: 
         ("world.dat", "2 0 4", "1 0 4", "line 2: landmark 1 occurs twice"),
         ("world.dat", "2 0 4", "-2 0 4", "line 2: id is -2, expected 0 or more"),
         ("world.dat", "2 0 4", "2 0 4e10", "line 2: y is 40000000000.0, expected -1e+09 to 1e+09"),
-        ("world.dat", "2 0 4", "2 0", "line 2: found 2 columns, expected 3"),
     ],
 )  # fmt: skip
 def test_a_bad_row_is_named(folder: Path, name: str, old: str, new: str, words: str):
@@ -168,10 +145,7 @@ def test_a_bad_row_is_named(folder: Path, name: str, old: str, new: str, words: 
     content = path.read_text()
     assert old in content
     path.write_text(content.replace(old, new, 1))
-    with pytest.raises(InputError) as caught:
-        freiburg.read(folder, Options())
-    assert str(caught.value).startswith(str(path))
-    assert words in str(caught.value)
+    refused_at(path, words, freiburg.read, folder, Options())
 
 
 @pytest.mark.parametrize("name", ["sensor_data.dat", "world.dat"])
@@ -191,10 +165,7 @@ def test_a_damaged_file_is_read_or_turned_down(folder: Path, name: str):
 
 @pytest.fixture(scope="module")
 def whole() -> Dataset:
-    place = os.environ.get("SLAMDUEL_DATA")
-    if not place:
-        pytest.skip("SLAMDUEL_DATA is not set: it names the folder with freiburg/sensor_data.dat")
-    return freiburg.read(Path(place) / "freiburg", Options())
+    return freiburg.read(at_hand("freiburg"), Options())
 
 
 def test_nothing_of_the_log_is_lost(whole: Dataset):
@@ -205,13 +176,11 @@ def test_nothing_of_the_log_is_lost(whole: Dataset):
     assert log.notes["floored"] == {"motions": 0}
 
 
-def estimated(name: str, log: Log, **options: Any) -> Map:
-    builder = registry.find(name)
-    backend = builder.make(log.prior, builder.options(**options), np.random.default_rng(0))
-    for step in log:
-        backend.step(step)
+def estimated(name: str, log: Log) -> Array:
+    """(l, 2) the landmarks of a backend at its end."""
+    backend, _ = run(name, log)
     solution = backend.finish()
-    return solution.map if solution else backend.map()
+    return places(solution.map if solution else backend.map())
 
 
 def places(landmarks: Map) -> Array:
@@ -223,22 +192,21 @@ def places(landmarks: Map) -> Array:
 def test_the_landmarks_are_where_the_world_has_them(whole: Dataset, name: str):
     """From the origin, which leaves the heading of the first metres in the map, and aligned."""
     assert whole.truth.map is not None
-    found, truth = places(estimated(name, whole.log)), places(whole.truth.map)
+    found, truth = estimated(name, whole.log), places(whole.truth.map)
     assert rmse(found, truth) < (0.3 if name == "fastslam" else 0.09)  # a particle's heading at the start is a draw
     assert rmse(aligned(found, truth), truth) < 0.03
 
 
 def test_the_backends_agree_with_an_independent_optimum(whole: Dataset):
     fit = fitted(whole.log, dead_reckoned(whole.log), iterations=8)
-    np.testing.assert_allclose(places(estimated("graph", whole.log)), fit.xy, atol=1e-6)
-    np.testing.assert_allclose(places(estimated("ekf", whole.log)), fit.xy, atol=0.01)
+    np.testing.assert_allclose(estimated("graph", whole.log), fit.xy, atol=1e-6)
+    np.testing.assert_allclose(estimated("ekf", whole.log), fit.xy, atol=0.01)
 
 
 def test_the_default_noise_is_nearer_to_the_log_s_own_than_the_course_s(whole: Dataset):
     """chi2 at the batch optimum, of its degrees of freedom: sightings less the map and what the path takes up."""
     settings = replace(Options(), motion="course", bearing_sd=0.1)
-    place = Path(os.environ["SLAMDUEL_DATA"]) / "freiburg"
     for options, low, high in ((Options(), 0.9, 1.05), (settings, 0.3, 0.45)):
-        log = freiburg.read(place, options).log
+        log = freiburg.read(at_hand("freiburg"), options).log
         fit = fitted(log, dead_reckoned(log), iterations=15)
         assert low < fit.cost / (2 * len(log.ids) - 2 * len(fit.ids)) < high

@@ -1,8 +1,6 @@
 """The laser logs of the Freiburg benchmark: fetched file by file, whole or not at all, and read by their names."""
 
 import hashlib
-import os
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,13 +11,14 @@ import floor_drives as floor
 import publishers
 import toy_log
 from publishers import Http, Request
+from recorded import at_hand
+from refusals import refused
 from slamduel.bench.cli import main
 from slamduel.bench.plan.load import load
-from slamduel.core.errors import InputError
 from slamduel.datasets.published import catalogue
 from slamduel.datasets.published.catalogue import FILE, PUBLISHED, place
 from slamduel.datasets.published.laser_logs import log_file
-from toy_log import beside, refusal
+from toy_log import Printed, Serve, beside, refusal
 
 quick = pytest.fixture(autouse=True)(toy_log.quick)
 serve = pytest.fixture(toy_log.serve)
@@ -53,7 +52,7 @@ def served(
 
 
 def test_a_log_and_its_relations_arrive_in_one_folder(
-    serve: Callable[..., Http], scans: bytes, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    serve: Serve, scans: bytes, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
     server = serve(*[sends_by_name(scans)] * 2)
     served(monkeypatch, "intel-lab", server)
@@ -65,7 +64,6 @@ def test_a_log_and_its_relations_arrive_in_one_folder(
     assert found == {"intel.clf": scans, "intel.relations": RELATIONS}
     assert f"{hashlib.sha256(scans).hexdigest()}  intel.clf\n" in sums
     log, truth = load("intel-lab")
-    assert truth is not None
     assert truth.kind == "relations"
     assert log.name == "intel-lab"
     assert log.notes["source"].startswith("D. Haehnel; relations: Kuemmerle et al.")
@@ -74,7 +72,7 @@ def test_a_log_and_its_relations_arrive_in_one_folder(
 
 
 def test_relations_of_another_log_are_refused_and_nothing_is_kept(
-    serve: Callable[..., Http], scans: bytes, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    serve: Serve, scans: bytes, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
     known = dict(PUBLISHED["killian"].files)
     assert known["mit-killian.relations"] is not None
@@ -84,7 +82,7 @@ def test_relations_of_another_log_are_refused_and_nothing_is_kept(
 
 
 def test_half_a_log_or_a_page_in_its_place_is_none(
-    serve: Callable[..., Http], scans: bytes, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    serve: Serve, scans: bytes, monkeypatch: pytest.MonkeyPatch, capsys: Printed
 ) -> None:
     served(monkeypatch, "aces", serve(sends_by_name(scans), publishers.answers(404)))
     text = refusal(capsys, "aces")
@@ -95,9 +93,7 @@ def test_half_a_log_or_a_page_in_its_place_is_none(
     assert beside("aces") == set()
 
 
-def test_files_got_by_hand_are_installed_from_their_folder(
-    scans: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_files_got_by_hand_are_installed_from_their_folder(scans: bytes, tmp_path: Path, capsys: Printed) -> None:
     (tmp_path / "got").mkdir()
     (tmp_path / "got" / "mit-csail.clf").write_bytes(scans)
     assert "missing mit-csail.relations" in refusal(capsys, "mit-csail", "--from", tmp_path / "got")
@@ -113,10 +109,7 @@ def test_files_got_by_hand_are_installed_from_their_folder(
 
 def test_a_log_that_is_not_here_says_how_to_get_it() -> None:
     for name in NAMES:
-        with pytest.raises(
-            InputError, match=rf"{name} is not on this machine: bench fetch {name} gets it, {name}\[path=FILE\]"
-        ):
-            load(name)
+        refused(rf"{name} is not on this machine: bench fetch {name} gets it, {name}\[path=FILE\]", load, name)
 
 
 def test_the_entries_name_a_log_and_its_relations() -> None:
@@ -129,13 +122,10 @@ def test_the_entries_name_a_log_and_its_relations() -> None:
 
 
 def test_relations_at_hand_are_the_published_ones() -> None:
-    folder = Path(os.environ.get("SLAMDUEL_DATA", "")) / "lidar"
-    if "SLAMDUEL_DATA" not in os.environ or not folder.is_dir():
-        pytest.skip("SLAMDUEL_DATA is not set, or has no laser logs")
     known = {file: digest for name in NAMES for file, digest in PUBLISHED[name].files.items() if digest}
     assert len(known) == 3
     for file, digest in known.items():
-        assert hashlib.sha256((folder / file).read_bytes()).hexdigest() == digest
+        assert hashlib.sha256((at_hand("lidar") / file).read_bytes()).hexdigest() == digest
 
 
 def test_the_scanner_of_freiburgs_robot_sits_behind_its_origin(scans: bytes, tmp_path: Path) -> None:

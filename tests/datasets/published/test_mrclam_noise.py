@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from slamduel.core.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
-from slamduel.core.se2 import Array, Ints, between, compose, wrap
+from motions import chained
+from slamduel.core.factors import UNKNOWN, Log, Map, Prior, Truth
+from slamduel.core.se2 import Array, Ints, between, wrap
 from slamduel.core.truth_errors import sighting_errors
 from slamduel.datasets.published.mrclam_noise import HORIZON, motion_errors, noise
 
@@ -13,19 +14,12 @@ FORWARD = np.array([0.1, 0.0, 0.05])
 PLACES = Map(np.array([9, 6, 7]), np.array([[5.0, 1.0], [-2.0, 6.0], [0.0, -1.0]]), None)
 
 
-def driven(deltas: Array) -> Array:
-    path = [np.zeros(3)]
-    for delta in deltas:
-        path.append(compose(path[-1], delta))
-    return np.array(path)
-
-
-def dataset(rng: np.random.Generator, alike: float = 0.0) -> Dataset:
+def dataset(rng: np.random.Generator, alike: float = 0.0) -> tuple[Log, Truth]:
     """A robot that drives circles, a step a second, and sights a landmark in each, its errors `alike` those of before.
 
     Each landmark is sighted twenty times in a row. The truth has a gap; the last three sightings are of nobody known.
     """
-    poses = driven(np.broadcast_to(FORWARD, (STEPS - 1, 3)))
+    poses = chained(np.broadcast_to(FORWARD, (STEPS - 1, 3)))
     ids = np.array([9, 6, 7])[np.arange(STEPS) // 20 % 3]
     white = rng.normal(size=(STEPS, 2))
     errors = white.copy()
@@ -41,7 +35,7 @@ def dataset(rng: np.random.Generator, alike: float = 0.0) -> Dataset:
     t, z_cov = np.arange(STEPS, dtype=float), np.broadcast_to(np.eye(2), (STEPS, 2, 2))
     log = Log.from_arrays("x", Prior(poses[0], np.eye(3)), t, delta, cov, np.arange(STEPS), ids, z, z_cov)
     there = (t < 200) | (t >= 210)
-    return Dataset(log, Truth(t[there], poses[there], PLACES, None, "truth"))
+    return log, Truth(t[there], poses[there], PLACES, None, "truth")
 
 
 def exact(poses: Array, ids: Ints) -> Array:
@@ -58,7 +52,6 @@ def rng() -> np.random.Generator:
 def test_bias_and_spread_are_found_beside_gross_errors(rng: np.random.Generator):
     """Within six standard errors: of a Gaussian's median 1.25 sd / sqrt n, of its MAD 1.17, of its RMS 0.71."""
     log, truth = dataset(rng)
-    assert truth is not None
     found, few = noise(log, truth), 6 / np.sqrt(STEPS)
     assert found["gross"] == GROSS
     assert found["sightings compared"] == STEPS - 10 - 3
@@ -71,14 +64,12 @@ def test_bias_and_spread_are_found_beside_gross_errors(rng: np.random.Generator)
 
 def test_errors_that_repeat_are_seen_to(rng: np.random.Generator):
     log, truth = dataset(rng, alike=0.9)
-    assert truth is not None
     found = noise(log, truth)
     assert found["range"]["correlation within 1 s"] == pytest.approx(0.9, abs=6 * np.sqrt((1 - 0.9**2) / STEPS) + 5e-3)
 
 
 def test_motion_errors_are_those_of_a_second_whatever_the_horizon(rng: np.random.Generator):
     log, truth = dataset(rng)
-    assert truth is not None
     for horizon in (1.0, HORIZON):
         errors = motion_errors(log, truth, horizon)
         n = STEPS / horizon
@@ -96,7 +87,5 @@ def test_where_nothing_is_known_nothing_is_said(rng: np.random.Generator):
     log, truth = dataset(rng)
     unknown = truth._replace(map=None)
     assert not len(sighting_errors(log, unknown).row)
-    assert noise(log.head(5), unknown._replace(t=truth.t[:5], poses=truth.poses[:5])) == {
-        "sightings compared": 0,
-        "gross": 0,
-    }
+    few = unknown._replace(t=truth.t[:5], poses=truth.poses[:5])
+    assert noise(log.head(5), few) == {"sightings compared": 0, "gross": 0}

@@ -11,11 +11,10 @@ import pytest
 
 import publishers
 import toy_log
-from publishers import Http
 from slamduel.bench.cli import main
 from slamduel.datasets.published import unpack
 from slamduel.datasets.published.catalogue import PUBLISHED, fetched, place
-from toy_log import FILES, LOG, assert_in_place, beside, entry, refusal, sha256, tarred, zipped
+from toy_log import FILES, LOG, Printed, Serve, assert_in_place, beside, entry, refusal, sha256, tarred, zipped
 
 quick = pytest.fixture(autouse=True)(toy_log.quick)
 serve = pytest.fixture(toy_log.serve)
@@ -45,9 +44,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_what_is_not_the_log_is_turned_down(
-    serve: Callable[..., Http], tmp_path: Path, capsys: pytest.CaptureFixture[str], case: str
-) -> None:
+def test_what_is_not_the_log_is_turned_down(serve: Serve, tmp_path: Path, capsys: Printed, case: str) -> None:
     content, wording = BAD[case]
     url = serve(content=content).url
     text = refusal(capsys, "toy", "--url", url)
@@ -60,7 +57,7 @@ def test_what_is_not_the_log_is_turned_down(
     assert beside() == set()  # nothing of it is kept
 
 
-def test_a_bad_new_one_leaves_the_old_one(serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_bad_new_one_leaves_the_old_one(serve: Serve, capsys: Printed) -> None:
     server = serve(publishers.sends(LOG), publishers.sends(BAD["another file"][0]))
     assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
     refusal(capsys, "toy", "--again", "--url", server.url)
@@ -71,8 +68,8 @@ def test_a_bad_new_one_leaves_the_old_one(serve: Callable[..., Http], capsys: py
 
 @pytest.mark.parametrize("pack", [zipped, tarred])
 def test_a_bomb(
-    serve: Callable[..., Http],
-    capsys: pytest.CaptureFixture[str],
+    serve: Serve,
+    capsys: Printed,
     monkeypatch: pytest.MonkeyPatch,
     pack: Callable[..., bytes],
 ) -> None:
@@ -83,7 +80,7 @@ def test_a_bomb(
     assert beside() == set()
 
 
-def test_two_files_of_one_name(serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]) -> None:
+def test_two_files_of_one_name(serve: Serve, capsys: Printed) -> None:
     twice = zipped({"older/path.dat": b"of another sheet", **FILES, "newer/path.dat": b"of a third"})
     assert main(["fetch", "toy", "--quiet", "--url", serve(content=twice).url]) == 0
     assert_in_place()  # the sha256 tells which is meant
@@ -105,9 +102,7 @@ def test_a_log_that_was_got_by_hand(tmp_path: Path, form: str) -> None:
     assert fetched("toy", "toy[path=FOLDER]") == place("toy")
 
 
-def test_one_file_got_by_hand_is_enough_for_a_log_of_one_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_file_got_by_hand_is_enough_for_a_log_of_one_file(tmp_path: Path, capsys: Printed) -> None:
     source = tmp_path / "renamed"
     source.write_bytes(FILES["path.dat"])
     PUBLISHED["toy"] = entry(files={"path.dat": sha256(FILES["path.dat"])})
@@ -118,13 +113,13 @@ def test_one_file_got_by_hand_is_enough_for_a_log_of_one_file(
     assert_in_place(files={"path.dat": FILES["path.dat"]})
 
 
-def test_of_many_files_that_are_missing_three_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_of_many_files_that_are_missing_three_are_named(tmp_path: Path, capsys: Printed) -> None:
     (source := tmp_path / "empty.tar").write_bytes(bytes(10240))
     listed = "missing Barcodes.dat, Landmark_Groundtruth.dat, Robot1_Groundtruth.dat and 14 more."
     assert listed in refusal(capsys, "mrclam-1", "--from", source)
 
 
-def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: Printed) -> None:
     os.mkfifo(pipe := tmp_path / "path.dat")
     for given in (pipe, Path("/dev/null")):
         assert f"bench: {given}: a pipe, a socket or a device; expected" in refusal(capsys, "toy", "--from", given)
@@ -155,9 +150,7 @@ def test_of_several_sets_the_one_that_was_asked_for_is_taken(sets: Path, number:
     assert_in_place(f"mrclam-{number}", mrclam(number))
 
 
-def test_a_set_of_another_number_is_turned_down(
-    sets: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_set_of_another_number_is_turned_down(sets: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed) -> None:
     turned_down = "Barcodes.dat in it is of mrclam-4 by its path, not of mrclam-3."
     folder = sets / "MRSLAM_Dataset4"
     assert f"{folder}: {turned_down}" in refusal(capsys, "mrclam-3", "--from", folder)
@@ -173,9 +166,7 @@ def test_a_set_of_another_number_is_turned_down(
     assert not place("mrclam-3").exists()
 
 
-def test_an_address_of_another_set_is_turned_down(
-    serve: Callable[..., Http], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_address_of_another_set_is_turned_down(serve: Serve, capsys: Printed) -> None:
     url = serve(content=zipped(mrclam(4), folder="")).url.replace("log.zip", "get?target=MRCLAM4.zip")
     assert f"{url}: Barcodes.dat in it is of mrclam-4" in refusal(capsys, "mrclam-3", "--url", url)
     assert main(["fetch", "mrclam-4", "--quiet", "--url", url]) == 0

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from slamduel.core.errors import InputError
+from refusals import refused
 from slamduel.core.factors import Log, Truth
 from slamduel.core.se2 import wrap
 from slamduel.datasets.bags import bag
@@ -25,47 +25,44 @@ from slamduel.datasets.worlds.aruco_room import Options, record
 from slamduel.frontend.camera.camera import Model
 from slamduel.frontend.markers.pipeline import Frame, Recording, build_log
 from slamduel.frontend.wheels.motion import Drift, Poses, Track, TrackNoise
+from tiers import first_quick
 
+Drive = tuple[Recording, Truth]
 EXACT = ("frames", "video", "ros1", "ros2", "mcap")
 
 
 @pytest.fixture(scope="module")
-def drive() -> tuple[Recording, Truth]:
+def drive() -> Drive:
     recording, truth = record(Options(seconds=2.0), generator("aruco-room", 3))
     return replace(recording, frames=list(recording.frames)), truth
 
 
 @pytest.fixture(scope="module")
-def log(drive: tuple[Recording, Truth]) -> Log:
+def log(drive: Drive) -> Log:
     return build_log(drive[0])
 
 
 @pytest.fixture(scope="module")
-def folders(drive: tuple[Recording, Truth], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def folders(drive: Drive, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     home = tmp_path_factory.mktemp("exports")
     places = {home / name: name for name in FORMATS}
     write(places, *drive)
     return {name: folder for folder, name in places.items()}
 
 
-@pytest.mark.parametrize("name", EXACT)
-def test_lossless_formats_give_the_same_factors(
-    name: str, drive: tuple[Recording, Truth], log: Log, folders: dict[str, Path]
-) -> None:
+@pytest.mark.parametrize("name", first_quick(EXACT, 2))
+def test_lossless_formats_give_the_same_factors(name: str, drive: Drive, log: Log, folders: dict[str, Path]) -> None:
     opened = open_recording(folders[name])
     assert opened.length == len(log.t)
     for ours, theirs in zip(drive[0].frames, opened.recording.frames, strict=True):
-        assert ours.image is not None
         grey = theirs.image if theirs.image.ndim == 2 else theirs.image[:, :, 1]
         np.testing.assert_array_equal(grey, ours.image)
     found, truth = build(opened)
     assert len(log.ids) > 30
     np.testing.assert_array_equal(found.ids, log.ids)
     np.testing.assert_array_equal(found.sighting_step, log.sighting_step)
-    for column in ("t", "z", "z_cov"):
+    for column in ("t", "z", "z_cov", "delta", "delta_cov"):
         np.testing.assert_allclose(getattr(found, column), getattr(log, column), rtol=0, atol=1e-9)
-    for column in ("delta", "delta_cov"):  # of step 0 there is none
-        np.testing.assert_allclose(getattr(found, column)[1:], getattr(log, column)[1:], rtol=0, atol=1e-9)
     np.testing.assert_allclose(found.prior.pose, log.prior.pose, atol=1e-15)
     np.testing.assert_allclose(found.prior.cov, log.prior.cov, rtol=1e-12)
     np.testing.assert_array_equal(truth.poses, drive[1].poses)
@@ -73,7 +70,7 @@ def test_lossless_formats_give_the_same_factors(
 
 
 def test_a_rolling_shutter_is_written_and_read(tmp_path: Path) -> None:
-    made, truth = record(Options(seconds=1.0, readout=0.04, noise="propagated"), generator("aruco-room", 3))
+    made, truth = record(Options(seconds=0.5, readout=0.04, noise="propagated"), generator("aruco-room", 3))
     made = replace(made, frames=list(made.frames))
     write({tmp_path / "a": "frames"}, made, truth)
     robot = read_robot(tmp_path / "a" / "robot.toml")
@@ -81,12 +78,9 @@ def test_a_rolling_shutter_is_written_and_read(tmp_path: Path) -> None:
     expected, found = build_log(made), build(open_recording(tmp_path / "a")).log
     np.testing.assert_array_equal(found.ids, expected.ids)
     for column in ("t", "z", "z_cov"):
-        np.testing.assert_allclose(
-            getattr(found, column), getattr(expected, column), rtol=0, atol=1e-7
-        )  # stamps are rounded
-    (tmp_path / "a" / "robot.toml").write_text(
-        (tmp_path / "a" / "robot.toml").read_text().replace("readout = 0.04", "").replace("time_offset = -0.02", "")
-    )
+        np.testing.assert_allclose(getattr(found, column), getattr(expected, column), 0, 1e-7)  # stamps are rounded
+    told = (tmp_path / "a" / "robot.toml").read_text()
+    (tmp_path / "a" / "robot.toml").write_text(told.replace("readout = 0.04", "").replace("time_offset = -0.02", ""))
     ignored = build(open_recording(tmp_path / "a")).log
     assert np.abs(ignored.z - expected.z).max() > 1e-3
 
@@ -107,17 +101,8 @@ def test_lossy_video_is_within_the_noise(log: Log, folders: dict[str, Path]) -> 
     assert 0 < squares.mean() < 0.5
 
 
-def test_a_bag_needs_no_calibration_file(log: Log, folders: dict[str, Path], tmp_path: Path) -> None:
-    for name in ("ros1", "ros2", "mcap"):
-        robot = (folders[name] / "robot.toml").read_text().replace('calibration = "calibration.yaml"\n', "")
-        (tmp_path / f"{name}.toml").write_text(robot)
-        path = next(one for one in folders[name].iterdir() if one.name.startswith("drive"))
-        found = build_log(open_recording(path, read_robot(tmp_path / f"{name}.toml")).recording)
-        np.testing.assert_allclose(found.z, log.z, rtol=0, atol=1e-9)
-
-
 @pytest.mark.parametrize("name", ["frames", "ros1", "ros2", "mcap"])
-def test_summed_up_poses_go_out_and_come_back(name: str, drive: tuple[Recording, Truth], tmp_path: Path) -> None:
+def test_summed_up_poses_go_out_and_come_back(name: str, drive: Drive, tmp_path: Path) -> None:
     recording, truth = drive
     t = truth.t
     poses = truth.poses + np.array([1.0, 2.0, 0.0])
@@ -147,9 +132,7 @@ RNG = np.random.default_rng(5)
 
 @pytest.mark.parametrize("name", EXACT)
 @pytest.mark.parametrize("shape", [(480, 640), (480, 640, 3)])
-def test_every_pixel_comes_back(
-    name: str, shape: tuple[int, ...], drive: tuple[Recording, Truth], tmp_path: Path
-) -> None:
+def test_every_pixel_comes_back(name: str, shape: tuple[int, ...], drive: Drive, tmp_path: Path) -> None:
     images = [RNG.integers(0, 256, shape, np.uint8) for _ in range(3)]
     write({tmp_path / "out": name}, some(drive[0], [images[0], None, *images[1:]]), None)
     found = list(open_recording(tmp_path / "out").recording.frames)
@@ -166,73 +149,55 @@ def test_every_pixel_comes_back(
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_one_frame_is_a_recording(name: str, drive: tuple[Recording, Truth], tmp_path: Path) -> None:
-    image = np.full((480, 640), 90, np.uint8)
-    write({tmp_path / "out": name}, some(drive[0], [image]), None)
-    assert [frame.t for frame in open_recording(tmp_path / "out").recording.frames] == [0]
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_without_motion_robot_toml_says_how_far_it_drifts(
-    name: str, drive: tuple[Recording, Truth], tmp_path: Path
-) -> None:
-    still = replace(some(drive[0], [np.zeros((480, 640), np.uint8)] * 2), motion=Drift(0.2, 0.3))
+def test_one_frame_without_motion_is_a_recording(name: str, drive: Drive, tmp_path: Path) -> None:
+    still = replace(some(drive[0], [np.zeros((480, 640), np.uint8)]), motion=Drift(0.2, 0.3))
     write({tmp_path / "out": name}, still, None)
-    assert open_recording(tmp_path / "out").recording.motion == Drift(0.2, 0.3)
+    found = open_recording(tmp_path / "out").recording
+    assert found.motion == Drift(0.2, 0.3)
+    assert [frame.t for frame in found.frames] == [0]
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_whole_or_not_at_all(name: str, drive: tuple[Recording, Truth], tmp_path: Path) -> None:
+def test_whole_or_not_at_all(name: str, drive: Drive, tmp_path: Path) -> None:
     def breaks() -> Iterator[Frame]:
         yield from list(drive[0].frames)[:3]
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         write({tmp_path / "out": name}, replace(drive[0], frames=breaks()), None)
-    with pytest.raises(InputError, match="no frame with an image"):
-        write({tmp_path / "out": name}, some(drive[0], [None, None]), None)
+    refused("no frame with an image", write, {tmp_path / "out": name}, some(drive[0], [None, None]), None)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_there_stays(drive: tuple[Recording, Truth], tmp_path: Path) -> None:
+def test_what_is_there_stays(drive: Drive, tmp_path: Path) -> None:
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "mine").write_text("mine")
-    with pytest.raises(InputError, match="b: exists and is not an empty folder"):
-        write({tmp_path / "a": "frames", tmp_path / "b": "mcap"}, *drive)
+    refused("b: exists and is not an empty folder", write, {tmp_path / "a": "frames", tmp_path / "b": "mcap"}, *drive)
     assert [one.name for one in tmp_path.rglob("*")] == ["b", "mine"]
     (tmp_path / "file").write_text("x")
-    with pytest.raises(InputError, match="file"):
-        write({tmp_path / "file" / "in": "frames"}, *drive)
+    refused("file", write, {tmp_path / "file" / "in": "frames"}, *drive)
 
 
-@pytest.mark.parametrize("name", ["frames", "video", "mp4", "ros1"])
-def test_frames_out_of_order_are_refused(name: str, drive: tuple[Recording, Truth], tmp_path: Path) -> None:
-    image = np.zeros((480, 640), np.uint8)
-    twice = replace(drive[0], frames=[Frame(t, image) for t in (0.0, 0.5, 0.5)])
-    with pytest.raises(InputError, match=r"frame 2 is at 0\.5 s, expected later than 0\.5 s"):
-        write({tmp_path / "out": name}, twice, None)
-    assert list(tmp_path.iterdir()) == []
+AGAIN = r"frame 2 is at 0\.5 s, expected later than 0\.5 s"
+REFUSED: list[Any] = [
+    *((kind, (480, 640), (0.0, 0.5, 0.5), AGAIN) for kind in ("frames", "video", "mp4", "ros1")),
+    *((kind, (480, 641), (0.0, 0.5), "of 641x480 pixels, expected even") for kind in ("video", "mp4")),
+    *((kind, (481, 640), (0.0, 0.5), "of 640x481 pixels, expected even") for kind in ("video", "mp4")),
+    ("ros1", (480, 640), (-1.0,), r"found a time of -1\.0 s"),
+]
 
 
-@pytest.mark.parametrize("kind", ["video", "mp4"])
-@pytest.mark.parametrize("shape", [(480, 641), (481, 640)])
-def test_videos_of_odd_size_are_refused(
-    kind: str, shape: tuple[int, int], drive: tuple[Recording, Truth], tmp_path: Path
+@pytest.mark.parametrize(("kind", "shape", "times", "words"), REFUSED)
+def test_frames_that_a_format_cannot_hold_are_refused(
+    kind: str, shape: tuple[int, int], times: Any, words: str, drive: Drive, tmp_path: Path
 ) -> None:
-    odd = some(drive[0], [np.zeros(shape, np.uint8)] * 2)
-    with pytest.raises(InputError, match=f"found frames of {shape[1]}x{shape[0]} pixels, expected even"):
-        write({tmp_path / "out": kind}, odd, None)
+    """Out of order, of odd size in a video, before 1970 in a bag."""
+    odd = replace(drive[0], frames=[Frame(t, np.zeros(shape, np.uint8)) for t in times])
+    refused(words, write, {tmp_path / "out": kind}, odd, None)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_times_before_1970_are_refused(drive: tuple[Recording, Truth], tmp_path: Path) -> None:
-    early = replace(drive[0], frames=[Frame(-1.0, np.zeros((480, 640), np.uint8))])
-    with pytest.raises(InputError, match=r"found a time of -1\.0 s"):
-        write({tmp_path / "out": "ros1"}, early, None)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_the_truth_is_written_where_it_is_known(drive: tuple[Recording, Truth], tmp_path: Path) -> None:
+def test_the_truth_is_written_where_it_is_known(drive: Drive, tmp_path: Path) -> None:
     recording = some(drive[0], [np.zeros((480, 640), np.uint8)] * 2)
     write({tmp_path / "frames": "frames"}, recording, drive[1])
     others = {"video": "drive.mkv", "mp4": "drive.mp4", "mcap": "drive.mcap"}
@@ -240,18 +205,13 @@ def test_the_truth_is_written_where_it_is_known(drive: tuple[Recording, Truth], 
     files = {str(one.relative_to(tmp_path)) for one in tmp_path.glob("*/*")}
     assert files >= {"frames/frames", "frames/truth.tum", *(f"{kind}/{file}" for kind, file in others.items())}
     assert not any(f"{kind}/truth.tum" in files for kind in others)
-    with pytest.raises(InputError, match="format: found 'gif', expected one of frames"):
-        write({tmp_path / "new": "gif"}, recording, None)
+    refused("format: found 'gif', expected one of frames", write, {tmp_path / "new": "gif"}, recording, None)
     assert tomllib.loads((tmp_path / "mcap" / "robot.toml").read_text())["name"] == "aruco-room"
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])
-@pytest.mark.parametrize(
-    ("model", "length"), [("fisheye", 4), ("pinhole", 0), ("pinhole", 4), ("pinhole", 8), ("pinhole", 14)]
-)
-def test_bags_tell_of_any_camera(
-    kind: Kind, model: Model, length: int, drive: tuple[Recording, Truth], tmp_path: Path
-) -> None:
+@pytest.mark.parametrize(("model", "length"), [("fisheye", 4), *(("pinhole", k) for k in (0, 4, 8, 14))])
+def test_bags_tell_of_any_camera(kind: Kind, model: Model, length: int, drive: Drive, tmp_path: Path) -> None:
     recording = some(drive[0], [np.zeros((480, 640), np.uint8)])
     distortion = tuple(0.01 * (k + 1) for k in range(length))
     camera = replace(recording.detector.camera, model=model, distortion=distortion)
@@ -274,6 +234,5 @@ def test_bags_hold_what_ros_calls_it(folders: dict[str, Path]) -> None:
             ("/camera/image_raw", "sensor_msgs/msg/Image"),
             ("/encoder", "geometry_msgs/msg/QuaternionStamped"),
         }
-        with pytest.raises(InputError, match="/odom"):
-            rosbag.read(path, Topics(odometry="/odom"))
+        refused("/odom", rosbag.read, path, Topics(odometry="/odom"))
         assert not isinstance(rosbag.read(path, Topics()).readings, Poses)

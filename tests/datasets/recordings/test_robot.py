@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slamduel.core.errors import InputError
+from refusals import refusal, refused
 from slamduel.core.factors import Prior
 from slamduel.datasets.recordings.robot import FrameSource, Robot, read_robot, write_robot
 from slamduel.datasets.recordings.rosbag import Topics
@@ -154,8 +154,7 @@ def test_an_image_size_that_the_calibration_leaves_out(tmp_path: Path) -> None:
     words = FULL.replace("exposure = 0.02", "size = [320, 240]")
     camera = read_robot(folder_with(tmp_path, words, sizeless)).camera
     assert (camera.width, camera.height) == (320, 240)
-    with pytest.raises(InputError, match=r"calibration\.yaml: found no image_width"):
-        read_robot(folder_with(tmp_path, FULL, sizeless))
+    refused(r"calibration\.yaml: found no image_width", read_robot, folder_with(tmp_path, FULL, sizeless))
 
 
 REFUSALS = [
@@ -200,11 +199,9 @@ REFUSALS = [
 @pytest.mark.parametrize(("old", "new", "message"), REFUSALS)
 def test_what_cannot_be_used_is_refused_by_file_line_and_key(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert old in FULL
-    with pytest.raises(InputError) as refused:
-        read_robot(folder_with(tmp_path, FULL.replace(old, new, 1)))
-    assert str(refused.value).startswith(f"{tmp_path / 'robot.toml'}, {message}")
+    path = folder_with(tmp_path, FULL.replace(old, new, 1))
+    assert refusal(read_robot, path).startswith(f"{path}, {message}")
 
 
 def test_no_robot_toml(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"robot\.toml: there is no such file"):
-        read_robot(tmp_path / "robot.toml")
+    refused(r"robot\.toml: there is no such file", read_robot, tmp_path / "robot.toml")

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from slamduel.core.errors import InputError
+from refusals import refused
+from slabs import met
 from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.boxes import Box, place_boxes
 from slamduel.datasets.rendering.cameras import CAMERAS
@@ -100,23 +101,7 @@ def test_faces_enclose_the_box() -> None:
 
 def test_no_room_is_said() -> None:
     blocked = np.array([[0.0, 0.0, 3.0]])
-    with pytest.raises(InputError, match="boxes: found room for 0 boxes, expected 3"):
-        place_boxes(3, 4.0, 4.0, blocked, np.random.default_rng(0))
-
-
-def slabs(box: Box, origin: Array, rays: Array) -> tuple[Array, Array]:
-    """(n,) how far along each ray the box begins (inf: it is missed), and which face is met there."""
-    c, s = np.cos(box.place[2]), np.sin(box.place[2])
-    turn = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
-    start, along = turn @ (origin - [*box.place[:2], box.size[2] / 2]), rays @ turn.T
-    half = np.array(box.size) / 2
-    with np.errstate(divide="ignore"):
-        enter, leave = (-np.sign(along) * half - start) / along, (np.sign(along) * half - start) / along
-    first, last = enter.max(axis=1), leave.min(axis=1)
-    axis = enter.argmax(axis=1)
-    towards = np.take_along_axis(along, axis[:, None], axis=1)[:, 0] < 0
-    face = np.select([axis == 0, axis == 1], [np.where(towards, 0, 2), np.where(towards, 1, 3)], 4)
-    return np.where((first < last) & (first > 0), first, np.inf), face
+    refused("boxes: found room for 0 boxes, expected 3", place_boxes, 3, 4.0, 4.0, blocked, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.35, -0.5])
@@ -133,7 +118,7 @@ def test_boxes_hide_what_is_behind_them(heading: float) -> None:
     v, u = np.mgrid[:480:3, :640:3]
     rays = CAMERA.undistort(np.stack((u.ravel(), v.ravel()), axis=-1).astype(float))
     ahead = np.column_stack((rays, np.ones(len(rays)))) @ pose[:3, :3].T
-    hits = [slabs(box, pose[:3, 3], ahead) for box in boxes]
+    hits = [met(box, pose[:3, 3], ahead) for box in boxes]
     nearest = np.argmin([reach for reach, _ in hits], axis=0)
     expected = np.full(len(rays), float(BACK))
     for index, (reach, face) in enumerate(hits):
@@ -152,9 +137,7 @@ def test_boxes_hide_what_is_behind_them(heading: float) -> None:
 def test_the_edge_between_two_faces_lets_nothing_through() -> None:
     box = Box(np.array([1.5, 0.1, 0.5]), (0.5, 0.4, 0.5))
     made = renderer((box,))
-    dark = replace(
-        made, surfaces=made.surfaces._replace(boxes=(tuple(np.full((9, 9), 10, np.uint8) for _ in "12345"),))
-    )
+    dark = replace(made, surfaces=made.surfaces._replace(boxes=((np.full((9, 9), 10, np.uint8),) * 5,)))
     image = dark.scene(view(0.0, 0.0, 0.0))
     inside = image < 10.01
     assert inside.sum() > 5000

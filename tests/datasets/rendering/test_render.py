@@ -58,13 +58,8 @@ def plain_frame(made: Renderer, pose: Array) -> Image:
     return made.frame(pose, np.random.default_rng(0))
 
 
-VIEWS = [
-    facing(1.4, 0.1, 0.5),
-    facing(2.4, -0.6, 0.4, lean=0.7),
-    flat(1.3, 0.3, 0.4),
-    flat(1.9, -0.5, 2.0),
-    facing(1.3, -0.4, 0.65, lean=-0.5),
-]
+VIEWS = [facing(1.4, 0.1, 0.5), facing(2.4, -0.6, 0.4, lean=0.7), flat(1.3, 0.3, 0.4), flat(1.9, -0.5, 2.0)]
+VIEWS.append(facing(1.3, -0.4, 0.65, lean=-0.5))
 
 
 @pytest.mark.parametrize("marker", VIEWS)

@@ -41,10 +41,8 @@ def test_a_detector_finds_them_only_where_asked_and_beside_markers_that_it_reads
     unread, read = asked.detect(image)[0]
     assert (unread.id, read.id) == (UNKNOWN, 7)
     # 120 px of 0.16 m: both are as far away, and the corners are where they are drawn.
-    assert (
-        abs(np.linalg.norm(unread.pose[:3, 3]) / np.linalg.norm([139.5 - 320, 179.5 - 240, 575]) * 120 / 0.16 - 1)
-        < 0.01
-    )
+    distance = 0.16 / 120 * np.linalg.norm([139.5 - 320, 179.5 - 240, 575])
+    assert abs(np.linalg.norm(unread.pose[:3, 3]) / distance - 1) < 0.01
     np.testing.assert_allclose(np.sort(unread.corners[:, 0]), [79.5, 79.5, 199.5, 199.5], atol=0.1)
     np.testing.assert_allclose(np.sort(unread.corners[:, 1]), [119.5, 119.5, 239.5, 239.5], atol=0.1)
     assert (unread.corner_cov.diagonal() < 0.1).all()

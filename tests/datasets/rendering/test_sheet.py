@@ -97,9 +97,8 @@ def test_a_bent_sheet_is_whole_in_the_frame() -> None:
     seen = made.scene(at)
     bent, k = sheet(Print(curl=0.02)), 2 * 0.02 / (SIDE * 8 / 12) ** 2
     edge = SIDE * 8 / 12
-    ends = np.array(
-        [[s * np.sin(k * edge) / k, t * edge, (1 - np.cos(k * edge)) / k] for s in (-1, 1) for t in (-1, 1)]
-    )
+    SIGNS = (-1, 1)
+    ends = np.array([[s * np.sin(k * edge) / k, t * edge, (1 - np.cos(k * edge)) / k] for s in SIGNS for t in SIGNS])
     corners = ends @ pose[:3, :3].T + pose[:3, 3] - at[:3, 3]
     pixels = camera.project(corners @ at[:3, :3])
     rows, columns = np.nonzero(seen > 20)

@@ -1,6 +1,5 @@
 """Laser scans in bags: the same factors as from a CARMEN log, however they are written, and what cannot be used."""
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
@@ -13,7 +12,8 @@ import pytest
 import bags
 import floor_drives as floor
 from floor_drives import BEGIN, NS
-from slamduel.core.errors import InputError
+from fuzzing import survivors
+from refusals import refusal, refused, refused_at
 from slamduel.core.se2 import Array, between
 from slamduel.datasets.bags.transforms import matrix
 from slamduel.datasets.scans.odometry import interpolated
@@ -34,7 +34,6 @@ def drive() -> LaserRecording:
 def short() -> LaserRecording:
     """Its first 30 scans, for what needs no log."""
     whole = drive()
-    assert whole.odometry is not None
     return replace(whole, t=whole.t[:30], ranges=whole.ranges[:30], odometry=whole.odometry[:30])
 
 
@@ -50,11 +49,16 @@ def described(folder: Path, laser: str, rest: str = "") -> Path:
     return folder / "robot.toml"
 
 
+def whole(folder: Path, kind: str = "ros2", drive: LaserRecording | None = None, **scans: Any) -> Path:
+    """A bag of a drive's scans, odometry and the scanner's place."""
+    drive = drive or short()
+    return floor.bag(folder / "bag", kind, floor.scans(drive, **scans), floor.odometry(drive), floor.mounting())
+
+
 @pytest.mark.parametrize("kind", first_quick(bags.KINDS, 2))
 def test_the_same_scans_give_the_same_factors_in_every_kind_of_bag(kind: str, tmp_path: Path) -> None:
     expected = build(opened(floor.carmen(tmp_path / "floor.clf", drive()))).log
-    path = floor.bag(tmp_path / "bag", kind, floor.scans(drive()), floor.odometry(drive()), floor.mounting())
-    found = opened(path)
+    found = opened(whole(tmp_path, kind, drive()))
     assert found.remarks == []
     log = build(found).log
     assert len(log) > 25
@@ -70,10 +74,8 @@ def test_the_same_scans_give_the_same_factors_in_every_kind_of_bag(kind: str, tm
 @pytest.mark.parametrize("parent", ["odom", "/odom", "robot1/odom"])
 def test_tf_has_the_odometry_where_no_topic_has_it(kind: str, parent: str, tmp_path: Path) -> None:
     elsewhere = [bags.transforms(one, bags.Transform("map", "odom2", (1.0, 2.0, 0.0))) for one in floor.stamps(short())]
-    path = floor.bag(
-        tmp_path / "bag", kind, floor.scans(short()), floor.by_tf(short(), parent), floor.mounting(), elsewhere
-    )
-    found = opened(path)
+    said = floor.scans(short()), floor.by_tf(short(), parent), floor.mounting(), elsewhere
+    found = opened(floor.bag(tmp_path / "bag", kind, *said))
     assert found.remarks == []
     one, other = found.recording.odometry, short().odometry
     assert one is not None
@@ -106,7 +108,7 @@ def test_where_the_scanner_sits_is_told_by_tf(tmp_path: Path) -> None:
 
 
 def test_robot_toml_places_the_scanner_and_says_where_tf_differs(tmp_path: Path) -> None:
-    path = floor.bag(tmp_path / "bag", "ros2", floor.scans(short()), floor.odometry(short()), floor.mounting())
+    path = whole(tmp_path)
     described(tmp_path / "bag", "pose = [0.2, 0.0, 0.1]\nmax_range = 12\nstep = 0.25")
     found = opened(path)
     np.testing.assert_array_equal(found.recording.scanner.pose, [0.2, 0.0, 0.1])
@@ -130,24 +132,21 @@ def test_robot_toml_places_the_scanner_and_says_where_tf_differs(tmp_path: Path)
 def test_a_transform_that_cannot_be_used_is_named(place: Any, turn: Any, words: str, tmp_path: Path) -> None:
     there = floor.mounting(bags.Transform("base_link", "laser", place, turn))
     path = floor.bag(tmp_path / "bag", "ros1", floor.scans(short()), floor.odometry(short()), there)
-    with pytest.raises(InputError, match=re.escape(words)):
-        open_scans(path)
+    assert words in refusal(open_scans, path)
 
 
 def test_a_transform_of_something_else_may_be_anything(tmp_path: Path) -> None:
     arm = bags.Transform("base_link", "gripper", (np.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
     there = floor.mounting(floor.LASER_ON_BASE, arm)
-    assert (
-        opened(floor.bag(tmp_path / "bag", "ros1", floor.scans(short()), floor.odometry(short()), there)).remarks == []
-    )
+    path = floor.bag(tmp_path / "bag", "ros1", floor.scans(short()), floor.odometry(short()), there)
+    assert opened(path).remarks == []
     moving = [one._replace(build=lambda new: {"transforms": [arm]}) for one in floor.by_tf(short())]
     streams = floor.scans(short()), floor.by_tf(short()), moving, floor.mounting()
     assert opened(floor.bag(tmp_path / "two", "ros2", *streams)).remarks == []
-    lost = [
-        one._replace(build=lambda new: {"transforms": [arm._replace(parent="odom")]}) for one in floor.by_tf(short())
-    ]
-    with pytest.raises(InputError, match=r"from odom to gripper at 100\.0 s is .*, expected finite numbers"):
-        open_scans(floor.bag(tmp_path / "three", "ros2", floor.scans(short()), lost))
+    loose = arm._replace(parent="odom")
+    lost = [one._replace(build=lambda new: {"transforms": [loose]}) for one in floor.by_tf(short())]
+    path = floor.bag(tmp_path / "three", "ros2", floor.scans(short()), lost)
+    refused(r"from odom to gripper at 100\.0 s is .*, expected finite numbers", open_scans, path)
 
 
 def test_the_first_tf_of_ros_is_read(tmp_path: Path) -> None:
@@ -159,8 +158,7 @@ def test_the_first_tf_of_ros_is_read(tmp_path: Path) -> None:
 def test_transforms_that_lead_in_a_circle_are_refused(tmp_path: Path) -> None:
     there = floor.mounting(bags.Transform("laser", "mast", (0, 0, 0)), bags.Transform("mast", "laser", (0, 0, 0)))
     path = floor.bag(tmp_path / "bag", "ros2", floor.scans(short()), floor.odometry(short()), there)
-    with pytest.raises(InputError, match="back to it, expected a tree"):
-        open_scans(path)
+    refused("back to it, expected a tree", open_scans, path)
 
 
 # --- odometry between its readings ------------------------------------------------------------------------------------
@@ -176,37 +174,21 @@ def test_odometry_is_interpolated_along_the_line_and_evenly_in_heading() -> None
     assert interpolated(readings, np.array([2.0]), 2.0)[0].all()
 
 
-def every(said: Streams, count: int) -> Streams:
-    return said[::count]
-
-
 def test_scans_count_as_taken_in_the_middle_of_their_sweep(tmp_path: Path) -> None:
     """The robot's pose at that time is half way between its readings, here."""
     beams = short().ranges.shape[1]
     sweep = 0.1
-    said = floor.scans(short(), time_increment=sweep / (beams - 1), scan_time=sweep)
-    path = floor.bag(tmp_path / "bag", "ros2", said, floor.odometry(short()), floor.mounting())
-    found = opened(path)
+    found = opened(whole(tmp_path, time_increment=sweep / (beams - 1), scan_time=sweep))
     recording, odometry = found.recording, short().odometry
-    assert odometry is not None
-    assert recording.odometry is not None
     np.testing.assert_allclose(recording.t, BEGIN + short().t[:-1] + sweep / 2, atol=1e-6)  # single precision
-    np.testing.assert_allclose(
-        recording.odometry[:, :2], odometry[:-1, :2] + 0.25 * np.diff(odometry[:, :2], axis=0), atol=1e-6
-    )
+    middle = odometry[:-1, :2] + 0.25 * np.diff(odometry[:, :2], axis=0)
+    np.testing.assert_allclose(recording.odometry[:, :2], middle, atol=1e-6)
     assert found.remarks == ["1 of 30 scans have no odometry within 1 s around them and are left out"]
 
 
 @pytest.mark.parametrize("increment", [-1e-3, 1.0, np.nan])
 def test_a_time_increment_in_other_units_is_not_used(increment: float, tmp_path: Path) -> None:
-    path = floor.bag(
-        tmp_path / "bag",
-        "ros2",
-        floor.scans(short(), time_increment=increment),
-        floor.odometry(short()),
-        floor.mounting(),
-    )
-    found = opened(path)
+    found = opened(whole(tmp_path, time_increment=increment))
     np.testing.assert_allclose(found.recording.t, BEGIN + short().t, atol=1e-9)
     assert len(found.remarks) == 1
     assert "theirs count as taken at their stamps" in found.remarks[0]
@@ -226,30 +208,23 @@ def test_a_bag_without_odometry_goes_by_the_scans_alone(tmp_path: Path) -> None:
     path = floor.bag(tmp_path / "bag", "ros2", floor.scans(drive()))
     found = opened(path)
     assert found.recording.odometry is None
-    assert any(
-        "has no odometry, neither nav_msgs/Odometry nor a transform of tf from 'odom'" in one for one in found.remarks
-    )
+    assert any("has no odometry, neither nav_msgs/Odometry nor a transform of tf" in one for one in found.remarks)
     log = build(found).log
     assert log.notes["laser"]["wheels"] is False
     assert log.notes["topics"]["odometry"] == "none"
     assert len(log) > 25
     described(tmp_path / "bag", 'odometry = "wheels"')
-    with pytest.raises(InputError, match=r'has no odometry, .* for \[laser\] odometry = "wheels"; found /scan'):
-        open_scans(path)
-
-
-def still(said: Streams) -> Streams:
-    return [bags.odometry(one.stamp, 1.0, 2.0, (0.0, 0.0, 0.0, 1.0)) for one in said]
+    refused(r'has no odometry, .* for \[laser\] odometry = "wheels"; found /scan', open_scans, path)
 
 
 def test_odometry_that_never_moves_is_none(tmp_path: Path) -> None:
-    path = floor.bag(tmp_path / "bag", "ros2", floor.scans(short()), still(floor.odometry(short())), floor.mounting())
+    still = [bags.odometry(stamp, 1.0, 2.0, (0.0, 0.0, 0.0, 1.0)) for stamp in floor.stamps(short())]
+    path = floor.bag(tmp_path / "bag", "ros2", floor.scans(short()), still, floor.mounting())
     found = opened(path)
     assert found.recording.odometry is None
     assert found.remarks == ["its odometry never moves: the front end goes by the scans alone"]
     described(tmp_path / "bag", 'odometry = "wheels"')
-    with pytest.raises(InputError, match=r'/odom never moves, expected \[laser\] odometry = "none"'):
-        open_scans(path)
+    refused(r'/odom never moves, expected \[laser\] odometry = "none"', open_scans, path)
 
 
 # --- what a return is -------------------------------------------------------------------------------------------------
@@ -276,14 +251,7 @@ def test_what_is_no_return_is_none_however_it_is_said(tmp_path: Path) -> None:
 def test_scans_without_a_return_are_bridged_by_the_wheels(rows: slice, tmp_path: Path) -> None:
     ranges = drive().ranges.copy()
     ranges[rows] = np.nan
-    path = floor.bag(
-        tmp_path / "bag",
-        "ros2",
-        floor.scans(replace(drive(), ranges=ranges)),
-        floor.odometry(drive()),
-        floor.mounting(),
-    )
-    log = build(opened(path)).log
+    log = build(opened(whole(tmp_path, drive=replace(drive(), ranges=ranges)))).log
     empty = len(drive().t[rows])
     assert log.notes["laser"]["lost"] >= empty - 1  # the first scan has nothing to match
     assert drive().odometry is not None
@@ -303,118 +271,63 @@ def test_the_scanners_own_limits_hold_and_unset_ones_do_not(tmp_path: Path) -> N
 # --- what cannot be used ----------------------------------------------------------------------------------------------
 
 
-def without(number: int, said: Streams) -> Streams:
-    return [*said[:number], *said[number + 1 :]]
-
-
-def replaced(number: int, one: bags.Said, said: Streams) -> Streams:
-    return [*said[:number], one, *said[number + 1 :]]
+def tenth(said: Streams, make: Callable[..., bags.Said], *values: Any, **changes: Any) -> Streams:
+    """The stream with another message in place of the tenth, at its time."""
+    return [*said[:9], make(said[9].stamp, *values, **changes), *said[10:]]
 
 
 def restarted(said: Streams) -> Streams:
     """The clock begins again half way."""
     half = len(said) // 2
-    return [
-        one if k < half else one._replace(stamp=one.stamp - 3 * NS, received=one.stamp) for k, one in enumerate(said)
-    ]
-
-
-def later(said: Streams) -> Streams:
-    return [one._replace(stamp=one.stamp + 1000 * NS) for one in said]
+    return [*said[:half], *(one._replace(stamp=one.stamp - 3 * NS, received=one.stamp) for one in said[half:])]
 
 
 S, W = floor.scans, floor.odometry
 BEAMS, RANGES = "expected at least 2 beams at steps of an angle", "no range of topic /scan is between 0.15 and 25 m"
 BACKWARDS = "s before the message received before it; expected one clock that goes forward"
+UPRIGHT = (0, 0, 0, 1)
+TWO_SCANS = "/rear (sensor_msgs/LaserScan, 30 messages), /scan (sensor_msgs/LaserScan, 30 messages), expected [laser]"
+TWO_WAYS = "/filtered (nav_msgs/Odometry, 30 messages), /odom (nav_msgs/Odometry, 30 messages), expected [topics] o"
+APART = "none of the 30 scans has odometry: scans are from 100.0 to 105.8 s, readings of /odom from 1100.0 to 1105.8 s"
 FAULTS: list[tuple[Callable[[LaserRecording], Sequence[Streams]], str]] = [
     (lambda d: [W(d)], "has no topic with scans (sensor_msgs/LaserScan); found /odom"),
     (lambda d: [], "contains no messages, expected a recording"),
     (lambda d: [S(d)[:1], W(d)], "found 1 scans in topic /scan, expected at least 2"),
-    (
-        lambda d: [S(d), [one._replace(topic="/rear") for one in S(d)], W(d)],
-        "/rear (sensor_msgs/LaserScan, 30 messages), /scan (sensor_msgs/LaserScan, 30 messages), expected [laser] top",
-    ),
-    (
-        lambda d: [S(d), W(d), W(d, topic="/filtered")],
-        "/filtered (nav_msgs/Odometry, 30 messages), /odom (nav_msgs/Odometry, 30 messages), expected [topics] o",
-    ),
-    (
-        lambda d: [S(d), floor.by_tf(d), floor.by_tf(d, child="cart")],
-        "tf has the transforms odom to base_link, odom to cart, expected one from the odometry's frame",
-    ),
-    (
-        lambda d: [replaced(9, bags.scan(floor.stamps(d)[9], np.ones(90)), S(d)), W(d)],
-        "message 10 of topic /scan: found a scan of 90 beams from -1.5708 rad in steps of",
-    ),
-    (
-        lambda d: [replaced(9, bags.scan(floor.stamps(d)[9], np.ones(181), angle_min=-1.5), S(d)), W(d)],
-        "found a scan of 181 beams from -1.5 rad in steps of",
-    ),
+    (lambda d: [S(d), [one._replace(topic="/rear") for one in S(d)], W(d)], TWO_SCANS),
+    (lambda d: [S(d), W(d), W(d, topic="/filtered")], TWO_WAYS),
+    (lambda d: [S(d), floor.by_tf(d), floor.by_tf(d, child="cart")], "tf has the transforms odom to base_link, odom"),
+    (lambda d: [tenth(S(d), bags.scan, np.ones(90)), W(d)], "message 10 of topic /scan: found a scan of 90 beams from"),
+    (lambda d: [tenth(S(d), bags.scan, np.ones(181), angle_min=-1.5), W(d)], "found a scan of 181 beams from -1.5 rad"),
     (lambda d: [S(d, angle_increment=0.0), W(d)], BEAMS),
     (lambda d: [S(d, angle_min=np.nan), W(d)], BEAMS),
     (lambda d: [S(d, angle_increment=1.0), W(d)], "expected at most a full turn, in radians"),
-    (
-        lambda d: [S(replace(d, ranges=np.full_like(d.ranges, 81.83))), W(d)],
-        RANGES,
-    ),
-    (
-        lambda d: [S(replace(d, ranges=np.full_like(d.ranges, np.nan))), W(d)],
-        RANGES,
-    ),
+    (lambda d: [S(replace(d, ranges=np.full_like(d.ranges, 81.83))), W(d)], RANGES),
+    (lambda d: [S(replace(d, ranges=np.full_like(d.ranges, np.nan))), W(d)], RANGES),
     (lambda d: [S(replace(d, ranges=1000 * d.ranges)), W(d)], RANGES),
-    (
-        lambda d: [restarted(S(d)), W(d)],
-        BACKWARDS,
-    ),
-    (
-        lambda d: [S(d), restarted(W(d))],
-        BACKWARDS,
-    ),
+    (lambda d: [restarted(S(d)), W(d)], BACKWARDS),
+    (lambda d: [S(d), restarted(W(d))], BACKWARDS),
     (lambda d: [S(d), restarted(floor.by_tf(d))], "expected one clock that goes forward"),
-    (
-        lambda d: [S(d), later(W(d))],
-        "none of the 30 scans has odometry: scans are from 100.0 to 105.8 s, readings of /odom from 1100.0 to 1105.8 s",
-    ),
+    (lambda d: [S(d), [one._replace(stamp=one.stamp + 1000 * NS) for one in W(d)]], APART),
     (lambda d: [S(d), W(d)[:1]], "only one of the 30 scans has odometry"),
-    (
-        lambda d: [S(d), replaced(9, bags.odometry(floor.stamps(d)[9], 1e6, 0, (0, 0, 0, 1)), W(d))],
-        "the odometry jumps by",
-    ),
-    (
-        lambda d: [S(d), replaced(9, bags.odometry(floor.stamps(d)[9], np.nan, 0, (0, 0, 0, 1)), W(d))],
-        "topic /odom at 101.8 s: found",
-    ),
-    (
-        lambda d: [S(d), replaced(9, bags.odometry(floor.stamps(d)[9], 0, 0, (0, 0, 0, 0)), W(d))],
-        "the orientation's quaternion has length 0, expected 1",
-    ),
+    (lambda d: [S(d), tenth(W(d), bags.odometry, 1e6, 0, UPRIGHT)], "the odometry jumps by"),
+    (lambda d: [S(d), tenth(W(d), bags.odometry, np.nan, 0, UPRIGHT)], "topic /odom at 101.8 s: found"),
+    (lambda d: [S(d), tenth(W(d), bags.odometry, 0, 0, (0, 0, 0, 0))], "the orientation's quaternion has length 0"),
 ]
 
 
 @pytest.mark.parametrize(("streams", "words"), FAULTS)
-def test_what_cannot_be_used_is_named(
-    streams: Callable[[LaserRecording], Sequence[Streams]], words: str, tmp_path: Path
-) -> None:
+def test_what_cannot_be_used_is_named(streams: Callable[..., Sequence[Streams]], words: str, tmp_path: Path) -> None:
     described(tmp_path / "beside", "")
     said = [one for stream in streams(short()) for one in stream]
     said.sort(key=lambda one: one.stamp if one.received is None else one.received)
     path = bags.write(tmp_path / "beside", "ros1", said)
-    with pytest.raises(InputError, match=re.escape(words)) as error:
-        open_scans(path)
-    assert str(path) in str(error.value)
-    assert "\n" not in str(error.value)
+    refused_at(path, words, open_scans, path)
 
 
 def test_topics_are_chosen_by_robot_toml_or_by_options(tmp_path: Path) -> None:
     rear = [one._replace(topic="/rear") for one in floor.scans(replace(short(), ranges=short().ranges + 1))]
-    path = floor.bag(
-        tmp_path / "bag",
-        "ros2",
-        floor.scans(short()),
-        rear,
-        floor.odometry(short()),
-        floor.odometry(short(), topic="/o2"),
-    )
+    odometry = floor.odometry(short()), floor.odometry(short(), topic="/o2")
+    path = floor.bag(tmp_path / "bag", "ros2", floor.scans(short()), rear, *odometry)
     topics = ScanTopics("/rear", "o2")
     chosen = opened(path, None, topics).recording
     assert chosen.notes["topics"] == {"scan": "/rear", "odometry": "/o2"}
@@ -423,48 +336,27 @@ def test_topics_are_chosen_by_robot_toml_or_by_options(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.ranges, chosen.ranges)
     assert opened(path, None, ScanTopics("/scan")).recording.notes["topics"] == {"scan": "/scan", "odometry": "/o2"}
     described(tmp_path / "bag", 'topic = "/front"')
-    with pytest.raises(
-        InputError, match=r"has no topic '/front', which \[laser\] topic or the option scan names; found /o2"
-    ):
-        open_scans(path)
+    refused(r"has no topic '/front', which \[laser\] topic or the option scan names; found /o2", open_scans, path)
 
 
 def test_scans_received_late_are_put_in_order_and_repeated_ones_left_out(tmp_path: Path) -> None:
     said = floor.scans(short())
     said[4:8] = [one._replace(received=said[8].stamp) for one in said[4:8][::-1]]
     said.insert(9, said[9])
-    path = floor.bag(tmp_path / "bag", "mcap", floor.odometry(short()), floor.mounting())
-    assert path.exists()
     mixed = sorted([*said, *floor.odometry(short()), *floor.mounting()], key=lambda one: one.received or one.stamp)
-    (tmp_path / "late").mkdir()
-    found = opened(bags.write(tmp_path / "late", "ros1", mixed))
+    found = opened(bags.write(tmp_path, "ros1", mixed))
     np.testing.assert_allclose(found.recording.t, BEGIN + short().t, atol=1e-9)
     np.testing.assert_array_equal(found.recording.ranges, short().ranges.astype(np.float32))
     assert len(found.remarks) == 1
     assert "1 scans of topic /scan have the stamp of another one and are left out" in found.remarks[0]
 
 
-@pytest.mark.parametrize(
-    ("kind", "file"),
-    first_quick([("ros1", "drive.bag"), ("ros2", "drive/drive.db3"), ("mcap", "drive/drive.mcap")]),
-)
-def test_a_damaged_bag_is_read_or_refused_with_a_sentence(kind: str, file: str, tmp_path: Path) -> None:
-    path = floor.bag(tmp_path / "bag", kind, floor.scans(short()), floor.odometry(short()), floor.mounting())
-    content = (tmp_path / "bag" / file).read_bytes()
-    rng = np.random.default_rng(1)
-    refused = list[str]()
-    for case in range(16):
-        broken = bytearray(content if case % 2 else content[: int(rng.integers(len(content)))])
-        for at in rng.integers(len(broken), size=20) if case % 2 else ():
-            broken[at] ^= 1 << int(rng.integers(8))
-        (tmp_path / "bag" / file).write_bytes(broken)
-        try:
-            found = open_scans(path)
-        except InputError as error:
-            refused.append(str(error))
-        else:
-            assert found is None or np.isfinite(found.recording.t).all()
-    assert len(refused) >= 4
-    for sentence in refused:
-        assert "\n" not in sentence
-        assert str(tmp_path) in sentence
+@pytest.mark.parametrize("kind", first_quick(["ros1", "ros2", "mcap"]))
+def test_a_damaged_bag_is_read_or_refused_with_a_sentence(kind: str, tmp_path: Path) -> None:
+    path = whole(tmp_path, kind)
+
+    def usable(found: OpenedScans | None) -> None:
+        assert found is None or np.isfinite(found.recording.t).all()
+
+    _, sentences = survivors(lambda _: open_scans(path), bags.file_of(path), 18, 1, usable)
+    assert len(sentences) >= 4

@@ -1,6 +1,5 @@
 """Recordings of laser scans by their path: bags, CARMEN logs and folders with robot.toml, and what names a mistake."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,8 +9,8 @@ import pytest
 import bags
 import floor_drives as floor
 from fuzzing import survivors
+from refusals import refusal, refused
 from slamduel.bench.plan.load import load
-from slamduel.core.errors import InputError
 from slamduel.core.tum import write_tum
 from slamduel.datasets.recordings.robot import read_robot
 from slamduel.datasets.scans.open import OpenedScans, open_scans
@@ -55,53 +54,34 @@ def written(folder: Path, words: str) -> Path:
 
 def test_every_key_of_robot_toml_counts(tmp_path: Path) -> None:
     robot = read_laser_robot(written(tmp_path, FULL))
-    assert robot is not None
-    assert (robot.name, robot.topic, robot.source, robot.odometry_topic) == (
-        "cart",
-        "/front",
-        "drive.bag",
-        "/wheel_odom",
-    )
-    assert robot.pose is not None
+    assert (robot.name, robot.topic, robot.source) == ("cart", "/front", "drive.bag")
+    assert robot.odometry_topic == "/wheel_odom"
     assert robot.pose.tolist() == [0.1, -0.2, 0.3]
     assert (robot.min_range, robot.max_range, robot.max_gap) == (0.2, 40.0, 0.4)
     assert (robot.odometry, robot.odom_frame) == ("wheels", "world")
     s = robot.settings
     assert (s.step, s.turn, s.cell, s.loops, s.loop_every) == (0.3, 0.2, 0.04, False, 3)
-    assert robot.prior is not None
     assert robot.prior.pose.tolist() == [1.0, 2.0, 0.5]
     np.testing.assert_allclose(np.diag(robot.prior.cov), [0.01, 0.01, 0.0025])
     bare = read_laser_robot(written(tmp_path / "bare", "[laser]\n"))
-    assert bare is not None
     assert bare.settings == LaserRobot().settings
     assert (bare.pose, bare.prior, bare.topic, bare.max_range) == (None, None, None, 25.0)
 
 
 def test_a_robot_toml_of_a_camera_is_none_of_a_scanner(tmp_path: Path) -> None:
     assert read_laser_robot(written(tmp_path, '[markers]\ndictionary = "4X4_50"\nside = 0.1\n')) is None
-    with pytest.raises(
-        InputError, match=r"robot\.toml, line 3: laser: is of a robot with a scanner, expected \[markers\]"
-    ):
-        read_robot(written(tmp_path, FULL))
+    refused(r"robot\.toml, line 3: laser: is of a robot with a scanner, expected", read_robot, written(tmp_path, FULL))
 
 
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        (
-            "min_range = 0.2",
-            "minrange = 0.2",
-            "line 7: laser.minrange: there is no such key; did you mean 'min_range'?",
-        ),
+        ("min_range = 0.2", "minrange = 0.2", "line 7: laser.minrange: there is no such key; did you mean 'min_range'"),
         ("[topics]\nodometry", "[topics]\nodometri", "topics.odometri: there is no such key; did you mean 'odometry'?"),
         ("[prior]", "[prio]", "prio: there is no such key; did you mean 'prior'?"),
         ("pose = [0.1, -0.2, 0.3]", "pose = [0.1, -0.2]", "line 6: laser.pose: found [0.1, -0.2], expected 3 numbers"),
         ("pose = [0.1, -0.2, 0.3]", "pose = [0.1, -0.2, 30]", "expected x, y and a heading from -pi to pi, in radians"),
-        (
-            "max_range = 40",
-            "max_range = 0.1",
-            "line 8: laser.max_range: ranges would count from 0.2 to 0.1 m, expected",
-        ),
+        ("max_range = 40", "max_range = 0.1", "line 8: laser.max_range: ranges would count from 0.2 to 0.1 m, exp"),
         ("max_range = 40", "max_range = 400", "expected min_range below max_range, at most 100"),
         ("min_range = 0.2", "min_range = -1", "laser.min_range: found -1, expected a number at least 0"),
         ('odometry = "wheels"', 'odometry = "wheel"', "found 'wheel', expected one of 'auto', 'wheels', 'none'"),
@@ -111,18 +91,13 @@ def test_a_robot_toml_of_a_camera_is_none_of_a_scanner(tmp_path: Path) -> None:
         ("loops = false", 'loops = "no"', "laser.loops: found 'no', expected true or false"),
         ("loop_every = 3", "loop_every = 0", "laser.loop_every: found 0, expected a whole number, at least 1"),
         ('topic = "/front"', "topic = 3", "laser.topic: found 3, expected a text in quotes"),
-        (
-            "[prior]",
-            "[markers]\nside = 1\n[prior]",
-            "laser: is given beside [markers], expected one robot.toml for each",
-        ),
+        ("[prior]", "[markers]\nside = 1\n[prior]", "laser: is given beside [markers], expected one robot.toml for"),
         ("[laser]", "laser = 3\n[laser2]", "laser2: there is no such key; did you mean 'laser'?"),
     ],
 )
 def test_mistakes_in_robot_toml_are_named_with_their_line(old: str, new: str, words: str, tmp_path: Path) -> None:
     assert old in FULL
-    with pytest.raises(InputError, match=re.escape(words)):
-        read_laser_robot(written(tmp_path, FULL.replace(old, new, 1)))
+    assert words in refusal(read_laser_robot, written(tmp_path, FULL.replace(old, new, 1)))
 
 
 def test_a_folder_a_bag_and_a_carmen_log_are_datasets_by_their_path(drive: LaserRecording, tmp_path: Path) -> None:
@@ -159,32 +134,22 @@ def test_the_truth_beside_is_that_of_the_steps(drive: LaserRecording, tmp_path: 
 
 def test_what_cannot_be_opened_is_named(drive: LaserRecording, tmp_path: Path) -> None:
     written(tmp_path / "drive", "[laser]\n")
-    with pytest.raises(InputError, match=r"drive: found none, expected one recording: a ROS bag"):
-        open_scans(tmp_path / "drive")
+    refused(r"drive: found none, expected one recording: a ROS bag", open_scans, tmp_path / "drive")
     one = floor.carmen(tmp_path / "drive" / "a.clf", drive)
     floor.carmen(tmp_path / "drive" / "b.clf", drive)
-    with pytest.raises(
-        InputError, match=r"found a\.clf, b\.clf, expected one recording: .* \[laser\] source in robot\.toml"
-    ):
-        open_scans(tmp_path / "drive")
+    refused(r"found a\.clf, b\.clf, expected one recording: .* \[laser\] source in", open_scans, tmp_path / "drive")
     written(tmp_path / "drive", '[laser]\nsource = "b.clf"\n')
     found = open_scans(tmp_path / "drive")
-    assert found is not None
     assert found.recording.name == "b"
     written(tmp_path / "drive", '[laser]\nsource = "c.clf"\n')
-    with pytest.raises(InputError, match=r"which is the \[laser\] source in robot\.toml"):
-        open_scans(tmp_path / "drive")
+    refused(r"which is the \[laser\] source in robot\.toml", open_scans, tmp_path / "drive")
     written(tmp_path / "drive", '[laser]\ntopic = "/scan"\n')
-    with pytest.raises(InputError, match=r"a\.clf: topic is given, '/scan', and a CARMEN log has no topics"):
-        open_scans(one)
+    refused(r"a\.clf: topic is given, '/scan', and a CARMEN log has no topics", open_scans, one)
     (tmp_path / "drive" / "film.mp4").touch()
-    with pytest.raises(InputError, match=r"film\.mp4: found a file of an unknown kind, expected a ROS bag"):
-        open_scans(tmp_path / "drive" / "film.mp4")
-    with pytest.raises(InputError, match=r"nothing: there is no such file or folder"):
-        open_scans(tmp_path / "drive" / "nothing")
+    refused(r"film\.mp4: found a file of an unknown kind, expected a", open_scans, tmp_path / "drive" / "film.mp4")
+    refused(r"nothing: there is no such file or folder", open_scans, tmp_path / "drive" / "nothing")
     written(tmp_path / "drive", '[markers]\ndictionary = "4X4_50"\nside = 0.1\n')
-    with pytest.raises(InputError, match=r"robot\.toml: has no \[laser\], expected it for the scans in .*a\.clf"):
-        open_scans(one)
+    refused(r"robot\.toml: has no \[laser\], expected it for the scans in .*a\.clf", open_scans, one)
 
 
 def test_a_cameras_recording_is_left_to_the_camera(tmp_path: Path) -> None:
@@ -201,21 +166,18 @@ def test_carmens_no_return_is_none_with_any_range(drive: LaserRecording, tmp_pat
     path = floor.carmen(tmp_path / "floor.clf", drive)
     written(tmp_path, "[laser]\nmax_range = 100\nmin_range = 0.0\n")
     found = open_scans(path)
-    assert found is not None
     missing = drive.ranges[5] > 20
     assert missing.any()
     points = found.recording.scanner.points(found.recording.ranges[5])
     assert len(points) == int((~missing).sum())
     nothing = floor.carmen(tmp_path / "none.clf", replace(drive, ranges=np.full_like(drive.ranges, 81.83)))
-    with pytest.raises(InputError, match="no range is between 0 and 100 m, expected metres"):
-        open_scans(nothing)
+    refused("no range is between 0 and 100 m, expected metres", open_scans, nothing)
 
 
 def test_a_damaged_log_is_read_or_refused_with_a_sentence(drive: LaserRecording, tmp_path: Path) -> None:
     few = replace(drive, t=drive.t[:12], ranges=drive.ranges[:12, ::6], odometry=drive.odometry[:12])  # pyright: ignore[reportOptionalSubscript]
 
     def usable(opened: OpenedScans | None) -> None:
-        assert opened is not None
         recording = opened.recording
         assert (np.diff(recording.t) > 0).all()
         assert np.isfinite(recording.scanner.angles).all()

@@ -1,5 +1,7 @@
 """The ArUco document's robot: its constants, what its camera sees, and noise that is what it states."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -55,9 +57,7 @@ def at(made: Dataset) -> tuple[np.ndarray, np.ndarray]:
         ((1.5, 0.0, 0.5), (0.2, 1.0), False),  # edge on
     ],
 )
-def test_the_camera_reads_what_is_in_front_of_it(
-    place: tuple[float, ...], normal: tuple[float, ...], found: bool
-) -> None:
+def test_the_camera_reads_what_is_in_front_of_it(place: Any, normal: Any, found: bool) -> None:
     turned = np.array(normal) / np.linalg.norm(normal)
     step, marker = in_view(np.zeros((1, 3)), np.array([place]), turned[None])
     assert len(step) == len(marker) == found
@@ -74,9 +74,8 @@ def test_the_view_is_what_opencv_projects() -> None:
     for k in range(201):
         h = SIDE / 2
         corners = place[k] + np.array([[0, h, h], [0, -h, h], [0, -h, -h], [0, h, -h]])
-        pixels, _ = cv2.projectPoints(
-            corners, rotation, to_camera[:3, 3].copy(), CAMERA.matrix, np.array(CAMERA.distortion)
-        )
+        shift = to_camera[:3, 3].copy()
+        pixels, _ = cv2.projectPoints(corners, rotation, shift, CAMERA.matrix, np.array(CAMERA.distortion))
         last.append(bool(((pixels >= 0) & (pixels.reshape(-1, 1, 2) <= [959, 539])).all()))
     near = np.linalg.norm((place - CAMERA.mounting[:3, 3]), axis=1) <= 3.0
     np.testing.assert_array_equal(np.isin(np.arange(201), inside), np.array(last) & near)
@@ -93,9 +92,7 @@ def test_every_error_is_drawn_from_the_stated_covariance(drives: list[Dataset]) 
     assert kstest((scaled**2).sum(axis=1), chi2(2).cdf).pvalue > 1e-4
 
 
-def test_an_ekf_is_about_as_sure_as_it_may_be_where_the_noise_is_honest_and_too_sure_where_not(
-    drives: list[Dataset],
-) -> None:
+def test_an_ekf_is_as_sure_as_it_may_be_where_the_noise_is_honest_and_too_sure_where_not(drives: list[Dataset]) -> None:
     """NEES at the last step, summed over seeds: chi-square of 3 degrees of freedom a seed."""
     low, high = chi2(3 * SEEDS).ppf([1e-4, 1 - 1e-4])
     assert low < sum(run("ekf", made)[1][-1] for made in drives) < high

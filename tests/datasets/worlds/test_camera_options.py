@@ -1,6 +1,5 @@
 """The sensor and the print of a rendered world, as its options say."""
 
-import re
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -8,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from refusals import refusal, refused
 from slamduel.bench.plan.spec import read_options
-from slamduel.core.errors import InputError
 from slamduel.core.factors import Log
 from slamduel.datasets.rendering.sensor import SENSORS, Sensor
 from slamduel.datasets.rendering.sheet import Print
@@ -19,22 +18,19 @@ from tiers import first_quick
 
 
 def test_a_camera_has_the_named_sensor_and_every_effect_that_is_given() -> None:
+    phone = SENSORS["phone"]
     for given, sensor, prints in (
         ([], SENSORS["ideal"], Print()),
-        ([("sensor", "phone"), ("ink", "0.003")], SENSORS["phone"], Print(ink=0.003)),
-        (
-            [("sensor", "phone"), ("mosaic", "off"), ("jpeg", "0")],
-            replace(SENSORS["phone"], mosaic="off", jpeg=0),
-            Print(),
-        ),
+        ([("sensor", "phone"), ("ink", "0.003")], phone, Print(ink=0.003)),
+        ([("sensor", "phone"), ("mosaic", "off"), ("jpeg", "0")], replace(phone, mosaic="off", jpeg=0), Print()),
         ([("tone", "2.2"), ("photon", "0.05"), ("grain", "1")], Sensor(1.0, 0.05, tone=2.2), Print()),
+        ([("sharpen", "1"), ("sharpen_radius", "2")], Sensor(sharpen=1, radius=2), Print()),
+        ([("tone", "srgb"), ("aberration", "1e-3")], Sensor(tone="srgb", aberration=1e-3), Print()),
         (
-            [("tone", "srgb"), ("sharpen", "1"), ("sharpen_radius", "2")],
-            Sensor(tone="srgb", sharpen=1, radius=2),
-            Print(),
+            [("readout", "0.03"), ("curl", "-0.004"), ("gloss", "50")],
+            Sensor(readout=0.03),
+            Print(curl=-0.004, gloss=50.0),
         ),
-        ([("readout", "0.03"), ("aberration", "1e-3")], Sensor(readout=0.03, aberration=1e-3), Print()),
-        ([("curl", "-0.004"), ("gloss", "50")], Sensor(), Print(curl=-0.004, gloss=50.0)),
     ):
         options = read_options(Options, given, "dataset aruco-room")
         assert (options.made_sensor, options.prints) == (sensor, prints)
@@ -43,10 +39,7 @@ def test_a_camera_has_the_named_sensor_and_every_effect_that_is_given() -> None:
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        (
-            ("sensor", "eye"),
-            "option sensor=eye is not one of its values; expected one of ideal, phone, webcam, industrial",
-        ),
+        (("sensor", "eye"), "option sensor=eye is not one of its values; expected one of ideal, phone, webcam, ind"),
         (("tone", "log"), "option tone=log: found 'log', expected one of linear, srgb, or a number from 1.0 to 3.0"),
         (("tone", "0.5"), "option tone=0.5 is out of range; expected one of linear, srgb, or a number from 1.0 to 3.0"),
         (("mosaic", "vng"), "option mosaic=vng is not one of its values; expected one of off, bilinear, edge-aware"),
@@ -55,23 +48,18 @@ def test_a_camera_has_the_named_sensor_and_every_effect_that_is_given() -> None:
     ],
 )
 def test_a_camera_that_cannot_be_is_a_sentence(given: tuple[str, str], said: str) -> None:
-    with pytest.raises(InputError, match=re.escape(said)):
-        read_options(Options, [given], "dataset aruco-room")
+    assert said in refusal(read_options, Options, [given], "dataset aruco-room")
 
 
-@pytest.mark.parametrize(
-    ("shutter", "readout", "known"), [("modelled", 0.03, 0.03), ("ignored", 0.03, 0.0), ("modelled", None, 0.0)]
-)
-def test_detection_knows_of_the_shutter_if_it_is_to_be_modelled(
-    shutter: str, readout: float | None, known: float
-) -> None:
-    recording, _ = record(Options(readout=readout, shutter=shutter), np.random.default_rng(0))
-    assert recording.detector.camera.readout == known
+def test_detection_knows_of_the_shutter_if_it_is_to_be_modelled() -> None:
+    for shutter, readout, known in (("modelled", 0.03, 0.03), ("ignored", 0.03, 0.0), ("modelled", None, 0.0)):
+        recording, _ = record(Options(readout=readout, shutter=shutter), np.random.default_rng(0))
+        assert recording.detector.camera.readout == known
 
 
 def test_a_shutter_slower_than_the_frames_is_refused() -> None:
-    with pytest.raises(InputError, match=r"option readout=0\.05: expected at most .* 0\.03333 s at frame_rate=30"):
-        record(Options(readout=0.05, frame_rate=30.0), np.random.default_rng(0))
+    rng, slow = np.random.default_rng(0), Options(readout=0.05, frame_rate=30.0)
+    refused(r"option readout=0\.05: expected at most .* 0\.03333 s at frame_rate=30", record, slow, rng)
 
 
 def test_a_sensor_leaves_all_else_of_the_drive_as_it_is() -> None:
@@ -95,11 +83,11 @@ def test_a_drive_with_a_real_camera_is_a_log(sensor: str) -> None:
 @cache
 def without_rocking(**options: Any) -> Log:
     """The log of a drive of 3.2 s without rocking, so that sightings have the noise of their corners alone."""
-    return aruco_room(
-        Options(seconds=3.2, frame_rate=2.5, noise="propagated", sway=0.0, **options), np.random.default_rng(1)
-    ).log
+    chosen = Options(seconds=3.2, frame_rate=2.5, noise="propagated", sway=0.0, **options)
+    return aruco_room(chosen, np.random.default_rng(1)).log
 
 
+@pytest.mark.slow
 def test_a_rolling_shutter_that_is_modelled_sees_what_a_global_one_does() -> None:
     """Sightings of the same drive: modelled they agree within the stated noise, ignored they are far outside."""
     plain = without_rocking()

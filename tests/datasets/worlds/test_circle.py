@@ -5,11 +5,12 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from drawn_errors import errors
+from motions import chained
+from refusals import refused
 from slamduel.bench.plan.spec import read_options
 from slamduel.core.check import check
-from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset
-from slamduel.core.se2 import compose, wrap
+from slamduel.core.se2 import wrap
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.circle import Options, circle
 
@@ -87,10 +88,8 @@ def test_seeds_are_other_logs_and_options_do_what_they_say(made: Dataset) -> Non
 
 def test_without_noise_the_log_leads_to_the_truth() -> None:
     quiet = circle(Options(steps=500, odometry=1e-4, sighting=1e-4), generator("circle", 3))
-    pose = quiet.log.prior.pose
-    for delta in quiet.log.delta[1:]:
-        pose = compose(pose, delta)
-    assert np.hypot(*(pose - quiet.truth.poses[-1])[:2]) < 0.1  # the prior is off by a milliradian
+    end = chained(quiet.log.delta[1:], quiet.log.prior.pose)[-1]
+    assert np.hypot(*(end - quiet.truth.poses[-1])[:2]) < 0.1  # the prior is off by a milliradian
 
 
 def test_nothing_in_reach_is_a_log_without_sightings() -> None:
@@ -100,7 +99,6 @@ def test_nothing_in_reach_is_a_log_without_sightings() -> None:
 
 
 def test_bad_options_are_sentences() -> None:
-    with pytest.raises(InputError, match="option farthest=2: expected more than nearest=3 m"):
-        circle(Options(nearest=3.0, farthest=2.0), np.random.default_rng(0))
-    with pytest.raises(InputError, match="option steps=1 is out of range"):
-        read_options(Options, [("steps", "1")], "dataset circle")
+    ring = Options(nearest=3.0, farthest=2.0)
+    refused("option farthest=2: expected more than nearest=3 m", circle, ring, np.random.default_rng(0))
+    refused("option steps=1 is out of range", read_options, Options, [("steps", "1")], "dataset circle")

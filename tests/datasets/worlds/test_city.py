@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from drawn_errors import known
+from drawn_errors import errors, known
 from slamduel.core.check import check
 from slamduel.core.factors import Dataset
-from slamduel.core.se2 import between, wrap
+from slamduel.core.se2 import between
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.city import BEND, BLOCK, KERB, LEAST_RANGE, Options, city, side
 
@@ -62,16 +62,9 @@ def test_what_is_sighted_is_all_that_is_in_reach(made: Dataset) -> None:
 
 
 def test_every_error_is_drawn_from_the_stated_covariance(made: Dataset) -> None:
-    truth, landmarks = known(made)
-    poses = truth.poses[made.log.sighting_step]
-    d = landmarks.xy[made.log.ids] - poses[:, :2]
-    sighted = made.log.z - np.stack((np.hypot(*d.T), np.arctan2(d[:, 1], d[:, 0]) - poses[:, 2]), axis=-1)
-    sighted[:, 1] = wrap(sighted[:, 1])
-    moved = made.log.delta[1:] - between(truth.poses[:-1], truth.poses[1:])
-    moved[:, 2] = wrap(moved[:, 2])
-    for error, cov, dof in ((sighted, made.log.z_cov, 2), (moved, made.log.delta_cov[1:], 3)):
-        squared = np.einsum("ni,ni->n", error, np.linalg.solve(cov, error[..., None])[..., 0])
-        assert kstest(squared, chi2(dof).cdf).pvalue > 1e-4
+    found = errors(made)
+    assert kstest(found.sightings_squared, chi2(2).cdf).pvalue > 1e-4
+    assert kstest(found.motions_squared, chi2(3).cdf).pvalue > 1e-4
 
 
 @pytest.mark.parametrize(("landmarks", "steps", "share"), [(300, 1000, 0.98), (1000, 2000, 0.9), (10_000, 20_000, 0.9)])

@@ -9,9 +9,9 @@ import pytest
 from scipy.stats import binom, chi2, f, kstest, poisson
 
 from drawn_errors import errors, known, seen
+from refusals import refused
 from slamduel.bench.plan.spec import read_options
 from slamduel.core.check import problems
-from slamduel.core.errors import InputError
 from slamduel.core.factors import UNKNOWN, Dataset
 from slamduel.datasets.cache import generator
 from slamduel.datasets.formats import log_folder
@@ -56,8 +56,7 @@ def test_a_world_s_options_are_these_and_its_own(clean: Dataset) -> None:
     made = circle(options, generator("circle", 0))
     same(made, clean, "ids", "z_cov", "sighting_first", *MOTIONS)
     np.testing.assert_allclose(errors(made).sightings, 2 * errors(clean).sightings, atol=1e-9)
-    with pytest.raises(InputError, match="option missing=2 is out of range"):
-        read_options(Options, [("missing", "2")], "dataset circle")
+    refused("option missing=2 is out of range", read_options, Options, [("missing", "2")], "dataset circle")
 
 
 def test_errors_of_sightings_are_so_many_times_as_large_as_stated(clean: Dataset) -> None:
@@ -115,9 +114,7 @@ def test_a_share_of_the_sightings_is_lost_and_a_larger_one_loses_more_of_the_sam
         lost = len(clean.log.ids) - len(made.log.ids)
         assert RARE < binom.cdf(lost, len(clean.log.ids), share) < 1 - RARE
         assert lost == made.log.notes["faults"]["sightings lost"]
-    rows = [
-        set(zip(made.log.sighting_step, made.log.ids, made.log.z[:, 0], strict=True)) for made in (many, few, clean)
-    ]
+    rows = [set(zip(log.sighting_step, log.ids, log.z[:, 0], strict=True)) for log, _ in (many, few, clean)]
     assert rows[0] < rows[1] < rows[2]
     assert len(after(clean, missing=1.0).log.ids) == 0
 

@@ -37,6 +37,7 @@ def off(path: Array, made: Dataset) -> Array:
     return np.hypot(*(path - known(made)[0].poses)[:, :2].T)
 
 
+@pytest.mark.slow
 def test_the_twelve_tags_contain_the_six_and_all_else_is_the_same(six: list[Dataset], twelve: list[Dataset]) -> None:
     few, many = six[0].log, twelve[0].log
     assert not list(problems(few))

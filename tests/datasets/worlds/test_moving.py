@@ -8,10 +8,10 @@ import pytest
 
 import slamduel
 from drawn_errors import known, seen
+from refusals import refused
 from slamduel.bench.measure.accuracy import map_accuracy
 from slamduel.bench.plan.given_map import read as read_map
 from slamduel.core.check import check_truth, problems
-from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Truth
 from slamduel.core.se2 import Array, Ints, wrap
 from slamduel.core.truth_errors import sighting_errors, standing
@@ -41,7 +41,6 @@ def moving(dataset: Dataset) -> Ints:
 def tracks(dataset: Dataset) -> dict[int, tuple[Array, Array]]:
     """Landmark -> the times and the places of its sightings, from the true poses."""
     log, truth = dataset
-    assert truth is not None
     poses = truth.poses[log.sighting_step]
     bearing = poses[:, 2] + log.z[:, 1]
     xy = poses[:, :2] + log.z[:, :1] * np.stack((np.cos(bearing), np.sin(bearing)), axis=-1)
@@ -120,8 +119,6 @@ def test_other_faults_stay_what_they_are() -> None:
     np.testing.assert_array_equal(moved.log.ids, still.log.ids)
     np.testing.assert_allclose(moved.log.z, still.log.z, atol=1e-6)
     one, other = known(still)[0].assigned, known(moved)[0].assigned
-    assert one is not None
-    assert other is not None
     np.testing.assert_array_equal(one, other)
 
 
@@ -152,7 +149,6 @@ def test_the_truth_goes_to_the_disk_and_back(tmp_path: Path) -> None:
         log_folder.write(folder, log, truth)
         for found in (log_folder.read(folder).truth, archive.unpacked(archive.packed(Dataset(log, truth))).truth):
             assert found is not None
-            assert found.moving is not None
             np.testing.assert_array_equal(found.moving, truth.moving)
             assert digest(found) == digest(truth)
     log, truth = made()
@@ -166,27 +162,23 @@ def test_a_file_of_landmarks_says_which_move(tmp_path: Path) -> None:
     path = tmp_path / PLACES
     path.write_text("id,x,y,moving\n1,0,0,0\n2,1,1,1\n3,2,2,0\n")
     found = read_truth(tmp_path)
-    assert found is not None
-    assert found.moving is not None
     assert found.moving.tolist() == [2]
     assert read_map(str(path), fixed=False).maps[0].ids.tolist() == [1, 3]  # what moves is no map to start from
     path.write_text("id,x,y,moving\n1,0,0,0\n2,1,1,0.5\n")
-    with pytest.raises(InputError, match=r"landmarks\.csv, line 3: moving is 0\.5, expected 0 or 1"):
-        read_truth(tmp_path)
+    refused(r"landmarks\.csv, line 3: moving is 0\.5, expected 0 or 1", read_truth, tmp_path)
 
 
 def test_what_moves_must_be_a_landmark() -> None:
     log, truth = made()
-    assert truth is not None
-    with pytest.raises(InputError, match="moving row 1: found 99, expected the id of a landmark of the map"):
-        check_truth(log, truth._replace(moving=np.array([3, 99])), "log")
-    with pytest.raises(InputError, match="moving row 0: found 3"):
-        check_truth(log, Truth(truth.t, truth.poses, moving=np.array([3])), "log")
+    odd = truth._replace(moving=np.array([3, 99]))
+    refused("moving row 1: found 99, expected the id of a landmark of the map", check_truth, log, odd, "log")
+    refused("moving row 0: found 3", check_truth, log, Truth(truth.t, truth.poses, moving=np.array([3])), "log")
 
 
-@pytest.mark.parametrize(
-    "world", ["aruco-robot[seconds=10", "bailey[loops=1", "city[steps=60,landmarks=60", "linear[steps=60"]
-)
+WORLDS = ("aruco-robot[seconds=10", "bailey[loops=1", "city[steps=60,landmarks=60", "linear[steps=60")
+
+
+@pytest.mark.parametrize("world", WORLDS)
 def test_they_move_in_every_simulated_world(world: str) -> None:
     still, moved = (slamduel.load(f"{world},moving={share}]") for share in (0, 0.5))
     truth, places = known(moved)

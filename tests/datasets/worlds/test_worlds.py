@@ -11,6 +11,7 @@ from slamduel.bench.plan.spec import read_options
 from slamduel.core.check import problems
 from slamduel.datasets import registry
 from slamduel.datasets.worlds.faults import Faults
+from tiers import first_quick
 
 SMALL = {
     "aruco-robot": {"seconds": "10"},
@@ -71,7 +72,7 @@ def test_a_world_is_registered_under_its_name(world: str) -> None:
     assert source.summary
 
 
-@pytest.mark.parametrize("world", SMALL)
+@pytest.mark.parametrize("world", first_quick(SMALL, 2))
 def test_the_ends_of_every_option_make_a_good_log(world: str) -> None:
     for given in ends(world):
         log, truth = made(world, given)

@@ -1,5 +1,6 @@
 """A camera's response from pictures of a board: what they were rendered with comes out, to its stated errors."""
 
+import re
 from functools import cache
 
 import numpy as np
@@ -7,15 +8,10 @@ import pytest
 
 from charuco_views import poses, sensed
 from slamduel.datasets.rendering.sensor import Sensor
+from slamduel.frontend.boards import response_fit
 from slamduel.frontend.boards.board import Board, View, find_corners
 from slamduel.frontend.boards.charuco import Calibration, calibrate
-from slamduel.frontend.boards.response_fit import (
-    FEWEST_PICTURES,
-    BoardResponse,
-    Pictures,
-    _Shared,  # pyright: ignore[reportPrivateUsage]
-    pooled,
-)
+from slamduel.frontend.boards.response_fit import FEWEST_PICTURES, BoardResponse, Pictures, pooled
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.response import Measured
 from slamduel.frontend.markers.aruco import Image
@@ -24,6 +20,7 @@ BOARD = Board(columns=5, rows=4, square=0.05, marker=0.028, dictionary="4X4_50")
 CAMERA = Camera(480, 360, (440.0, 439.0), (241.0, 177.0), (-0.1, 0.02, 0.0, 0.0, 0.0), np.eye(4))
 SIZE = (CAMERA.width, CAMERA.height)
 
+_Shared = response_fit._Shared  # pyright: ignore[reportPrivateUsage]
 DRAWN = 0.02
 """What the drawing's samples, a quarter of a pixel, put in: px of blur, and amounts of sharpening and tone."""
 
@@ -59,6 +56,7 @@ def is_right(found: Measured, true: float, allowance: float = 0.0) -> bool:
     return abs(found.value - true) < 4 * found.sd + allowance
 
 
+@pytest.mark.slow
 def test_an_ideal_camera() -> None:
     """The noise of rounding has the variance 1/12."""
     found = ideal()
@@ -117,8 +115,7 @@ def test_too_few_pictures_and_overexposed_ones_are_told() -> None:
             pictures.add(fit, np.asarray(np.minimum(bright * image.astype(float), 255), np.uint8))
         told = pictures.result()
         assert isinstance(told, str)
-        with pytest.raises(ValueError, match=sentence):
-            raise ValueError(told)
+        assert re.search(sentence, told)
 
 
 def test_markers_that_nearly_touch_black_squares_are_told() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from slamduel.core.errors import InputError
+from refusals import refused
 from slamduel.frontend.camera.mounting import from_matrix, from_rpy, mounting
 
 PUBLISHED = [[0, 0.258819, 0.965926, 0.18], [-1, 0, 0, -0.1], [0, -0.965926, 0.258819, 0], [0, 0, 0, 1]]
@@ -27,9 +27,8 @@ def test_mounting_of_the_documents_robot() -> None:
 
 
 def test_no_turn_is_straight_ahead() -> None:
-    np.testing.assert_array_equal(
-        from_rpy((1, 2, 3), (0, 0, 0)), [[0, 0, 1, 1], [-1, 0, 0, 2], [0, -1, 0, 3], [0, 0, 0, 1]]
-    )
+    ahead = [[0, 0, 1, 1], [-1, 0, 0, 2], [0, -1, 0, 3], [0, 0, 0, 1]]
+    np.testing.assert_array_equal(from_rpy((1, 2, 3), (0, 0, 0)), ahead)
 
 
 def test_rpy_turns_about_fixed_axes_roll_first() -> None:
@@ -79,5 +78,4 @@ def changed(row: int, column: int, value: Any) -> Any:
     ],
 )
 def test_what_is_no_rigid_motion_is_refused(rows: Any, message: str) -> None:
-    with pytest.raises(InputError, match=f"^here: .*{message}"):
-        from_matrix(rows, "here")
+    refused(f"^here: .*{message}", from_matrix, rows, "here")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from slamduel.core.errors import InputError
+from refusals import refused
 from slamduel.frontend.camera.calibration import read, write_camera_info, write_opencv
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.response import Measured, Response
@@ -66,11 +66,7 @@ def test_the_variance_is_a_line() -> None:
         ("blur: 0.6", "blur: .nan #", "blur: found nan, expected a number from 0.05 to 50"),
         ("noise_by_grey_sd:", "other:", "found no noise_by_grey_sd, expected a number"),
         ("noise: 4.1", "noise: -4.1", "noise: found the variance -4.1 at grey level 0, expected 0 or more"),
-        (
-            "noise_by_grey: -0.01",
-            "noise_by_grey: -0.1",
-            "noise: found the variance -21.4 at grey level 255",
-        ),
+        ("noise_by_grey: -0.01", "noise_by_grey: -0.1", "noise: found the variance -21.4 at grey level 255"),
         ("camera_response:", "camera_response: 3\nother:", "found '3', expected gamma, sharpening"),
     ],
 )
@@ -80,5 +76,4 @@ def test_a_bad_response_is_a_sentence(tmp_path: Path, old: str, new: str, senten
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
-    with pytest.raises(InputError, match=f"^{path}: camera_response: {sentence}"):
-        read(path, np.eye(4))
+    refused(f"^{path}: camera_response: {sentence}", read, path, np.eye(4))

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from differences import central
 from slamduel.core.factors import Odometry
 from slamduel.core.se2 import Array, compose
 from slamduel.frontend.camera.camera import Camera
@@ -81,12 +82,11 @@ def test_the_slope_by_the_rates_is_the_numerical_one(turning: float) -> None:
     pose = plane()
     rays, rows = CAMERA.undistort(np.array([[120.0, 20.0], [500.0, 60.0], [450.0, 460.0]])), np.array([20.0, 60, 460])
     found = SweptPlane(CAMERA, pose, CameraMotion(rates, np.eye(6))).by_rates(rays, rows)
-    step = 1e-4
 
-    def at(more: Array) -> Array:
-        return SweptPlane(CAMERA, pose, CameraMotion(rates + more, np.eye(6))).corners_at_middle(rays, rows)[0]
+    def at(rates: Array) -> Array:
+        return SweptPlane(CAMERA, pose, CameraMotion(rates, np.eye(6))).corners_at_middle(rays, rows)[0]
 
-    expected = np.stack([(at(step * e) - at(-step * e)) / (2 * step) for e in np.eye(6)], axis=-1)
+    expected = central(at, rates, 1e-4)
     # To first order in a turn of 1.1 rad/s over 15 ms.
     np.testing.assert_allclose(found, expected, atol=1e-7 + 0.02 * turning * np.abs(expected).max())
     _, cov = SweptPlane(CAMERA, pose, CameraMotion(rates, np.diag(np.arange(1.0, 7)))).corners_at_middle(rays, rows)
@@ -133,9 +133,5 @@ def test_a_camera_moves_as_its_robot_does() -> None:
     motion = carried(Odometry(delta, cov), seconds, PLACED)
     # A chord is shorter than its arc by a part of turn^2 / 24.
     np.testing.assert_allclose(motion.rates, rates_of(delta, seconds), rtol=2e-3, atol=2e-3)
-    step = 1e-6
-    slope = np.stack(
-        [(carried(Odometry(delta + step * e, cov), seconds, PLACED).rates - motion.rates) / step for e in np.eye(3)],
-        axis=-1,
-    )
+    slope = central(lambda delta: carried(Odometry(delta, cov), seconds, PLACED).rates, delta)
     np.testing.assert_allclose(motion.cov, slope @ cov @ slope.T, rtol=1e-4, atol=1e-10)

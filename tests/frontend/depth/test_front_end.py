@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from depth_drives import drive
+from refusals import refused
 from slamduel.backends.registry import find
 from slamduel.bench.front_ends.depth_timed import held
-from slamduel.core.errors import InputError
-from slamduel.core.factors import REMARKS, Log
+from slamduel.core.factors import REMARKS, Log, Truth
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.worlds.depth_room import Drive
 from slamduel.frontend.depth.log import build_log, log_of, looked_at
@@ -25,13 +25,20 @@ def short() -> DepthRecording:
     return drive(1, Drive(), 16)[0]
 
 
-def poses_at(log: Log, poses: Array, t: Array) -> Array:
-    return poses[np.searchsorted(t, log.t)]
+def poses_at(log: Log, truth: Truth) -> Array:
+    return truth.poses[np.searchsorted(truth.t, log.t)]
+
+
+def errors(log: Log, truth: Truth) -> tuple[Array, Array]:
+    """(n - 1, 3) of the steps' motions, and (n - 1,) their squared Mahalanobis distances."""
+    poses = poses_at(log, truth)
+    e = log.delta[1:] - between(poses[:-1], poses[1:])
+    e[:, 2] = wrap(e[:, 2])
+    return e, np.einsum("ni,nij,nj->n", e, np.linalg.inv(log.delta_cov[1:]), e)
 
 
 def test_a_step_begins_where_the_wheels_have_moved_enough() -> None:
     recording = short()
-    assert recording.motion is not None
     log = build_log(recording, Settings(step=0.2, turn=0.2))
     counts = log.notes["depth"]["counts"]
     assert counts["frames"] == 16
@@ -65,7 +72,6 @@ def test_the_points_of_frames_are_not_in_memory() -> None:
     recording = short()
     front_end = looked_at(recording, Settings())
     log = log_of(recording, front_end)
-    assert log.clouds is not None
     points = log.clouds.points.nbytes + log.clouds.colours.nbytes
     assert held(front_end.steps) < 1000 * len(log) < points / 10
     assert front_end.search.places
@@ -75,7 +81,7 @@ def test_the_points_of_frames_are_not_in_memory() -> None:
 def test_landmarks_lie_where_they_are_seen_from_any_step() -> None:
     recording, _, truth = drive(1, Drive(), 16)
     log = build_log(recording, Settings())
-    at = poses_at(log, truth.poses, truth.t)[np.repeat(np.arange(len(log)), np.diff(log.sighting_first))]
+    at = poses_at(log, truth)[np.repeat(np.arange(len(log)), np.diff(log.sighting_first))]
     bearing = log.z[:, 1] + at[:, 2]
     xy = at[:, :2] + log.z[:, :1] * np.column_stack((np.cos(bearing), np.sin(bearing)))
     for landmark in np.unique(log.ids):
@@ -86,31 +92,23 @@ def test_landmarks_lie_where_they_are_seen_from_any_step() -> None:
 
 
 def test_options_that_use_a_feature_twice_are_refused() -> None:
-    with pytest.raises(InputError, match=r"landmarks and loops.*counted twice"):
-        Settings(loops=True)
-    with pytest.raises(InputError, match=r"landmarks=true with odometry=visual.*counted twice"):
-        Settings(odometry="visual")
-    with pytest.raises(InputError, match=r"near and far: found 5 and 4\.5"):
-        Settings(near=5.0)
+    refused(r"landmarks and loops.*counted twice", Settings, loops=True)
+    refused(r"landmarks=true with odometry=visual.*counted twice", Settings, odometry="visual")
+    refused(r"near and far: found 5 and 4\.5", Settings, near=5.0)
 
 
 def test_a_recording_without_wheels_needs_visual_odometry() -> None:
-    with pytest.raises(InputError, match=r"found wheels, but no readings of wheels; expected odometry=visual"):
-        build_log(replace(short(), motion=None), Settings())
+    refused("but no readings of wheels; expected odometry=visual", build_log, replace(short(), motion=None), Settings())
 
 
 def test_frames_out_of_order_of_another_size_or_too_few_are_refused() -> None:
     recording, shown, _ = drive(1, Drive(), 16)
     frames = list(shown)
-    with pytest.raises(InputError, match=r"frame 1 is at .* s, expected later than"):
-        build_log(replace(recording, frames=frames[1::-1]), Settings())
+    refused(r"frame 1 is at .* s, expected later than", build_log, replace(recording, frames=frames[1::-1]), Settings())
     small = frames[0]._replace(depth=frames[0].depth[::2, ::2])
-    with pytest.raises(InputError, match=r"found a depth image of 320 x 240 pixels, expected 640 x 480"):
-        build_log(replace(recording, frames=[small]), Settings())
-    with pytest.raises(InputError, match=r"found 2 frames and 1 steps, expected a drive"):
-        build_log(replace(recording, frames=frames[:2]), Settings())
-    with pytest.raises(InputError, match=r"found 0 frames and 0 steps"):
-        build_log(replace(recording, frames=[]), Settings())
+    refused("found a depth image of 320 x 240 pixels,", build_log, replace(recording, frames=[small]), Settings())
+    refused("found 2 frames and 1 steps, expected", build_log, replace(recording, frames=frames[:2]), Settings())
+    refused(r"found 0 frames and 0 steps", build_log, replace(recording, frames=[]), Settings())
 
 
 def test_frames_outside_the_time_of_the_wheels_are_counted() -> None:
@@ -129,38 +127,36 @@ def test_visual_odometry_errs_as_stated(wheels: bool) -> None:
         recording = replace(recording, motion=None)
     log = build_log(recording, VISUAL)
     assert len(log.ids) == len(log.loop_to) == 0
-    e = log.delta[1:] - between(*_pairs(poses_at(log, truth.poses, truth.t)))
-    e[:, 2] = wrap(e[:, 2])
-    squared = np.einsum("ni,nij,nj->n", e, np.linalg.inv(log.delta_cov[1:]), e)
+    e, squared = errors(log, truth)
     assert squared.max() < 25
     assert np.abs(e[:, :2]).max() < 0.015
     assert log.t[-1] == truth.t[-1]  # the last frame is a step
+
+
+def blank(t: float) -> DepthFrame:
+    return DepthFrame(t, np.full((480, 640), 90, np.uint8), np.zeros((480, 640), np.float32))
 
 
 def test_frames_that_show_nothing_leave_a_motion_unknown_and_the_drive_goes_on() -> None:
     recording, shown, truth = drive(1, Drive(), 16)
     frames = list(shown)
     for k in (8, 9):
-        frames[k] = DepthFrame(frames[k].seconds, np.full((480, 640), 90, np.uint8), np.zeros((480, 640), np.float32))
+        frames[k] = blank(frames[k].seconds)
     log = build_log(replace(recording, frames=frames, motion=None), VISUAL)
     counts = log.notes["depth"]["counts"]
     assert counts["steps without a motion"] >= 2
     assert counts["frames without a floor"] == 2
     blind = np.sqrt(log.delta_cov[:, 0, 0]) > 0.2
     assert blind.sum() == counts["steps without a motion"]
-    e = log.delta[1:] - between(*_pairs(poses_at(log, truth.poses, truth.t)))
-    e[:, 2] = wrap(e[:, 2])
-    squared = np.einsum("ni,nij,nj->n", e, np.linalg.inv(log.delta_cov[1:]), e)
-    assert squared.max() < 25
+    assert errors(log, truth)[1].max() < 25
 
 
 def test_where_frames_show_nothing_the_wheels_tell_the_motion() -> None:
     recording, shown, _ = drive(1, Drive(), 16)
     frames = list(shown)
-    frames[8] = DepthFrame(frames[8].seconds, np.full((480, 640), 90, np.uint8), np.zeros((480, 640), np.float32))
+    frames[8] = blank(frames[8].seconds)
     log = build_log(replace(recording, frames=frames), VISUAL)
     counts = log.notes["depth"]["counts"]
-    assert recording.motion is not None
     assert "steps without a motion" not in counts
     assert counts["steps by the wheels alone"] == 2
     k = int(np.flatnonzero(log.t == frames[8].seconds)[0])
@@ -168,10 +164,6 @@ def test_where_frames_show_nothing_the_wheels_tell_the_motion() -> None:
         wheels = recording.motion.odometry(log.t[step - 1], log.t[step])
         np.testing.assert_array_equal(log.delta[step], wheels.delta)
         np.testing.assert_array_equal(log.delta_cov[step], wheels.cov)
-
-
-def _pairs(poses: Array) -> tuple[Array, Array]:
-    return poses[:-1], poses[1:]
 
 
 LAP = 175
@@ -184,7 +176,7 @@ def test_no_loop_is_wrong_and_nearly_all_places_are_found_again(alike: bool) -> 
     recording, _, truth = drive(3, Drive(laps=1.25, alike=alike), LAP)
     front_end = looked_at(recording, LOOPS)
     log = log_of(recording, front_end)
-    poses = poses_at(log, truth.poses, truth.t)
+    poses = poses_at(log, truth)
     at = np.repeat(np.arange(len(log)), np.diff(log.loop_first))
     e = log.loop_delta - between(poses[log.loop_to], poses[at])
     e[:, 2] = wrap(e[:, 2])
@@ -207,7 +199,7 @@ def test_no_loop_is_wrong_and_nearly_all_places_are_found_again(alike: bool) -> 
 def test_backends_are_close_and_consistent_on_landmarks(backend: str) -> None:
     recording, _, truth = drive(3, Drive(laps=1.25), LAP)
     log = build_log(recording, Settings())
-    poses, builder = poses_at(log, truth.poses, truth.t), find(backend)
+    poses, builder = poses_at(log, truth), find(backend)
     estimator = builder.make(log.prior, builder.options(), np.random.default_rng(0))
     squared, off = np.empty(len(log)), np.empty((len(log), 3))
     for k, step in enumerate(log):

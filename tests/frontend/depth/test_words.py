@@ -48,9 +48,7 @@ def test_matches_of_bits_are_those_of_opencv() -> None:
 def test_matches_of_numbers_are_those_of_opencv() -> None:
     rng = np.random.default_rng(2)
     first = rng.uniform(0, 100, (60, 128)).astype(np.float32)
-    second = np.concatenate((first[:40] + rng.normal(0, 3, (40, 128)), rng.uniform(0, 100, (20, 128)))).astype(
-        np.float32
-    )
+    second = np.concatenate((first[:40] + rng.normal(0, 3, (40, 128)), rng.uniform(0, 100, (20, 128)))).astype("f4")
     assert matched(first, second, 0.8).tolist() == by_opencv(first, second, cv2.NORM_L2, 0.8)
 
 

@@ -71,7 +71,7 @@ def test_a_packed_submap_is_searched_as_before() -> None:
     assert all((one == other).all() for one, other in zip(submap.pyramid, pyramid, strict=True))
 
 
-SCANNER = Scanner(np.zeros(1), np.zeros(3))
+SCANNER = Scanner(np.zeros(1), np.zeros(3), most=2.0)
 
 
 def submap_of(first: int, count: int, died: float) -> Submap:
@@ -153,20 +153,14 @@ def graph(laps: int) -> tuple[Array, list[ScanStep], list[ScanLoop]]:
     """A ring driven several times with noise: true poses, steps, and a loop of each to one a lap ago."""
     rng, true = np.random.default_rng(1), rings(laps)
     cov = np.diag([1e-4, 1e-4, 1e-6])
+
+    def noisy(first: int, second: int) -> Array:
+        return between(true[first], true[second]) + np.sqrt(np.diag(cov)) * rng.standard_normal(3)
+
     steps = [ScanStep(0.0, 0, true[0], np.zeros(3), np.zeros((3, 3)))]
-    steps += [
-        ScanStep(float(k), k, true[k], between(true[k - 1], true[k]) + _noise(rng, cov), cov)
-        for k in range(1, len(true))
-    ]
-    loops = [
-        ScanLoop(k - 100, k, between(true[k - 100], true[k]) + _noise(rng, cov), cov, 1.0)
-        for k in range(100, len(true))
-    ]
+    steps += [ScanStep(float(k), k, true[k], noisy(k - 1, k), cov) for k in range(1, len(true))]
+    loops = [ScanLoop(k - 100, k, noisy(k - 100, k), cov, 1.0) for k in range(100, len(true))]
     return true, steps, loops
-
-
-def _noise(rng: np.random.Generator, cov: Array) -> Array:
-    return np.sqrt(np.diag(cov)) * rng.standard_normal(3)
 
 
 def test_the_estimate_of_the_last_steps_alone_is_nearly_that_of_all() -> None:
@@ -202,17 +196,9 @@ def test_the_estimate_of_the_last_steps_alone_is_nearly_that_of_all() -> None:
 def _optimum(steps: list[ScanStep], loops: list[ScanLoop], start: Array) -> Array:
     number = np.arange(len(steps) - 1)
     cov = inverse(np.array([step.cov for step in steps[1:]]))
-    return optimised(
-        start,
-        Edges(number, number + 1, np.array([step.delta for step in steps[1:]]), cov),
-        Edges(
-            np.array([loop.to for loop in loops]),
-            np.array([loop.step for loop in loops]),
-            np.array([loop.delta for loop in loops]),
-            inverse(np.array([loop.cov for loop in loops])),
-        ),
-        100,
-    )
+    to, step, delta, loop_cov = (np.array([loop[k] for loop in loops]) for k in range(4))
+    edges = Edges(number, number + 1, np.array([step.delta for step in steps[1:]]), cov)
+    return optimised(start, edges, Edges(to, step, delta, inverse(loop_cov)), 100)
 
 
 def test_held_poses_stay() -> None:

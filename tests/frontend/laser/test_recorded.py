@@ -4,7 +4,6 @@ R. Kuemmerle et al., On measuring the accuracy of SLAM algorithms, Autonomous Ro
 at one time seen from that at another, verified by hand, by the stamps of the scans.
 """
 
-import os
 import shutil
 import zipfile
 from dataclasses import replace
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from recorded import at_hand
 from slamduel.core.se2 import Array, between, compose, wrap
 from slamduel.core.table import Table
 from slamduel.datasets.formats.carmen import Options, read
@@ -33,12 +33,6 @@ class Judged(NamedTuple):
     metres: Array  # (m,)
     degrees: Array  # (m,)
     exact: NDArray[np.bool_]  # (m,) both stamps are those of scans
-
-
-def recorded(name: str) -> Path:
-    if "SLAMDUEL_DATA" not in os.environ or not (DATA / name).is_file():
-        pytest.skip(f"SLAMDUEL_DATA is not set, or has no {name}")
-    return DATA / name
 
 
 def judged(path: Path, options: Options, seed: int | None = None) -> tuple[Judged, FrontEnd]:
@@ -60,7 +54,6 @@ def judged(path: Path, options: Options, seed: int | None = None) -> tuple[Judge
 def _agree(found: Judged, front_end: FrontEnd, table: Table) -> None:
     """The columns of a run, of the front end's own path: the same errors where the stamps are those of scans."""
     truth, _ = related(table, front_end)
-    assert truth.relations is not None
     exact = truth.relations.exact
     assert exact.sum() == found.exact.sum()
     errors = truth.relations.errors(np.array(front_end.estimate))
@@ -86,13 +79,10 @@ def violated(front_end: FrontEnd) -> int:
     return int(((np.hypot(off[:, 0], off[:, 1]) > 0.2) | (np.abs(wrap(off[:, 2])) > np.radians(1))).sum())
 
 
-DATA = Path(os.environ.get("SLAMDUEL_DATA", "")) / "lidar"
-
-
 @pytest.mark.slow
 def test_the_intel_research_lab() -> None:
     """Cartographer has 0.0229 m, 0.453 degrees (Hess et al., ICRA 2016) on the whole log; here scans are missing."""
-    found, front_end = judged(recorded("intel.clf.gz"), Options())
+    found, front_end = judged(at_hand("lidar/intel.clf.gz"), Options())
     assert found.exact.sum() == 1625
     assert found.metres[found.exact].mean() < 0.016
     assert found.metres[found.exact].max() < 0.15
@@ -104,7 +94,7 @@ def test_the_intel_research_lab() -> None:
 @pytest.mark.slow
 def test_freiburgs_building_79_without_odometry() -> None:
     """Cartographer has 0.0452 m and 0.538 degrees."""
-    found, front_end = judged(recorded("fr079.clf.gz"), Options(ahead=-0.04))
+    found, front_end = judged(at_hand("lidar/fr079.clf.gz"), Options(ahead=-0.04))
     assert found.metres.mean() < 0.040
     assert found.degrees.mean() < 0.80
     assert len(front_end.loops) > 300
@@ -114,10 +104,10 @@ def test_freiburgs_building_79_without_odometry() -> None:
 @pytest.mark.slow
 def test_killian_court_with_made_up_wheels(tmp_path: Path) -> None:
     """A scan every half metre; Cartographer has 0.0395 m and 0.352 degrees on all scans with the real wheels."""
-    with zipfile.ZipFile(recorded("killian.g2o.zip")) as archive:
+    with zipfile.ZipFile(at_hand("lidar/killian.g2o.zip")) as archive:
         archive.extract("killian.g2o", tmp_path)
     path = (tmp_path / "killian.g2o").rename(tmp_path / "killian.clf")
-    shutil.copyfile(recorded("mit-killian.relations"), tmp_path / "killian.relations")
+    shutil.copyfile(at_hand("lidar/mit-killian.relations"), tmp_path / "killian.relations")
     found, front_end = judged(path, Options(), seed=0)
     assert found.exact.sum() == 658
     assert found.metres[found.exact].mean() <= 0.030

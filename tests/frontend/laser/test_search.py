@@ -2,18 +2,10 @@
 
 import numpy as np
 import pytest
+from numpy.lib.stride_tricks import sliding_window_view
 
 from slamduel.core.se2 import Array
-from slamduel.frontend.laser._search import (
-    ANYWHERE,
-    FULL,
-    LEVELS,
-    Bytes,
-    Search,
-    branch_and_bound,
-    coarser,
-    correlated,
-)
+from slamduel.frontend.laser._search import ANYWHERE, FULL, LEVELS, Bytes, Search, branch_and_bound, coarser, correlated
 from slamduel.frontend.laser.submap import likelihoods
 
 CELL = 0.05
@@ -70,9 +62,8 @@ def test_branch_and_bound_finds_the_best_pose_of_all(block: int) -> None:
         points = thinned(rng.uniform(-1.5, 1.5, (rng.integers(5, 25), 2)))
         window = 2.0 if seed % 10 == 0 else rng.uniform(0.1, 0.8)
         turn, step = 0.6 if seed % 10 == 1 else 0.06, 0.03
-        pose, found, _ = branch_and_bound(
-            pyramid(field), origin, CELL, Search(points, centre, window, turn, step), 0.0, ANYWHERE
-        )
+        search = Search(points, centre, window, turn, step)
+        pose, found, _ = branch_and_bound(pyramid(field), origin, CELL, search, 0.0, ANYWHERE)
         assert found == brute_force(field, origin, points, centre, window, turn, step)
         if found:
             off = np.abs(pose - centre)
@@ -97,10 +88,7 @@ def test_a_level_is_the_maximum_over_squares() -> None:
     field = rng.integers(0, 256, (23, 31)).astype(np.uint8)
     for level, found in enumerate(pyramid(field)):
         width = 1 << level
-        padded = np.pad(field, width - 1)
-        expected = np.array(
-            [[padded[i : i + width, j : j + width].max() for j in range(31 + width - 1)] for i in range(23 + width - 1)]
-        )
+        expected = sliding_window_view(np.pad(field, width - 1), (width, width)).max(axis=(2, 3))
         assert (found == expected).all()
 
 

@@ -13,9 +13,12 @@ from slamduel.frontend.maps.occupancy import FREE, UNKNOWN, WALL, Occupancy, occ
 CELL = 0.05
 
 
+def black(points: Array) -> Cloud:
+    return Cloud(points, np.zeros((len(points), 3), np.uint8), np.ones(len(points)))
+
+
 def clouds(points: Array) -> Clouds:
-    cloud = Cloud(points, np.zeros((len(points), 3), np.uint8), np.ones(len(points)))
-    return room.spooled([cloud])
+    return room.spooled([black(points)])
 
 
 def middles(grid: Occupancy) -> Array:
@@ -88,14 +91,8 @@ def test_what_is_seen_over_a_near_box_does_not_wipe_it_out() -> None:
     wide = np.arange(-0.1, 0.1, 0.02)
     box = np.array([[camera[0] + 1.0, camera[1] + y, 0.2] for y in wide])
     wall = np.array([[camera[0] + 2.0, camera[1] + y, 0.5] for y in wide])
-    parts = [
-        Cloud(one, np.zeros((len(one), 3), np.uint8), np.ones(len(one))) for one in (box, *[wall - [0.7, 0, 0]] * 9)
-    ]
-    grid = occupancy(
-        Obstacles(room.spooled(parts)),
-        np.array([[0.0, 0, 0], *[[0.7, 0, 0]] * 9]),
-        CELL,
-    )
+    parts = [black(one) for one in (box, *[wall - [0.7, 0, 0]] * 9)]
+    grid = occupancy(Obstacles(room.spooled(parts)), np.array([[0.0, 0, 0], *[[0.7, 0, 0]] * 9]), CELL)
     states, at = grid.states.ravel(), middles(grid)
     near = np.hypot(*(at - camera - [1.0, 0.0]).T) < 0.03
     assert (states[near] == WALL).all()

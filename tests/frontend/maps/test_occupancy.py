@@ -41,9 +41,7 @@ def test_a_room_is_free_inside_its_walls_and_unknown_beyond() -> None:
     states = grid.states
     i, j = np.nonzero(states == WALL)
     middle = grid.origin + grid.size * (np.column_stack((i, j)) + 0.5)
-    off = np.minimum.reduce(
-        [np.abs(middle[:, 0]), np.abs(middle[:, 0] - ROOM[0]), np.abs(middle[:, 1]), np.abs(middle[:, 1] - ROOM[1])]
-    )
+    off = np.minimum(np.abs(middle), np.abs(middle - ROOM)).min(axis=1)
     assert off.max() <= grid.size  # a wall on the edge of two cells is in one of them
     assert len(i) > 0.9 * 2 * sum(ROOM) / grid.size
     assert states[0, 0] == states[-1, -1] == UNKNOWN

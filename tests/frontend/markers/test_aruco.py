@@ -1,13 +1,11 @@
 """Markers in frames: ids, corners, poses, range and bearing; on drawn images and on a real photograph."""
 
-import os
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
 
-from slamduel.core.errors import InputError
+from recorded import at_hand
+from refusals import refused
 from slamduel.core.se2 import Array
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
@@ -15,9 +13,7 @@ from slamduel.frontend.markers.aruco import Detector, Image, Sighting, range_bea
 from slamduel.frontend.markers.markers import Markers, find
 from slamduel.frontend.markers.noise import ProportionalNoise
 
-CAMERA = Camera(
-    640, 480, (576.0, 574.0), (321.7, 238.4), (-0.21, 0.06, 8e-4, -6e-4, 0.0), mounting(0.1, 0.05, 0.7, 0.3)
-)
+CAMERA = Camera(640, 480, (576.0, 574.0), (321.7, 238.4), (-0.21, 0.06, 8e-4, -6e-4, 0), mounting(0.1, 0.05, 0.7, 0.3))
 DETECTOR = Detector(Markers("4X4_50", 0.16), CAMERA)
 
 
@@ -93,13 +89,11 @@ def test_an_empty_frame() -> None:
 
 
 def test_a_frame_of_another_size_is_refused() -> None:
-    with pytest.raises(InputError, match="frame: found 320x240 pixels, expected the camera's 640x480"):
-        DETECTOR.detect(np.zeros((240, 320), np.uint8))
+    refused("frame: found 320x240 pixels, expected the camera's 640", DETECTOR.detect, np.zeros((240, 320), np.uint8))
 
 
 def test_an_unknown_dictionary_is_refused() -> None:
-    with pytest.raises(InputError, match=r"marker dictionary: there is no '4X4'; the nearest is 4X4_50"):
-        Detector(Markers("4X4", 0.16), CAMERA).detect(frame())
+    refused("there is no '4X4'; the nearest is 4X4_50", Detector(Markers("4X4", 0.16), CAMERA).detect, frame())
 
 
 def seen_at(point: Array) -> Sighting:
@@ -135,11 +129,7 @@ PHOTOGRAPH = {  # marked by hand, px, clockwise from the marker's own first corn
 
 
 def test_a_real_photograph() -> None:
-    folder = os.environ.get("SLAMDUEL_DATA")
-    if folder is None:
-        pytest.skip("SLAMDUEL_DATA is not set")
-    image = cv2.imread(str(Path(folder, "aruco", "singlemarkersoriginal.jpg")))
-    assert image is not None
+    image = cv2.imread(str(at_hand("aruco/singlemarkersoriginal.jpg")))
     lens = (0.0995485, -0.206384, 0.00754589, 0.00336531, 0.0)
     camera = Camera(640, 480, (628.158, 628.156), (324.099, 260.908), lens, mounting(0, 0, 0, 0))
     found, rejected = Detector(Markers("6X6_250", 0.05), camera).detect(np.asarray(image, np.uint8))

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from slamduel.core.errors import InputError
+from recorded import at_hand
+from refusals import refused
 from slamduel.frontend.markers.markers import Markers, find, predefined, write
 
 
@@ -65,17 +66,13 @@ def test_a_file_of_the_working_directory(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_an_ending_opencv_does_not_know_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"mine\.txt: found the ending '\.txt', expected one of \.yml"):
-        write(tmp_path / "mine.txt", find("4X4_50"))
+    refused(r"mine\.txt: found the ending '\.txt', expected one of \.yml", write, tmp_path / "mine.txt", find("4X4_50"))
 
 
 def test_opencvs_own_example() -> None:
-    data = os.environ.get("SLAMDUEL_DATA")
-    if not data:
-        pytest.skip("SLAMDUEL_DATA is not set: the real data are not there")
-    found = find("tutorial_dict.yml", Path(data) / "aruco")
+    found = find("tutorial_dict.yml", at_hand("aruco"))
     assert (len(found.bytesList), found.markerSize) == (35, 6)
-    assert bits("tutorial_dict.yml", 0, Path(data) / "aruco") == "101011111011111001001001101100000000"
+    assert bits("tutorial_dict.yml", 0, at_hand("aruco")) == "101011111011111001001001101100000000"
 
 
 @pytest.mark.parametrize(
@@ -98,8 +95,7 @@ def test_opencvs_own_example() -> None:
     ],
 )
 def test_a_name_that_means_nothing(name: str, sentence: str) -> None:
-    with pytest.raises(InputError, match=sentence):
-        find(name)
+    refused(sentence, find, name)
 
 
 @pytest.mark.parametrize(
@@ -117,8 +113,7 @@ def test_a_name_that_means_nothing(name: str, sentence: str) -> None:
 )
 def test_a_file_that_is_no_dictionary(tmp_path: Path, text: str, sentence: str) -> None:
     (tmp_path / "odd.yml").write_text(text)
-    with pytest.raises(InputError, match=rf"odd\.yml: {sentence}"):
-        find("odd.yml", tmp_path)
+    refused(rf"odd\.yml: {sentence}", find, "odd.yml", tmp_path)
 
 
 def test_good_markers_are_not_refused() -> None:
@@ -141,5 +136,4 @@ def test_good_markers_are_not_refused() -> None:
     ],
 )
 def test_sides_and_ids_no_marker_has(markers: Markers, sentence: str) -> None:
-    with pytest.raises(InputError, match=rf"robot\.toml: \[markers\]: {sentence}"):
-        markers.check("robot.toml: [markers]")
+    refused(rf"robot\.toml: \[markers\]: {sentence}", markers.check, "robot.toml: [markers]")

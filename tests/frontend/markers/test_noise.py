@@ -17,9 +17,7 @@ from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from tiers import first_quick
 
-CAMERA = Camera(
-    640, 480, (576.0, 574.0), (321.7, 238.4), (-0.21, 0.06, 8e-4, -6e-4, 0.0), mounting(0.1, 0.05, 0.7, 0.3)
-)
+CAMERA = Camera(640, 480, (576.0, 574.0), (321.7, 238.4), (-0.21, 0.06, 8e-4, -6e-4, 0), mounting(0.1, 0.05, 0.7, 0.3))
 DETECTOR = Detector(Markers("4X4_50", 0.16), CAMERA)
 
 
@@ -97,12 +95,7 @@ def test_scale_and_floors() -> None:
     z, (more,) = PropagatedNoise(scale=2.0, floor_range=0.03, floor_bearing=0.004).measure([sighting], CAMERA.mounting)
     np.testing.assert_allclose(more, 4 * plain + np.diag([0.03**2, 0.004**2]), rtol=1e-12)
     np.testing.assert_allclose(z, range_bearing([sighting], CAMERA.mounting))
-    assert PropagatedNoise(2.0).settings == {
-        "model": "propagated",
-        "scale": 2.0,
-        "floor_range": 0.0,
-        "floor_bearing": 0.0,
-    }
+    assert PropagatedNoise(2.0).settings == {"model": "propagated", "scale": 2, "floor_range": 0, "floor_bearing": 0}
 
 
 COUNT = 36

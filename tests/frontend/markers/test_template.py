@@ -17,23 +17,10 @@ from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.clutter import drawn
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.response import Measured, Response
-from slamduel.frontend.markers import template
+from slamduel.frontend.markers import _grey, template
 from slamduel.frontend.markers._alignment import Equations, _accumulate  # pyright: ignore[reportPrivateUsage]
 from slamduel.frontend.markers._edges import COLUMNS, spread, sum_edges
-from slamduel.frontend.markers._grey import (
-    BUMP,
-    CURL,
-    HALO,
-    PARAMETERS,
-    SHARED,
-    STIFF,
-    Model,
-    Scratch,
-    curve_of,
-    eye_of,
-    predict,
-    unroll,
-)
+from slamduel.frontend.markers._grey import BUMP, CURL, HALO, PARAMETERS, SHARED, STIFF, Model, Scratch
 from slamduel.frontend.markers._share import CUT_OFF, RIM
 from slamduel.frontend.markers._step import LIMITED, LIMITS, hold, moved
 from slamduel.frontend.markers.aruco import Image
@@ -57,10 +44,10 @@ class Predicted(NamedTuple):
 
 def at_pixel(place: Array, G: Array, look: Array, whole: bool = True, eye: Array | None = None) -> Predicted:
     curve, jacobian = np.empty(SHARED), np.zeros(PARAMETERS)
-    model = Model(PATTERN, G, look, eye_of(G, M, NOWHERE) if eye is None else eye)
-    curve_of(model, curve)
+    model = Model(PATTERN, G, look, _grey.eye_of(G, M, NOWHERE) if eye is None else eye)
+    _grey.curve_of(model, curve)
     scratch = Scratch(np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(12), np.empty(2))
-    return Predicted(predict(place, model, curve, whole, scratch, jacobian), jacobian)
+    return Predicted(_grey.predict(place, model, curve, whole, scratch, jacobian), jacobian)
 
 
 def tilted(turn: float, stretch: float, tilt: tuple[float, float], scale: float) -> Array:
@@ -335,7 +322,7 @@ def test_the_camera_stands_where_the_homography_says() -> None:
         G, eye = leaning(rng)
         mirrored = eye * [-1, -1, 1]
         for scale, other, expected in ((1.0, NOWHERE, eye), (-3.0, NOWHERE, eye), (1.0, 0.8 * mirrored, mirrored)):
-            np.testing.assert_allclose(eye_of(scale * G, M, other), expected, rtol=1e-7, atol=1e-7)
+            np.testing.assert_allclose(_grey.eye_of(scale * G, M, other), expected, rtol=1e-7, atol=1e-7)
 
 
 def test_rays_meet_curled_paper_where_it_is() -> None:
@@ -352,14 +339,14 @@ def test_rays_meet_curled_paper_where_it_is() -> None:
         # the ray to the point above its foot meets the plane further on
         p, q = eye[:2] + (foot - eye[:2]) / (1 - curvature * across**2 / eye[2])
         curl = curvature * np.array([axis[0] ** 2, 2 * axis[0] * axis[1], axis[1] ** 2])
-        assert unroll(p, q, curl[0], curl[1], curl[2], eye, paper)
+        assert _grey.unroll(p, q, curl[0], curl[1], curl[2], eye, paper)
         along = np.linspace(0, across, 2001)
         arc = float(np.trapezoid(np.sqrt(1 + (2 * curvature * along) ** 2), along))
         np.testing.assert_allclose(paper[:2], foot + (arc - across) * axis, atol=0.11**4 / 40)
 
 
 def test_a_ray_that_passes_the_paper_by_meets_none() -> None:
-    assert not unroll(0.4, 0.0, 3.0, 0.0, 0.0, np.array([3.0, 0.0, 0.5]), np.empty(12))
+    assert not _grey.unroll(0.4, 0.0, 3.0, 0.0, 0.0, np.array([3.0, 0.0, 0.5]), np.empty(12))
 
 
 def test_the_derivatives_of_curled_paper() -> None:
@@ -369,7 +356,7 @@ def test_the_derivatives_of_curled_paper() -> None:
     def at(values: Array, eye: Array) -> Array:
         paper = np.empty(12)
         p, q, xx, xy, yy = values.tolist()
-        assert unroll(p, q, xx, xy, yy, eye, paper)
+        assert _grey.unroll(p, q, xx, xy, yy, eye, paper)
         return paper
 
     for _ in range(40):
@@ -411,7 +398,7 @@ def filled(spots: Array, G: Array, look: Array, active: int, step: Array | None 
     normal, gradient = in_larger(np.zeros((PARAMETERS, PARAMETERS))), np.zeros(PARAMETERS)
     by_edge = np.zeros((2 * (M + 1) * (M + 2), PARAMETERS + 1))
     rows = np.zeros((len(spots), COLUMNS))
-    model, equations = Model(PATTERN, G, look, eye_of(G, M, NOWHERE)), Equations(normal, gradient)
+    model, equations = Model(PATTERN, G, look, _grey.eye_of(G, M, NOWHERE)), Equations(normal, gradient)
     count = _accumulate(spots, 1, model, UNKNOWN_CAMERA, np.inf, active, rows, equations)[3]
     if active == PARAMETERS:
         sum_edges(rows[:count], np.asarray(np.linalg.solve(normal, gradient), float) if step is None else step, by_edge)
@@ -650,7 +637,6 @@ def test_what_moves_every_edge_moves_no_corner(webcam: Bench, effect: dict[str, 
     for _ in range(count):
         corners = hang(webcam, rng)
         found = fit(webcam, draw(webcam, corners, (0.6, 0.7), rng, **effect), corners, rng)
-        assert found is not None
         miss = (found.rays - corners).ravel()
         chi2.append(float(miss @ np.linalg.solve(found.cov, miss)) / 8)
         extent = [np.linalg.norm(each - each.mean(axis=0)) for each in (found.rays, corners)]
@@ -673,8 +659,6 @@ def test_a_calibrated_camera_says_more_of_a_small_marker(webcam: Bench) -> None:
         unknown, known = (
             template.fit(image, webcam.rays, PATTERN, start, pixels, prior_of(what)) for what in (None, response)
         )
-        assert unknown is not None
-        assert known is not None
         miss = (known.rays - corners).ravel()
         chi2.append(float(miss @ np.linalg.solve(known.cov, miss)) / 8)
         known_cov, unknown_cov = (np.linalg.inv(one.normal)[:8, :8] for one in (known, unknown))

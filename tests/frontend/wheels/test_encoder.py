@@ -1,11 +1,11 @@
 """Wheel readings as odometry factors, against the documents' equations and numerical derivatives."""
 
-from collections.abc import Callable
 from functools import reduce
 
 import numpy as np
 import pytest
 
+from differences import central
 from motions import chain
 from slamduel.core import se2
 from slamduel.core.factors import Odometry
@@ -15,12 +15,6 @@ from slamduel.frontend.wheels.encoder import Curve, Encoder, Floors
 
 CURVES: tuple[Curve, ...] = ("midpoint", "arc")
 NO_FLOORS = Floors(0.0, 0.0)
-
-
-def numerical(function: Callable[[Array], Array], x: Array, h: float = 1e-6) -> Array:
-    """d function / d x by central differences, (len(function(x)), len(x))."""
-    columns = [(function(x + h * e) - function(x - h * e)) / (2 * h) for e in np.eye(len(x))]
-    return np.stack(columns, axis=-1)
 
 
 def wheels(seed: int, n: int) -> tuple[Encoder, Array, Array]:
@@ -43,13 +37,8 @@ def test_midpoint_is_equation_1_and_its_covariance_equation_4(theta: float) -> N
     np.testing.assert_allclose(se2.compose(pose, delta), expected, atol=1e-14)
 
     c, s = np.cos(theta + dth / 2), np.sin(theta + dth / 2)
-    G_u = np.array(
-        [
-            [c / 2 - ds / (2 * b) * s, c / 2 + ds / (2 * b) * s],
-            [s / 2 + ds / (2 * b) * c, s / 2 - ds / (2 * b) * c],
-            [1 / b, -1 / b],
-        ]
-    )  # by (ds_r, ds_l), in the world
+    along, across = np.array([c, s, 0]) / 2, ds / (2 * b) * np.array([-s, c, 2 / ds])
+    G_u = np.column_stack((along + across, along - across))  # by (ds_r, ds_l), in the world
     in_world = G_u @ np.diag([(0.03 * ds_r) ** 2, (0.03 * ds_l) ** 2]) @ G_u.T
     turn = se2.rotation(theta)
     np.testing.assert_allclose(turn @ cov @ turn.T, in_world, atol=1e-18)
@@ -83,7 +72,7 @@ def test_arc_is_what_ever_shorter_midpoint_steps_become() -> None:
 def test_roll_jacobian(curve: Curve, turn: float) -> None:
     rolling = np.array([0.3, turn])
     _, (jacobian,) = encoder.roll(rolling[None], curve)
-    expected = numerical(lambda r: encoder.roll(r[None], curve)[0][0], rolling)
+    expected = central(lambda r: encoder.roll(r[None], curve)[0][0], rolling)
     np.testing.assert_allclose(jacobian, expected, atol=1e-9)
 
 
@@ -104,7 +93,7 @@ def test_composed_covariance_is_first_order_in_every_reading(curve: Curve) -> No
         return wheel.odometry(rolled.reshape(-1, 2) / [base.left, base.right], dt).delta
 
     rolled = wheel.travel(counts)
-    jacobian = numerical(end, rolled.ravel())
+    jacobian = central(end, rolled.ravel())
     expected = jacobian @ np.diag(wheel.variance(rolled, dt).ravel()) @ jacobian.T
     np.testing.assert_allclose(found.cov, expected, rtol=1e-7, atol=1e-13)
 

@@ -164,7 +164,6 @@ def _from_half(by: Array) -> Mutation:
     """The odometry is elsewhere from half of the time on."""
 
     def jumped(one: Message) -> Message:
-        assert one.pose is not None
         return replace(one, pose=one.pose + by * (one.stamp > BEGIN + SECONDS / 2))
 
     return _each("odometry", jumped)

@@ -60,40 +60,33 @@ def _zeroed(folder: Path, rng: np.random.Generator) -> str:
     return "a page of zeros"
 
 
-def _asked(*sentences: str) -> Callable[[Path], int]:
-    def ask(folder: Path) -> int:
-        with contextlib.closing(sqlite3.connect(folder / FILE, isolation_level=None)) as db:
-            return sum(db.execute(sentence).rowcount for sentence in sentences)
-
-    return ask
+def _opened(folder: Path) -> contextlib.closing[sqlite3.Connection]:
+    return contextlib.closing(sqlite3.connect(folder / FILE, isolation_level=None))
 
 
-def _table_gone(folder: Path, rng: np.random.Generator) -> str:
-    name = str(rng.choice(TABLES))
-    _asked(f"DROP TABLE {name}")(folder)
-    return f"no table {name}"
+def _told(kind: str, sentence: str) -> Change:
+    """A statement about a table."""
+
+    def change(folder: Path, rng: np.random.Generator) -> str:
+        name = str(rng.choice(TABLES))
+        with _opened(folder) as db:
+            db.execute(sentence.format(name))
+        return kind.format(name)
+
+    return change
 
 
-def _view_gone(folder: Path, rng: np.random.Generator) -> str:
-    _asked("DROP VIEW cells")(folder)
-    return "no view"
-
-
-def _table_empty(folder: Path, rng: np.random.Generator) -> str:
-    name = str(rng.choice(TABLES))
-    _asked(f"DELETE FROM {name}")(folder)
-    return f"{name} empty"
-
-
-def _row_gone(folder: Path, rng: np.random.Generator) -> str:
-    name = str(rng.choice(TABLES))
-    _asked(f"DELETE FROM {name} WHERE rowid = (SELECT rowid FROM {name} ORDER BY random() LIMIT 1)")(folder)
-    return f"{name} without a row"
+_table_gone = _told("no table {}", "DROP TABLE {}")
+_view_gone = _told("no view", "DROP VIEW cells")
+_table_empty = _told("{} empty", "DELETE FROM {}")
+_row_gone = _told(
+    "{0} without a row", "DELETE FROM {0} WHERE rowid = (SELECT rowid FROM {0} ORDER BY random() LIMIT 1)"
+)
 
 
 def _column_gone(folder: Path, rng: np.random.Generator) -> str:
     name = str(rng.choice(TABLES))
-    with contextlib.closing(sqlite3.connect(folder / FILE, isolation_level=None)) as db:
+    with _opened(folder) as db:
         columns = [row[1] for row in db.execute(f"PRAGMA table_info({name})") if not row[5]]
         view = db.execute("SELECT sql FROM sqlite_master WHERE name = 'cells'").fetchone()[0]
         column = str(rng.choice(columns))
@@ -106,7 +99,7 @@ def _column_gone(folder: Path, rng: np.random.Generator) -> str:
 
 def _value(folder: Path, rng: np.random.Generator) -> str:
     name = str(rng.choice(TABLES))
-    with contextlib.closing(sqlite3.connect(folder / FILE, isolation_level=None)) as db:
+    with _opened(folder) as db:
         column = str(rng.choice([row[1] for row in db.execute(f"PRAGMA table_info({name})")]))
         rows = [row[0] for row in db.execute(f"SELECT rowid FROM {name}")]
         with contextlib.suppress(sqlite3.IntegrityError):
@@ -118,12 +111,13 @@ def _value(folder: Path, rng: np.random.Generator) -> str:
 def _number(folder: Path, rng: np.random.Generator) -> str:
     """One number of a result a little off."""
     column = str(rng.choice([quantity.column for quantity in QUANTITIES]))
-    _asked(f"UPDATE results SET {column} = {column} * 1.0000001 WHERE rowid = 2")(folder)
+    with _opened(folder) as db:
+        db.execute(f"UPDATE results SET {column} = {column} * 1.0000001 WHERE rowid = 2")
     return "results: a number a little off"
 
 
 def _arrays(folder: Path, rng: np.random.Generator) -> str:
-    with contextlib.closing(sqlite3.connect(folder / FILE, isolation_level=None)) as db:
+    with _opened(folder) as db:
         kept = dict(db.execute("SELECT key, archive FROM arrays"))
         key = str(rng.choice(sorted(kept)))
         arrays = unpacked(kept[key])
@@ -144,7 +138,7 @@ def _arrays(folder: Path, rng: np.random.Generator) -> str:
 
 
 def _archive(folder: Path, rng: np.random.Generator) -> str:
-    with contextlib.closing(sqlite3.connect(folder / FILE, isolation_level=None)) as db:
+    with _opened(folder) as db:
         kept = dict(db.execute("SELECT key, archive FROM arrays"))
         key = str(rng.choice(sorted(kept)))
         content = bytearray(kept[key])
@@ -155,7 +149,7 @@ def _archive(folder: Path, rng: np.random.Generator) -> str:
 
 def _exchanged(folder: Path, rng: np.random.Generator) -> str:
     """The arrays of two cells in each other's place."""
-    with contextlib.closing(sqlite3.connect(folder / FILE, isolation_level=None)) as db:
+    with _opened(folder) as db:
         keys = [row[0] for row in db.execute("SELECT key FROM results WHERE key IN (SELECT key FROM arrays)")]
         one, other = rng.choice(keys, 2, replace=False).tolist()
         for old, new in ((one, "-"), (other, one), ("-", other)):

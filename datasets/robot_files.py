@@ -1,0 +1,28 @@
+"""The files that describe a robot, beside its recordings, and the recording that they name."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..core.errors import InputError
+
+ROBOT, CALIBRATION = "robot.toml", "calibration.yaml"
+
+
+def robot_beside(path: Path) -> Path | None:
+    """The robot.toml in the folder of a recording or beside it; None where there is none."""
+    return next((one for one in (path / ROBOT, path.absolute().parent / ROBOT) if one.is_file()), None)
+
+
+def recording_in(path: Path, table: str, source: str | None, inside: Sequence[Path], kinds: str) -> Path:
+    """The recording in a folder that the table's `source` names, else the only one `inside`.
+
+    InputError where that is missing, or where there is none of these `kinds`, or several.
+    """
+    if source is not None:
+        if not (path / source).exists():
+            raise InputError(f"{path}: there is no {path / source}, which is the [{table}] source in {ROBOT}.")
+        return path / source
+    if len(inside) != 1:
+        found = f"found {', '.join(one.name for one in inside) or 'none'}, expected one recording: {kinds}"
+        raise InputError(f"{path}: {found}. [{table}] source in {ROBOT} selects one.")
+    return inside[0]
