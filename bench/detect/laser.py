@@ -63,10 +63,8 @@ class LaserFindings(Findings):
         else:
             said.append("Every scan matched the last metres.")
         if c["doubted"]:
-            said.append(
-                f"{counted(c['doubted'], 'time')} the wheels and the scans gave more than one place; "
-                f"{'the scans that followed decided' if not c['undecided'] else str(c['undecided']) + ' stay undecided'}."
-            )
+            left = f"{c['undecided']} stay undecided" if c["undecided"] else "later scans decided"
+            said.append(f"{counted(c['doubted'], 'time')} wheels and scans gave more than one place: {left}.")
         if c["by_wheels"]:
             said.append(
                 f"{counted(c['by_wheels'], 'scan')} were placed by the wheels: what they were matched to moved along "
