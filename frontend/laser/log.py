@@ -141,10 +141,8 @@ def _doubts(front_end: FrontEnd) -> list[str]:
     count = front_end.tracker.undecided
     if not count:
         return []
-    return [
-        f"{count} times two places explain the scans alike, and the wheels do not tell which it was: the covariance of "
-        "such a step has the distance between them"
-    ]
+    remark = f"{count} times two places explain the scans alike, and the wheels do not tell which it was: "
+    return [f"{remark}the covariance of such a step has the distance between them"]
 
 
 def _on_map(recording: LaserRecording, front_end: FrontEnd, localiser: Localiser) -> Factors:

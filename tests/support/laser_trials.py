@@ -152,9 +152,8 @@ def every() -> dict[str, Callable[[], Case]]:
 
 def main(names: list[str]) -> None:
     cases, ratios = every(), list[float]()
-    print(
-        "| log | median, m | worst run, in medians | which | above 1.3 | above 3 |\n| --- | --- | --- | --- | --- | --- |"
-    )
+    print("| log | median, m | worst run, in medians | which | above 1.3 | above 3 |")
+    print("| --- | --- | --- | --- | --- | --- |")
     for name in names or cases:
         case = cases[name]()
         errors = {change: error(made, case.judge) for change, made in changes(case.recording)}
