@@ -47,8 +47,12 @@ BACKENDS: dict[str, list[dict[str, Any]]] = {
     "ukf": [{}],
 }
 FEW: dict[str, dict[str, Any]] = {
-    **{"ekf": {"compress_above": 3}, "fastslam": {"particles": 20}},
-    **{"fixed-lag": {"lag": 2.0}, "invariant-ekf": {}, "smoother": {}, "ukf": {}},
+    "ekf": {"compress_above": 3},
+    "fastslam": {"particles": 20},
+    "fixed-lag": {"lag": 2.0},
+    "invariant-ekf": {},
+    "smoother": {},
+    "ukf": {},
 }
 """Those that associate, with options by which little is kept at hand."""
 

@@ -29,8 +29,11 @@ from slamduel.core.errors import InputError
 from small_run import Silent, again, rows
 
 WORDS: dict[str, Any] = {
-    **{"backend": "dead-reckoning,ekf", "dataset": "circle[steps=30]", "seeds": 3},
-    **{"timeout_s": 60.0, "memory_mb": 1000},
+    "backend": "dead-reckoning,ekf",
+    "dataset": "circle[steps=30]",
+    "seeds": 3,
+    "timeout_s": 60.0,
+    "memory_mb": 1000,
 }
 
 
