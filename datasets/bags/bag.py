@@ -116,7 +116,7 @@ class Bag:
             raise InputError(f"{self.path}: cannot be read ({error.strerror}).") from error
         except Exception as error:  # a damaged file may raise anything
             repair = REPAIRS.get("" if self.path.is_dir() else self.path.suffix, "")
-            said = str(error).strip().rstrip(".") or type(error).__name__
+            said = " ".join(str(error).split()).rstrip(".") or type(error).__name__
             raise InputError(f"{self.path}: is damaged or not a ROS bag ({said}). {repair}".rstrip()) from error
 
 

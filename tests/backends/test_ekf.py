@@ -86,8 +86,9 @@ def test_it_is_the_textbook_filter(update: str, jacobians: str, steps: int) -> N
 
 @pytest.mark.parametrize("update", ["sequential", "joint"])
 def test_the_gate_is_the_textbooks_and_bears_wrong_ids(update: str) -> None:
-    dataset = random_log(np.random.default_rng(2), 600, 15, radius=4.0)
-    log = swapped(*dataset, 0.08, np.random.default_rng(3)).log
+    clean, truth = random_log(np.random.default_rng(2), 600, 15, radius=4.0)
+    assert truth is not None
+    log = swapped(clean, truth, 0.08, np.random.default_rng(3)).log
     threshold = -2 * np.log(1 - 0.999)
     textbook = TextbookEkf(log.prior, together=update == "joint", gate=threshold, confirm=2)
     options: dict[str, Any] = {"gate": 0.999, "gate_after": 2, "update": update}
@@ -96,12 +97,12 @@ def test_the_gate_is_the_textbooks_and_bears_wrong_ids(update: str) -> None:
     paths = {
         name: np.array([backend.step(step) for step in of])
         for name, backend, of in (
-            ("clean", make(log.prior), dataset.log),
+            ("clean", make(log.prior), clean),
             ("gated", make(log.prior, **options), log),
             ("plain", make(log.prior), log),
         )
     }
-    error = {n: np.sqrt(((p - dataset.truth.poses)[:, :2] ** 2).sum(1).mean()) for n, p in paths.items()}
+    error = {n: np.sqrt(((p - truth.poses)[:, :2] ** 2).sum(1).mean()) for n, p in paths.items()}
     assert error["gated"] < 1.5 * error["clean"]
     assert error["plain"] > 5 * error["clean"]
 

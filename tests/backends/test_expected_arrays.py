@@ -17,8 +17,14 @@ from slamduel.bench.speed.world import world
 from slamduel.core.factors import UNKNOWN, Odometry, RangeBearing, Step
 from slamduel.core.se2 import Ints
 
-FILL: dict[str, dict[str, Any]] = {"ekf": {}, "ekf compressed": {"compress_above": 3}, "ukf": {}, "invariant-ekf": {}}
-FILL |= {"smoother": {}, "smoother robust": {"loss": "cauchy"}}
+FILL: dict[str, dict[str, Any]] = {
+    "ekf": {},
+    "ekf compressed": {"compress_above": 3},
+    "ukf": {},
+    "invariant-ekf": {},
+    "smoother": {},
+    "smoother robust": {"loss": "cauchy"},
+}
 MATCH, FAR, NODES, FIRST = quantile(0.99, 1), quantile(0.9999, 1), 2000, -7
 GATES = gates(0.99, 30)
 

@@ -78,6 +78,7 @@ def test_covariances_are_turned_into_the_frame_after_the_motion() -> None:
 
 def test_wrong_ids_ruin_the_plain_graph_and_not_the_robust_one() -> None:
     log, truth = random_log(np.random.default_rng(30), 120, 12, noise=0.3, blind=0.0)
+    assert truth is not None
     wrong = swapped(log, truth, 0.05, np.random.default_rng(0)).log
     clean = rmse(final("graph", log).path, truth.poses)
     assert rmse(final("graph", wrong).path, truth.poses) > 5 * clean

@@ -46,8 +46,14 @@ BACKENDS: dict[str, list[dict[str, Any]]] = {
     "smoother": [{"relinearize_skip": 7}, {"loss": "huber", "relinearize_skip": 7}, {"loss": "cauchy"}],
     "ukf": [{}],
 }
-FEW: dict[str, dict[str, Any]] = {"ekf": {"compress_above": 3}, "fastslam": {"particles": 20}}
-FEW |= {"fixed-lag": {"lag": 2.0}, "invariant-ekf": {}, "smoother": {}, "ukf": {}}
+FEW: dict[str, dict[str, Any]] = {
+    "ekf": {"compress_above": 3},
+    "fastslam": {"particles": 20},
+    "fixed-lag": {"lag": 2.0},
+    "invariant-ekf": {},
+    "smoother": {},
+    "ukf": {},
+}
 """Those that associate, with options by which little is kept at hand."""
 
 

@@ -28,8 +28,13 @@ from slamduel.bench.workers.local_executor import Local
 from slamduel.core.errors import InputError
 from small_run import Silent, again, rows
 
-WORDS: dict[str, Any] = {"backend": "dead-reckoning,ekf", "dataset": "circle[steps=30]", "seeds": 3}
-WORDS |= {"timeout_s": 60.0, "memory_mb": 1000}
+WORDS: dict[str, Any] = {
+    "backend": "dead-reckoning,ekf",
+    "dataset": "circle[steps=30]",
+    "seeds": 3,
+    "timeout_s": 60.0,
+    "memory_mb": 1000,
+}
 
 
 class Order(Silent):
