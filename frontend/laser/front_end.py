@@ -13,13 +13,14 @@ from ...core.se2 import Array, between, compose, rotation
 from ...core.small_matrices import inverse
 from .estimate import ScanStep, StepPoses
 from .finished import Finished
+from .guesses import beyond, wheels_cov
 from .localising import Localiser
 from .loops import Match, ScanLoop, Surprises, cloud, contradicted, loop_of, searched
 from .rows import Rows
 from .scanner import Scan, Scanner
 from .settings import Settings
 from .submap import Submap
-from .tracking import OFTEN, Placed, Tracker, beyond, wheels_cov
+from .tracking import OFTEN, Placed, Tracker
 
 
 class FrontEnd:

@@ -1,9 +1,10 @@
 """Tracking: the pose of each scan on the submap of the last metres, from several guesses where the wheels may be wrong.
 
 Most scans are where the wheels say. Where the scan denies it, or the wheels do what no robot does (they repeat a
-reading while it drives, or jump), a scan is matched from the motion before, from standing still and from the best
-place nearby, too. Where these end at different places, each is followed through the next scans until one explains them
-better.
+reading while it drives, or jump), a scan is matched from the motion before, from standing still, from where the wheels
+have it since they last agreed, and from the best place nearby, too. Where these end at different places, each is
+followed through the next scans until one explains them better: by their points, by a motion without jerks, and by the
+wheels' sum, which readings that come late leave as it was.
 """
 
 from collections import deque
@@ -11,10 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.se2 import Array, between, compose, rotation, wrap
+from ...core.se2 import Array, between, compose
 from ...core.small_matrices import inverse
+from ..maps._grid import known
 from ._matching import Hold, match
 from ._search import Search, correlated
+from .guesses import Anchor, Guesses, beyond, distance, guesses, held, wheels_cov
 from .scanner import Scan
 from .settings import Settings
 from .submap import Submap
@@ -41,7 +44,15 @@ TRUST, TRUST_TURN = 0.6, 0.6
 """sd, m and rad, of the search's prior, beside the motion."""
 
 COST, BETTER = 0.02, 0.03
-"""Share of points that a unit of squared distance from a guess costs; by how much a search has to be better."""
+"""Share of points that a unit of squared distance costs; by how much a search has to be better."""
+
+FARTHEST, JERK = 25.0, 6.0
+"""Squared distances from the wheels' place, and from that by the motion before, at the most: stamps jitter."""
+
+SUM, LATE = 6.0, 4.0
+"""Squared distance from the wheels' sum since they last agreed from which on a place costs no more: readings may be
+late; and that for each second since then: not for ever.
+"""
 
 HELD = 25.0
 """Times the information of the wheels' motion with which a scan is held where they say that it is."""
@@ -49,29 +60,23 @@ HELD = 25.0
 OFTEN = 0.1
 """s; scans in a burst are taken to be that far apart where a speed is computed."""
 
-ODD, ODD_TURN = 0.3, 0.4
-"""m and rad between the wheels' motion and the motion before that no robot does from one scan to the next."""
-
-MOVED, MOVED_TURN = 0.03, 0.03
-"""m and rad of the motion before; a robot that moved less may well stand still."""
-
-OTHER = 4.0
-"""Squared distance that a guess costs which is not the wheels'."""
-
-FARTHEST = 25.0
-"""Squared distance from every guess beyond which a place costs no more."""
-
 SAME, SAME_TURN = 0.05, 0.02
 """m and rad; places that are closer are one."""
 
 SURE, UNSURE = 0.25, 0.05
-"""Lead in the sum of shares of points explained at which a place is decided on; below which it stays doubtful."""
+"""Lead in the score at which a place is decided on; below which it stays doubtful."""
 
 LONGEST, MOST = 6, 4
 """Scans through which different places are followed at most, and how many places."""
 
 APART = 9.0
 """Squared distance of a pose from the wheels' from which on they count nothing in its covariance."""
+
+UNKNOWN = 0.7
+"""Share that a point counts for on ground that the submap has not seen; on a wall it is 1, in free space 0."""
+
+DROP, MEMORY = 0.08, 0.1
+"""By how much less than usual of a scan is explained where its place is doubtful; weight of a scan in what is usual."""
 
 
 class Placed(NamedTuple):
@@ -81,19 +86,14 @@ class Placed(NamedTuple):
     scan: Scan
     pose: Array  # (3,) on the matcher's path
     information: Array  # (3, 3) of the points
-    explained: float  # share of the points
-    score: float  # explained, less what the distance from the nearest guess costs
+    explained: float  # share of the points, those on ground that the submap has not seen in part
+    score: float  # of this scan: explained, less what a jerk costs
+    off_wheels: float  # squared distance from where the wheels have it since they last agreed
     wheels: bool  # their motion counts
     points: bool = True  # the scan counts
     off: Array | None = None  # (3,) to another place that the scans do not tell from it
-    moved_last: Array | None = None  # (3,) where it was when the wheels last moved; None: they do
-
-
-class Guess(NamedTuple):
-    """Where a scan may be."""
-
-    hold: Hold
-    cost: float  # squared distance, of being this one
+    anchor: Anchor | None = None  # None: wheels and scans agree
+    searched: bool = False  # a search found it
 
 
 class Tracker:
@@ -104,25 +104,28 @@ class Tracker:
         self.lost = self.found_again = self.by_wheels = self.doubted = self.undecided = 0
         self._last = deque[Placed](maxlen=2)
         self._branches = list[list[Placed]]()  # from the last scan that is placed on
+        self._usual = settings.lost  # of the points explained
         self._wheels_check = WheelsCheck()
 
     def start(self, t: float, scan: Scan) -> Placed:
         """Takes the first scan."""
-        self._last.append(Placed(t, scan, np.zeros(3), np.zeros((3, 3)), 1.0, 0.0, True))
+        self._last.append(Placed(t, scan, np.zeros(3), np.zeros((3, 3)), 1.0, 0.0, 0.0, True))
         return self._last[-1]
 
     def take(self, t: float, motion: Array | None, scan: Scan, submap: Submap) -> list[Placed]:
         """Takes a scan; `motion` (3,) is the wheels' since the one before. Returns the scans that are placed now."""
         if self._branches:
-            grown = [self._candidates(branch, t, motion, scan, submap)[0] for branch in self._branches]
-            self._branches = [[*branch, one] for branch, one in zip(self._branches, grown, strict=True)]
+            self._branches = [
+                [*branch, one] for branch in self._branches for one in self._candidates(branch, t, motion, scan, submap)
+            ]
             return self._decided(LONGEST)
         found = self._candidates([], t, motion, scan, submap)
-        if len(found) == 1 and motion is not None:
-            found = [self._checked(found[0], motion, submap)]
-        self._branches = [[one] for one in found]
         if len(found) > 1:
             self.doubted += 1
+            self._wheels_check.forget()
+        elif motion is not None:
+            found = [self._checked(found[0], motion, submap)]
+        self._branches = [[one] for one in found]
         return self._decided(LONGEST)
 
     def decide(self) -> list[Placed]:
@@ -131,147 +134,120 @@ class Tracker:
 
     def _decided(self, longest: int) -> list[Placed]:
         """The scans since the last one that is placed, once it is clear where they are; empty before that."""
-        self._branches.sort(key=_total, reverse=True)
-        best = self._branches[0]
-        others = [one for one in self._branches[1:] if not _same(one[-1].pose, best[-1].pose)]
-        lead = np.inf if not others else _total(best) - _total(others[0])
+        self._branches = _apart(sorted(self._branches, key=_total, reverse=True))
+        best, *others = self._branches
+        lead = _total(best) - _total(others[0]) if others else np.inf
         clear = lead >= SURE and (len(best) > 1 or best[0].explained >= self.settings.lost)
         if not (clear or len(best) >= longest):
-            self._branches = [best, *others[: MOST - 1]]
+            del self._branches[MOST:]
             return []
         if lead < UNSURE:
             self.undecided += 1
             best[0] = best[0]._replace(off=between(best[-1].pose, others[0][-1].pose))
+        elif best[-1].wheels and others:  # the scans have said that the wheels were right
+            best[-1] = best[-1]._replace(anchor=None)
         self._branches = []
         self._last.extend(best)
+        for one in best:
+            self.found_again += one.searched
+            self._usual += MEMORY * (one.explained - self._usual)
         return best
 
     def _candidates(
         self, branch: list[Placed], t: float, motion: Array | None, scan: Scan, submap: Submap
     ) -> list[Placed]:
         """The places of a scan after those of a branch, best first; one where no other is in sight."""
-        s, grid = self.settings, submap.grid
-        past = [*self._last, *branch]
-        last = past[-1]
-        moved_last = None
-        if motion is not None and not motion.any():
-            moved_last = last.pose if last.moved_last is None else last.moved_last
-        guesses = self._guesses(past, t, motion)
-        first = guesses[0]
+        s, grid, past = self.settings, submap.grid, [*self._last, *branch]
+        last, before, seconds, earlier = past[-1], np.zeros(3), t - past[-1].t, 0.0
+        if len(past) > 1:
+            earlier = last.t - past[-2].t
+            before = between(past[-2].pose, last.pose) * min(seconds / max(earlier, 1e-3), 2.0)
+        guess = guesses(last.pose, before, max(seconds, earlier), motion, last.anchor, s)
+        first, doubtful = guess.all[0], guess.odd or last.anchor is not None
+
+        def placed(start: Array, hold: Hold, reach: int, matched: bool = True) -> Placed:
+            pose, information, explained = start, np.zeros((3, 3)), 0.0
+            if matched:
+                pose, information, explained = match(grid, scan.few, start, hold, s.sd, reach, ITERATIONS)
+                explained += UNKNOWN * (1 - max(known(grid, pose, scan.few), explained))
+            score = explained - COST * min(guess.surprise(last.pose, pose), JERK)
+            if motion is None:
+                return Placed(t, scan, pose, information, explained, score, 0.0, True)
+            anchor, agrees = None, distance(pose, first) < APART
+            if guess.odd or not agrees:
+                then = last.anchor or Anchor(last.t, last.pose, np.zeros(3))
+                anchor = then._replace(moved=compose(then.moved, motion))
+            late = 0.0 if last.anchor is None else LATE * max(t - last.anchor.t, 0.0)
+            most = min(max(late, SUM), FARTHEST) if doubtful else FARTHEST
+            off = min(distance(pose, guess.since or first), most)
+            return Placed(t, scan, pose, information, explained, score, off, agrees, anchor=anchor)
+
         if not len(scan.few):
             self.lost += not branch
-            nothing = np.zeros((3, 3))
-            return [Placed(t, scan, first.hold.pose, nothing, 0.0, 0.0, True, moved_last=moved_last)]
-
-        def placed(start: Array, hold: Hold, reach: int) -> Placed:
-            pose, information, explained = match(grid, scan.few, start, hold, s.sd, reach, ITERATIONS)
-            off = min([_distance(pose, one.hold) + one.cost for one in guesses])
-            wheels = motion is None or _distance(pose, first.hold) < APART
-            score = explained - COST * min(off, FARTHEST)
-            return Placed(t, scan, pose, information, explained, score, wheels, moved_last=moved_last)
-
-        found = [placed(first.hold.pose, first.hold, AT_FIRST)]
+            return [placed(first.pose, first, AT_FIRST, False)]
+        found = [placed(first.pose, first, AT_FIRST)]
         is_lost = found[0].explained < s.lost
         self.lost += is_lost and not branch
-        if not is_lost and not _odd(guesses, last.pose, motion):
+        least = max(s.lost, self._usual - DROP)
+        if found[0].explained >= least and not doubtful:
             return found
-        found += [placed(one.hold.pose, one.hold, AT_FIRST) for one in guesses[1:]]
-        if max(one.explained for one in found) < s.lost and not branch:
-            way, turned = self._extent(guesses, last.pose)
-            centre = max(found, key=lambda one: one.score).pose if motion is None else first.hold.pose
-            field, origin = submap.field_around(centre, REACH, FIELD_SD)
-            few = scan.few[:: max(1, len(scan.few) // FEW)]
-            search = Search(few, centre, SEARCH + way, SEARCH_TURN + turned, TURN_STEP)
-            guess = correlated(field, origin, s.cell, search, STEP, TRUST + way, TRUST_TURN + turned)
-            best = placed(guess, first.hold, AGAIN)
+        found += [placed(one.pose, one, AT_FIRST) for one in guess.all[1:]]
+        if max(one.explained for one in found) < least:
+            best = placed(self._searched(guess, found, last.pose, scan, submap), first, AGAIN)
             if best.score > max(one.score for one in found) + BETTER:
-                self.found_again += 1
-                found.append(best)
-        found.sort(key=lambda one: one.score, reverse=True)
+                found.append(best._replace(searched=True))
+        if guess.odd and not motion.any():
+            found.reverse()
         apart = list[Placed]()
-        for one in found:
-            if not any(_same(one.pose, other.pose) for other in apart):
+        for one in found:  # the most trusted guess first, whose hold is the better one
+            same = next((k for k, other in enumerate(apart) if _same(one, other)), None)
+            if same is None:
                 apart.append(one)
-        return apart
+            elif _total([one]) > _total([apart[same]]) + BETTER:
+                apart[same] = one
+        return sorted(apart, key=lambda one: _total([one]), reverse=True)
 
-    def _guesses(self, past: list[Placed], t: float, motion: Array | None) -> list[Guess]:
-        """Where a scan may be: by the wheels, by the motion before, and where the last one was."""
-        s, last = self.settings, past[-1].pose
-        R, blind = rotation(float(last[2])), np.eye(3) / s.blind**2
-        carried = last
-        if len(past) > 1:
-            before = max(past[-1].t - past[-2].t, 1e-3)
-            carried = compose(last, between(past[-2].pose, last) * min((t - past[-1].t) / before, 2.0))
-        if motion is None:
-            return [Guess(Hold(carried, blind), 0.0), Guess(Hold(last, blind), OTHER)]
-        cov = wheels_cov(motion, s)
-        start = last
-        if motion.any() and past[-1].moved_last is not None:  # they repeated a reading, and now say all that was since
-            start = past[-1].moved_last
-            R = rotation(float(start[2]))
-        elif not motion.any():
-            before = between(last, carried)
-            cov = cov + np.outer(before, before)
-        by_wheels = Hold(compose(start, motion), inverse(R @ cov @ R.T))
-        return [Guess(by_wheels, 0.0), Guess(Hold(carried, blind), OTHER), Guess(Hold(last, blind), OTHER)]
-
-    def _extent(self, guesses: list[Guess], last: Array) -> tuple[float, float]:
-        """m and rad from the last pose to the farthest guess."""
-        moved = [between(last, one.hold.pose) for one in guesses]
-        return max(float(np.hypot(one[0], one[1])) for one in moved), max(abs(float(one[2])) for one in moved)
+    def _searched(self, guess: Guesses, found: list[Placed], last: Array, scan: Scan, submap: Submap) -> Array:
+        """The pose (3,) nearby at which most points are on walls."""
+        moved, sd = [between(last, one.pose) for one in guess.all], np.sqrt(guess.cov)
+        way = max(float(np.hypot(one[0], one[1])) for one in moved) + 2 * sd[0]
+        turned = max(abs(float(one[2])) for one in moved) + 2 * sd[2]
+        centre = max(found, key=lambda one: one.score).pose if guess.wheels is None else guess.wheels.pose
+        field, origin = submap.field_around(centre, REACH, FIELD_SD)
+        few = scan.few[:: max(1, len(scan.few) // FEW)]
+        search = Search(few, centre, SEARCH + way, SEARCH_TURN + turned, TURN_STEP)
+        return correlated(field, origin, self.settings.cell, search, STEP, TRUST + way, TRUST_TURN + turned)
 
     def _checked(self, found: Placed, motion: Array, submap: Submap) -> Placed:
         """The scan, placed by the wheels from half a metre back where they contradict it and explain more points."""
         s, scan, pose = self.settings, found.scan, found.pose
         start, moved = self._wheels_check.motion(self._last[-1].pose, motion)
-        information = inverse(wheels_cov(moved, s))
-        if not contradicts(between(start, pose), moved, information) or not len(scan.few):
+        cov = wheels_cov(moved, s)
+        if not contradicts(between(start, pose), moved, inverse(cov)) or not len(scan.few):
             return found
-        grid, by_wheels, R = submap.grid, compose(start, moved), rotation(float(start[2]))
-        hold, free = Hold(by_wheels, HELD * R @ information @ R.T), Hold(pose, np.zeros((3, 3)))
-        other, _, explained = match(grid, scan.few, by_wheels, hold, s.sd, AGAIN, ITERATIONS)
+        grid, by_wheels = submap.grid, held(start, moved, cov)
+        hold, free = Hold(by_wheels.pose, HELD * by_wheels.information), Hold(pose, np.zeros((3, 3)))
+        other, _, explained = match(grid, scan.few, hold.pose, hold, s.sd, AGAIN, ITERATIONS)
         if explained < match(grid, scan.few, pose, free, s.sd, AGAIN, ITERATIONS)[2] + BETTER:
             return found
         self._wheels_check.forget()
         self.by_wheels += 1
-        return found._replace(pose=other, wheels=True, points=False)
-
-
-def wheels_cov(motion: Array, s: Settings) -> Array:
-    """Covariance of a motion by the wheels: wide enough for slipping ones."""
-    way, turned = float(np.hypot(motion[0], motion[1])), abs(float(motion[2]))
-    sd = s.still + s.by_way * way
-    turn_sd = s.turn_still + s.by_turn * turned + s.turn_by_way * way
-    return np.diag([sd**2, sd**2, turn_sd**2])
-
-
-def beyond(motion: Array, way: float, turn: float) -> bool:
-    """Tells if a motion goes farther, m, or turns more, rad."""
-    return bool(np.hypot(motion[0], motion[1]) > way or abs(motion[2]) > turn)
-
-
-def _odd(guesses: list[Guess], last: Array, motion: Array | None) -> bool:
-    """Tells if the wheels' motion is none that a robot makes after the motion before."""
-    if motion is None:
-        return False
-    before = between(last, guesses[1].hold.pose)
-    if not motion.any():
-        return beyond(before, MOVED, MOVED_TURN)
-    off = motion - before
-    off[2] = wrap(off[2])
-    return beyond(off, ODD, ODD_TURN)
+        return found._replace(pose=other, wheels=True, points=False, anchor=None)
 
 
 def _total(branch: list[Placed]) -> float:
-    return sum(one.score for one in branch)
+    """The score of scans that end where the last one is."""
+    return sum(one.score for one in branch) - COST * branch[-1].off_wheels
 
 
-def _same(one: Array, other: Array) -> bool:
-    return not beyond(between(one, other), SAME, SAME_TURN)
+def _apart(branches: list[list[Placed]]) -> list[list[Placed]]:
+    """Those of the branches, best first, that do not end where a better one does."""
+    out = list[list[Placed]]()
+    for one in branches:
+        if not any(_same(one[-1], other[-1]) for other in out):
+            out.append(one)
+    return out
 
 
-def _distance(pose: Array, hold: Hold) -> float:
-    """Squared Mahalanobis distance of a pose from the one it is held to."""
-    off = pose - hold.pose
-    off[2] = wrap(off[2])
-    return float(off @ hold.information @ off)
+def _same(one: Placed, other: Placed) -> bool:
+    return not beyond(between(one.pose, other.pose), SAME, SAME_TURN)

@@ -199,6 +199,26 @@ def seen_through(grid: Grid, pose: Array, scanner: Array, points: Array, slack: 
     return crossed / max(compared, 1), in_free / max(ended, 1)
 
 
+@compiled
+def known(grid: Grid, pose: Array, points: Array) -> float:
+    """Share of a scan's points, taken at `pose`, that are on ground which the submap has seen.
+
+    A quarter of the cells around a point is enough: of a wall, one side is seen.
+    """
+    cells, origin, size = grid.cells, grid.origin, grid.size
+    c, s = cos(pose[2]), sin(pose[2])
+    count = 0
+    for k in range(len(points)):
+        u = (pose[0] + c * points[k, 0] - s * points[k, 1] - origin[0]) / size
+        v = (pose[1] + s * points[k, 0] + c * points[k, 1] - origin[1]) / size
+        seen = 0
+        for a in range(max(floor(u) - AROUND, 0), min(floor(u) + AROUND + 1, cells.shape[0])):
+            for b in range(max(floor(v) - AROUND, 0), min(floor(v) + AROUND + 1, cells.shape[1])):
+                seen += cells[a, b, HIT] + cells[a, b, THROUGH] > 0
+        count += 4 * seen > (2 * AROUND + 1) ** 2
+    return count / max(len(points), 1)
+
+
 SHORT, COMPARED = 4, 0.3
 """Cells of a beam that is compared at least, and the share of them that the submap has seen."""
 

@@ -7,7 +7,6 @@ import pytest
 
 from slamduel.core.se2 import between
 from slamduel.datasets.worlds.laser_floor import Options, record
-from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.recording import LaserRecording, matched
 from slamduel.frontend.laser.scanner import Scan
 from slamduel.frontend.laser.settings import Settings
@@ -17,26 +16,24 @@ from tiers import first_quick
 FAULTS = ({"stalls": 12.0}, {"late_heading": 0.5}, {"stuck": 6.0}, {"spins": 6.0}, {"clock_stalls": 6.0})
 
 
-def followed(seed: int, draw: int, **options: float) -> tuple[FrontEnd, np.ndarray, np.ndarray]:
-    """A front end on a short drive with a micrometre of noise; errors (n, 3) of its steps, and NEES of each."""
+def followed(seed: int, draw: int, **options: float) -> tuple[np.ndarray, np.ndarray]:
+    """Errors (n, 3) of steps of a short drive with a micrometre of noise, and NEES of each."""
     recording, truth = record(Options(laps=0.5, **options), np.random.default_rng(seed))
     noise = 1e-6 * np.random.default_rng(draw).standard_normal(recording.ranges.shape)
     front_end = matched(replace(recording, ranges=recording.ranges + noise), Settings())
     true = truth.poses[[step.scan for step in front_end.steps]]
     errors = between(between(true[:-1], true[1:]), np.array([step.delta for step in front_end.steps[1:]]))
     cov = np.array([step.cov for step in front_end.steps[1:]])
-    return front_end, errors, np.einsum("ni,nij,nj->n", errors, np.linalg.inv(cov), errors) / 3
+    return errors, np.einsum("ni,nij,nj->n", errors, np.linalg.inv(cov), errors) / 3
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: next(iter(fault)))
 @pytest.mark.parametrize("seed", first_quick(range(4)))
 @pytest.mark.parametrize("draw", first_quick(range(4)))
 def test_no_step_is_wrong_where_the_wheels_are(fault: dict[str, float], seed: int, draw: int) -> None:
-    front_end, errors, nees = followed(seed, draw, **fault)
+    errors, nees = followed(seed, draw, **fault)
     assert np.hypot(errors[:, 0], errors[:, 1]).max() < 0.15
     assert 0.5 < nees.mean() < 2
-    if "clock_stalls" not in fault:
-        assert front_end.tracker.doubted > 0
 
 
 def test_scans_that_wait_for_a_decision_are_placed_at_the_end() -> None:

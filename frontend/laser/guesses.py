@@ -1,0 +1,112 @@
+"""Where a scan may be, before it is matched: by the wheels, by the motion before, standing still."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core.se2 import Array, between, compose, rotation, wrap
+from ...core.small_matrices import inverse
+from ._matching import Hold
+from .settings import Settings
+
+ODD, ODD_TURN = 0.3, 0.4
+"""m and rad between the wheels' motion and the motion before that no robot does from one scan to the next."""
+
+MOVED, MOVED_TURN = 0.03, 0.03
+"""m and rad of the motion before; a robot that moved less may well stand still."""
+
+STEADY, STEADY_TURN = 0.02, 0.03
+"""sd, m and rad, of the difference between the motions to two scans, at the least."""
+
+SPEEDS_UP, TURNS_UP = 0.8, 2.0
+"""sd, m/s² and rad/s², of a robot's acceleration."""
+
+SECOND = 1.0
+"""s; scans farther apart tell nothing of the acceleration."""
+
+
+class Anchor(NamedTuple):
+    """The last scan up to which wheels and scans agreed, where they do not any more.
+
+    Readings that come late, or too early, leave the sum of the motions since then as it was.
+    """
+
+    t: float
+    pose: Array  # (3,) on the matcher's path
+    moved: Array  # (3,) by the wheels since then
+
+
+class Guesses(NamedTuple):
+    """Poses (3,) that a scan may have."""
+
+    wheels: Hold | None  # by their motion since the scan before; None without wheels
+    since: Hold | None  # by their motion since the anchor; None without one
+    carried: Hold  # by the motion before
+    still: Hold  # where the scan before was
+    odd: bool  # the wheels do what no robot does
+    cov: Array  # (3,) variances of the difference between the motions to two scans, m² and rad²
+
+    @property
+    def all(self) -> list[Hold]:
+        """All that there are, the most trusted one first."""
+        return [one for one in (self.wheels, self.since, self.carried, self.still) if one is not None]
+
+    def surprise(self, last: Array, pose: Array) -> float:
+        """Squared distance of the motion from `last` to `pose` from the motion before it."""
+        off = between(last, pose) - between(last, self.carried.pose)
+        off[2] = wrap(off[2])
+        return float((off * off / self.cov).sum())
+
+
+def guesses(
+    last: Array, before: Array, seconds: float, motion: Array | None, anchor: Anchor | None, s: Settings
+) -> Guesses:
+    """Where a scan may be that was taken after the one at `last` (3,).
+
+    `before` (3,) is the motion before, for as long a time; `motion` (3,) that of the wheels. `seconds` is the longer
+    one of the times to this scan and to the one before: stamps jitter, and scans that waited have nearly the same.
+    """
+    d = min(seconds, SECOND) ** 2
+    sd = np.array([STEADY + SPEEDS_UP * d, STEADY + SPEEDS_UP * d, STEADY_TURN + TURNS_UP * d])
+    blind, carried = np.eye(3) / s.blind**2, compose(last, before)
+    if motion is None:
+        return Guesses(None, None, Hold(carried, blind), Hold(last, blind), False, sd * sd)
+    off = motion - before
+    off[2] = wrap(off[2])
+    if motion.any():
+        odd = beyond(off, max(ODD, 3 * sd[0]), max(ODD_TURN, 3 * sd[2]))
+    else:
+        odd = beyond(before, MOVED, MOVED_TURN)
+    by_wheels = held(last, motion, wheels_cov(motion, s))
+    since = None
+    if anchor is not None:
+        moved = compose(anchor.moved, motion)
+        since = held(anchor.pose, moved, wheels_cov(moved, s))
+    smooth = held(last, before, np.diag(np.minimum(sd * sd, s.blind**2)))
+    return Guesses(by_wheels, since, smooth, Hold(last, blind), odd, sd * sd)
+
+
+def held(start: Array, motion: Array, cov: Array) -> Hold:
+    """The hold of a pose by the motion (3,) from `start` (3,), whose covariance (3, 3) is in its axes."""
+    R = rotation(float(start[2]))
+    return Hold(compose(start, motion), inverse(R @ cov @ R.T))
+
+
+def wheels_cov(motion: Array, s: Settings) -> Array:
+    """Covariance of a motion by the wheels: wide enough for slipping ones."""
+    way, turned = float(np.hypot(motion[0], motion[1])), abs(float(motion[2]))
+    sd = s.still + s.by_way * way
+    turn_sd = s.turn_still + s.by_turn * turned + s.turn_by_way * way
+    return np.diag([sd**2, sd**2, turn_sd**2])
+
+
+def distance(pose: Array, hold: Hold) -> float:
+    """Squared Mahalanobis distance of a pose from the one it is held to."""
+    off = pose - hold.pose
+    off[2] = wrap(off[2])
+    return float(off @ hold.information @ off)
+
+
+def beyond(motion: Array, way: float, turn: float) -> bool:
+    """Tells if a motion goes farther, m, or turns more, rad."""
+    return bool(np.hypot(motion[0], motion[1]) > way or abs(motion[2]) > turn)
