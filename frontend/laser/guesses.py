@@ -59,15 +59,18 @@ class Guesses(NamedTuple):
 
 
 def guesses(
-    last: Array, before: Array, seconds: float, motion: Array | None, anchor: Anchor | None, s: Settings
+    last: Array, moved: Array, times: tuple[float, float], motion: Array | None, anchor: Anchor | None, s: Settings
 ) -> Guesses:
-    """Where a scan may be that was taken after the one at `last` (3,).
+    """Where a scan may be that was taken after the one at `last` (3,), to which the robot `moved` (3,).
 
-    `before` (3,) is the motion before, for as long a time; `motion` (3,) that of the wheels. `seconds` is the longer
-    one of the times to this scan and to the one before: stamps jitter, and scans that waited have nearly the same.
+    `times` are the seconds of that motion and those since then: where they differ, stamps jitter. `motion` (3,) is the
+    wheels' since then.
     """
-    d = min(seconds, SECOND) ** 2
-    sd = np.array([STEADY + SPEEDS_UP * d, STEADY + SPEEDS_UP * d, STEADY_TURN + TURNS_UP * d])
+    before = moved * min(times[1] / max(times[0], 1e-3), 2.0)
+    longer = max(times)
+    d, uneven = min(longer, SECOND) ** 2, abs(times[1] - times[0]) / max(longer, 1e-3)
+    way = STEADY + SPEEDS_UP * d + uneven * float(np.hypot(moved[0], moved[1]))
+    sd = np.array([way, way, STEADY_TURN + TURNS_UP * d + uneven * abs(moved[2])])
     blind, carried = np.eye(3) / s.blind**2, compose(last, before)
     if motion is None:
         return Guesses(None, None, Hold(carried, blind), Hold(last, blind), False, sd * sd)

@@ -46,13 +46,16 @@ TRUST, TRUST_TURN = 0.6, 0.6
 COST, BETTER = 0.02, 0.03
 """Share of points that a unit of squared distance costs; by how much a search has to be better."""
 
-FARTHEST, JERK = 25.0, 6.0
+FARTHEST, JERK = 25.0, 4.0
 """Squared distances from the wheels' place, and from that by the motion before, at the most: stamps jitter."""
 
 SUM, LATE = 6.0, 4.0
 """Squared distance from the wheels' sum since they last agreed from which on a place costs no more: readings may be
 late; and that for each second since then: not for ever.
 """
+
+DENIED = 2.0
+"""Squared distance that a place costs that the wheels deny, while they agreed with the scan before."""
 
 HELD = 25.0
 """Times the information of the wheels' motion with which a scan is held where they say that it is."""
@@ -158,11 +161,10 @@ class Tracker:
     ) -> list[Placed]:
         """The places of a scan after those of a branch, best first; one where no other is in sight."""
         s, grid, past = self.settings, submap.grid, [*self._last, *branch]
-        last, before, seconds, earlier = past[-1], np.zeros(3), t - past[-1].t, 0.0
+        last, moved, earlier = past[-1], np.zeros(3), 0.0
         if len(past) > 1:
-            earlier = last.t - past[-2].t
-            before = between(past[-2].pose, last.pose) * min(seconds / max(earlier, 1e-3), 2.0)
-        guess = guesses(last.pose, before, max(seconds, earlier), motion, last.anchor, s)
+            moved, earlier = between(past[-2].pose, last.pose), last.t - past[-2].t
+        guess = guesses(last.pose, moved, (earlier, t - last.t), motion, last.anchor, s)
         first, doubtful = guess.all[0], guess.odd or last.anchor is not None
 
         def placed(start: Array, hold: Hold, reach: int, matched: bool = True) -> Placed:
@@ -176,6 +178,7 @@ class Tracker:
             anchor, agrees = None, distance(pose, first) < APART
             if guess.odd or not agrees:
                 then = last.anchor or Anchor(last.t, last.pose, np.zeros(3))
+                score -= COST * DENIED * (last.anchor is None and not agrees)
                 anchor = then._replace(moved=compose(then.moved, motion))
             late = 0.0 if last.anchor is None else LATE * max(t - last.anchor.t, 0.0)
             most = min(max(late, SUM), FARTHEST) if doubtful else FARTHEST
