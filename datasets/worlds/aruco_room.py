@@ -27,9 +27,9 @@ from ..rendering.render import Renderer
 from ..rendering.room import furnish, furnish_with_boxes
 from ..rendering.scrambled import scrambled
 from ..rendering.surfaces import paint
+from ..wheel_faults import WheelFaults, faulty_clock, faulty_wheels
 from .camera_options import CameraOptions
 from .outliers import swapped
-from .wheel_faults import WheelFaults, faulty_clock, faulty_wheels
 from .wheeled_robot import ClosedPath, count, drive
 
 DICTIONARY = "4X4_50"

@@ -26,9 +26,9 @@ from ..rendering.render import Renderer
 from ..rendering.room import Room, furnish_with_boxes
 from ..rendering.sensor import Sensor
 from ..rendering.surfaces import paint
+from ..wheel_faults import WheelFaults, faulty_clock, faulty_poses
 from .aruco_room import BERTH, DICTIONARY, LOOP, ROOM, SIDE, START_SD, TICK
 from .mover import crossings
-from .wheel_faults import WheelFaults, faulty_clock, faulty_poses
 from .wheeled_robot import RISE, drive
 
 WHEELS = TrackNoise(forward=0.015, turning=0.02, turning_by_turn=0.02)

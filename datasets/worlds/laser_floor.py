@@ -18,9 +18,9 @@ from ...frontend.laser.settings import Settings
 from ..false_loops import FalseLoops
 from ..grid_file import grid_files, localised
 from ..registry import Source
+from ..wheel_faults import WheelFaults, faulty_clock, faulty_poses
 from ._casting import cast
 from .floor_plan import CORRIDOR, Plan, floor_plan
-from .wheel_faults import WheelFaults, faulty_clock, faulty_poses
 
 SIZE, DEPTH = (36.0, 22.0), 5.0  # m: the floor, and the rooms outside of the corridor
 TICK = 0.02  # s between positions of the drive

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slamduel.core.se2 import Array, between, wrap
-from slamduel.datasets.worlds.wheel_faults import (
+from slamduel.datasets.wheel_faults import (
     ODD_WHEEL,
     TOO_MUCH,
     WheelFaults,

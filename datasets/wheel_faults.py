@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from ...core.options import option
-from ...core.se2 import Array, between, compose
+from ..core.options import option
+from ..core.se2 import Array, between, compose
 
 TRACK = 0.5
 """m between the wheels of a robot whose odometry is known as poses only."""
