@@ -26,7 +26,8 @@ from ..rendering.render import Renderer
 from ..rendering.room import Room, furnish_with_boxes
 from ..rendering.sensor import Sensor
 from ..rendering.surfaces import paint
-from .aruco_room import BERTH, DICTIONARY, LOOP, ROOM, SIDE, START_SD, TICK
+from .aruco_room import BERTH, DICTIONARY, LOOP, ROOM, SIDE, TICK
+from .measurements import START_SD
 from .mover import crossings
 from .wheel_faults import WheelFaults, faulty_clock, faulty_poses
 from .wheeled_robot import RISE, drive
