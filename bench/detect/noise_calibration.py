@@ -71,7 +71,7 @@ def calibrate(sightings: Sightings, true: TrueErrors) -> Calibration:
     places = np.column_stack((seen.z[:, 0], seen.height))
     corners = fit_propagated(errors, seen.corner_noise, places)
     proportional = ProportionalNoise(by_range.k, by_bearing.k, by_range.floor, by_bearing.floor)
-    propagated = PropagatedNoise(corners.scale, *(float(floor) for floor in corners.floors), corners.sway)
+    propagated = PropagatedNoise(corners.scale, *corners.floors.tolist(), sway=corners.sway)
     used = by_range.used & by_bearing.used & corners.used
     fixed = np.diag([propagated.floor_range**2, propagated.floor_bearing**2])
     by_corners = propagated.scale**2 * seen.corner_noise + fixed + rocking(propagated.sway, *places.T)
