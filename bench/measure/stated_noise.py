@@ -77,28 +77,44 @@ def misstated(log: Log, truth: Truth, row: dict[str, Any], *, sightings: bool = 
     Of a backend that does not use `sightings` they are no reason for its NEES.
     """
     beliefs = [row[name] for name in ("nees", "final_nees") if row.get(name) is not None]
-    off = any(nees > OVERCONFIDENT or nees < CAUTIOUS for nees in beliefs)
-    typical = TYPICAL if off else TENFOLD
+    belief = _Belief(any(nees > OVERCONFIDENT for nees in beliefs), any(nees < CAUTIOUS for nees in beliefs))
     if sightings:
-        yield from _sightings(named(log, truth), truth, typical, off)
-    yield from _far("motion", _Sizes.of(odometry_errors(log, truth), log.delta_cov), len(log) - 1, typical, off)
-    if off and truth.t[0] == log.t[0]:
+        yield from _sightings(named(log, truth), truth, belief)
+    yield from _far("motion", _Sizes.of(odometry_errors(log, truth), log.delta_cov), len(log) - 1, belief)
+    if belief.overconfident and truth.t[0] == log.t[0]:
         yield from _start(log, truth)
 
 
-def _sightings(log: Log, truth: Truth, typical: float, off: bool) -> Iterator[str]:
-    """Remarks on the errors of sightings; on the parts of the log that they differ in, where they are `off`."""
+class _Belief(NamedTuple):
+    """The ways in which a backend's NEES, online or final, is off."""
+
+    overconfident: bool
+    cautious: bool
+
+    @property
+    def off(self) -> bool:
+        """True in either way."""
+        return self.overconfident or self.cautious
+
+    @property
+    def typical(self) -> float:
+        """The factor on what is stated, or its inverse, from which a typical error is remarked on."""
+        return TYPICAL if self.off else TENFOLD
+
+
+def _sightings(log: Log, truth: Truth, belief: _Belief) -> Iterator[str]:
+    """Remarks on the errors of sightings, and on the parts of the log that they differ in where the belief is off."""
     right = truth._replace(assigned=None)  # an error of the given id is an error of the sighting
     if truth.map is None:
         right = judge(truth, placed(log, truth.poses, rows_of(truth.t, log.t), known=True)) or truth
     errors = sighting_errors(log, right)
     sizes = _Sizes.of(errors, log.z_cov)
-    if off and sizes is not None and sizes.uneven and len(errors.row) >= FEWEST:
+    if belief.off and sizes is not None and sizes.uneven and len(errors.row) >= FEWEST:
         parts = _parts(sizes, log.z[errors.row, 0], log.ids[errors.row])
         if parts:
             yield f"the stated noise of the sightings is uneven: {parts}"
             return
-    yield from _far("sighting", sizes, int((log.ids != UNKNOWN).sum()), typical, off)
+    yield from _far("sighting", sizes, int((log.ids != UNKNOWN).sum()), belief)
 
 
 class _Sizes(NamedTuple):
@@ -195,20 +211,20 @@ def _start(log: Log, truth: Truth) -> Iterator[str]:
         )
 
 
-def _far(noun: str, sizes: _Sizes | None, number: int, typical: float, off: bool) -> Iterator[str]:
-    """Remarks on errors beyond `typical` times what is stated; where the belief is `off`, on single ones as well."""
+def _far(noun: str, sizes: _Sizes | None, number: int, belief: _Belief) -> Iterator[str]:
+    """Remarks on errors of another size than stated; where the `belief` is overconfident, on single ones as well."""
     if sizes is None:
         return
     scale = sizes.typical
-    if not 1 / typical < scale < typical:
+    if not 1 / belief.typical < scale < belief.typical:
         said = f"the errors of the {noun}s are typically {scale:.2g} times what is stated"
         if not sizes.uneven:
             yield said
             return
-        if off:
+        if belief.off:
             yield f"{said}, but {sizes.overall:.2g} times in the root mean square: some are much larger than the rest"
     gross = int((sizes.squares > GROSS**2).sum())
-    if gross and off:
+    if gross and belief.overconfident:
         largest = float(np.sqrt(sizes.squares.max()))
         yield (
             f"{gross} of {number} {noun}s {'are' if gross > 1 else 'is'} off by more than {GROSS:g} stated standard "

@@ -72,6 +72,15 @@ def test_gross_errors_are_counted(with_map: bool) -> None:
     assert remark.startswith(f"2 of {len(log.ids)} sightings are off by more than 7 stated standard deviations, by ")
 
 
+def test_single_errors_are_no_reason_for_a_cautious_belief() -> None:
+    log, truth = circle()
+    z = log.z.copy()
+    z[3, 1] += 1.0
+    moved = replace(log, z=z, prior=log.prior._replace(pose=log.prior.pose + 1.0, cov=1e-4 * np.eye(3)))
+    assert len(list(misstated(moved, truth, OFF))) == 2
+    assert list(misstated(moved, truth, {"nees": 0.1})) == []
+
+
 def test_a_wrong_id_is_an_error_of_its_sighting() -> None:
     log, truth = circle(",wrong_ids=0.1")
     (remark,) = misstated(log, truth, OFF)
