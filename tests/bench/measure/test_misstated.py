@@ -8,6 +8,8 @@ import pytest
 
 import slamduel
 from room_drives import room_drive
+from slamduel.backends import registry
+from slamduel.bench.measure.cell import Job, run_on
 from slamduel.bench.measure.stated_noise import misstated
 from slamduel.core.factors import Log, Truth
 from slamduel.core.se2 import Array
@@ -144,6 +146,16 @@ def test_sightings_are_no_reason_for_a_backend_that_uses_none(row: dict[str, flo
     log, truth = circle(",odometry_scale=20")
     (remark,) = misstated(log, truth, row, sightings=False)
     assert remark.startswith("the errors of the motions are typically ")
+
+
+def test_the_cell_of_dead_reckoning_is_silent_on_sightings_and_that_of_the_ekf_is_not() -> None:
+    log, truth = circle(",sensor_scale=20")
+    said = {}
+    for name in ("dead-reckoning", "ekf"):
+        job = Job(name, name, registry.find(name).options(), 0, 8000)
+        said[name] = run_on(job, lambda: log, lambda: truth).reason
+    assert "sightings" not in said["dead-reckoning"]
+    assert "the errors of the sightings are typically " in said["ekf"]
 
 
 @pytest.mark.parametrize(
