@@ -63,7 +63,8 @@ class LaserFindings(Findings):
         else:
             said.append("Every scan matched the last metres.")
         if c["doubted"]:
-            left = f"{c['undecided']} stay undecided" if c["undecided"] else "later scans decided"
+            stay = f"{c['undecided']:,} {'stay' if c['undecided'] > 1 else 'stays'} undecided"
+            left = stay if c["undecided"] else "later scans decided"
             said.append(f"{counted(c['doubted'], 'time')} wheels and scans gave more than one place: {left}.")
         if c["by_wheels"]:
             said.append(

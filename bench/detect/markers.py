@@ -111,6 +111,7 @@ class MarkerFindings(Findings):
                     "floor_range": c.range.floor_error,
                     "floor_bearing": c.bearing.floor_error,
                     "scale": c.corners.scale_error,
+                    "sway": c.corners.sway_error,
                 },
                 "sightings": c.sightings,
             }

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.se2 import Array
-from ...frontend.markers.noise import PropagatedNoise, ProportionalNoise
+from ...frontend.markers.noise import PropagatedNoise, ProportionalNoise, rocking
 from ...frontend.markers.noise_fit import Propagated, Slope, fit_propagated, fit_slope, squares
 from .sightings import Sightings, TrueErrors, in_log
 
-CORNERS = PropagatedNoise(scale=1.0, floor_range=0.0, floor_bearing=0.0)
+CORNERS = PropagatedNoise(scale=1.0, floor_range=0.0, floor_bearing=0.0, sway=0.0)
 """the covariance from the corners alone, at the scale 1"""
 
 CONSISTENT = (0.8, 1.2)  # NEES of (range, bearing), over its two degrees of freedom, that counts as consistent
@@ -68,12 +68,14 @@ def calibrate(sightings: Sightings, true: TrueErrors) -> Calibration:
     edges = range_bins(sightings.z[sightings.kept, 0])
     seen, errors = known_in_log(sightings, true)
     by_range, by_bearing = (fit_slope(seen.z[:, axis], errors[:, axis]) for axis in (0, 1))
-    corners = fit_propagated(errors, seen.corner_noise)
+    places = np.column_stack((seen.z[:, 0], seen.height))
+    corners = fit_propagated(errors, seen.corner_noise, places)
     proportional = ProportionalNoise(by_range.k, by_bearing.k, by_range.floor, by_bearing.floor)
-    propagated = PropagatedNoise(corners.scale, *(float(floor) for floor in corners.floors))
+    propagated = PropagatedNoise(corners.scale, *corners.floors.tolist(), sway=corners.sway)
     used = by_range.used & by_bearing.used & corners.used
     fixed = np.diag([propagated.floor_range**2, propagated.floor_bearing**2])
-    covs = (seen.cov, proportional.cov(seen.z), propagated.scale**2 * seen.corner_noise + fixed)
+    by_corners = propagated.scale**2 * seen.corner_noise + fixed + rocking(propagated.sway, *places.T)
+    covs = (seen.cov, proportional.cov(seen.z), by_corners)
     costs = [(squares(errors, cov) + np.linalg.slogdet(cov)[1])[used].mean() for cov in covs[1:]]
     return Calibration(
         sightings=len(errors),
@@ -119,6 +121,7 @@ def toml(calibration: Calibration) -> str:
             ("scale", c.corners.scale, c.corners.scale_error, f"with it a corner has {c.corner_sd:.3f} px"),
             ("floor_range", c.corners.floors[0], c.corners.floor_errors[0], "m"),
             ("floor_bearing", c.corners.floors[1], c.corners.floor_errors[1], "rad"),
+            ("sway", c.corners.sway, c.corners.sway_error, "rad"),
         ),
     }
     lines = [f"# Fitted to {c.sightings} sightings with truth; the {c.likelier} model explains them better.", "[noise]"]

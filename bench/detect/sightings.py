@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ...core.factors import Truth
 from ...core.se2 import Array, Ints
 from ...core.truth_errors import difference, rows_of, sighted_from
+from ...frontend.markers.aruco import on_robot
 from ...frontend.markers.noise import Noise
 from ...frontend.markers.pipeline import FrameSightings
 
@@ -26,6 +27,7 @@ class Sightings(NamedTuple):
     z: Array  # (s, 2) range (m), bearing (rad)
     cov: Array  # (s, 2, 2)
     corner_noise: Array  # (s, 2, 2) of z, from the corners alone; NaN where not requested
+    height: Array  # (s,) m, over the robot's plane
     corner_sd: Array  # (s,) px, of a corner along an axis, root mean square
     error: Array  # (s,) px, of the reprojection
     ambiguity: Array  # (s,)
@@ -47,7 +49,7 @@ class Marker(NamedTuple):
 
 _NONE = Sightings(
     np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)), np.zeros((0, 2, 2)),
-    np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, np.bool_),
+    np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0, np.bool_),
 )  # fmt: skip
 
 
@@ -75,6 +77,7 @@ class Detection:
                 seen.z,
                 seen.cov,
                 np.full_like(seen.cov, np.nan) if model is None else model.measure(found, mounting)[1],
+                on_robot(found, mounting)[:, 2],
                 np.sqrt(np.diagonal(covs, axis1=1, axis2=2).mean(axis=1)),
                 np.array([one.error for one in found], float),
                 np.array([one.ambiguity for one in found], float),

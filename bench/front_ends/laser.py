@@ -24,6 +24,7 @@ from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.scanner import Scan
 from ...frontend.laser.settings import Settings
 from ...frontend.laser.submap import Submap
+from ...frontend.laser.tracking import Placed, Tracker
 from .consistency import Consistency, errors, gathered
 from .laser_references import icp, tried
 
@@ -84,6 +85,18 @@ class _TimedEstimate(StepPoses):
         self.ns += time.thread_time_ns() - start
 
 
+class _TimedTracker(Tracker):
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(settings)
+        self.ns = 0
+
+    def take(self, t: float, motion: Array | None, scan: Scan, submap: Submap) -> list[Placed]:
+        start = time.thread_time_ns()
+        placed = super().take(t, motion, scan, submap)
+        self.ns += time.thread_time_ns() - start
+        return placed
+
+
 class Timed(FrontEnd):
     """A front end with the ns of CPU that its parts took."""
 
@@ -92,6 +105,7 @@ class Timed(FrontEnd):
         self.ns: dict[str, int] = dict.fromkeys(PARTS, 0)
         self.scan_ns: list[int] = []  # of each scan
         self._estimate = self._moving = _TimedEstimate(settings)
+        self.tracker = self._matching = _TimedTracker(settings)
 
     def drive(self, recording: LaserRecording, progress: Callable[[], None]) -> None:
         """Takes all scans."""
@@ -100,11 +114,9 @@ class Timed(FrontEnd):
             self.scan(*one)
             self.scan_ns.append(time.thread_time_ns() - start)
             progress()
+        self.ns["match"] = self._matching.ns
         self.ns["optimise"] = self._moving.ns  # without the last one, which no scan waits for
         self.finish()
-
-    def _matched(self, scan: Scan, delta: Array, cov: Array) -> tuple[Array, Array]:
-        return self._timed("match", super()._matched, scan, delta, cov)
 
     def _draw(self, pose: Array, scan: Scan) -> None:
         self._timed("insert", super()._draw, pose, scan)

@@ -118,7 +118,7 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     if held is not None and compiled.made() == made:
         row["peak_mb"] = held
     loops += outcome.left_out
-    return _scored(log, outcome, read_truth(), loops, row)
+    return _scored(builder, log, outcome, read_truth(), loops, row)
 
 
 def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
@@ -134,9 +134,11 @@ def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
     return ""
 
 
-def _scored(log: Log, outcome: Outcome, truth: Truth | None, loops: int, row: dict[str, Any]) -> Result:
+def _scored(
+    builder: Builder, log: Log, outcome: Outcome, truth: Truth | None, loops: int, row: dict[str, Any]
+) -> Result:
     """Scores the outcome; `loops` are the closures that the backend was not given, or had kept no pose for."""
-    judged = score(log, outcome, truth)
+    judged = score(log, outcome, truth, sightings=builder.sightings)
     said = [TOLD] * outcome.told
     said += [NOT_CONVERGED] * (outcome.solution is not None and outcome.solution.converged is False)
     said += [f"{loops} loop closure{' is' if loops == 1 else 's are'} left out"] * bool(loops)

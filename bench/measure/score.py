@@ -43,8 +43,11 @@ class _End(NamedTuple):
     row: dict[str, Any]
 
 
-def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
-    """Scores an outcome. Online and final are never mixed; a value that does not exist is absent from the row."""
+def score(log: Log, outcome: Outcome, truth: Truth | None, *, sightings: bool = True) -> Score:
+    """Scores the outcome of a backend that uses `sightings`, or does not.
+
+    Online and final are never mixed; a value that does not exist is absent from the row.
+    """
     ends = _ends(outcome, truth)
     row, taken_out = moved(log, outcome, truth)
     remarks = [*_remarks(log, outcome, truth), *taken_out]
@@ -65,7 +68,7 @@ def score(log: Log, outcome: Outcome, truth: Truth | None) -> Score:
                 end.row.update({} if end.path is None else relation_columns(truth.relations, end.path))
     row |= {prefix + name: value for prefix, end in ends.items() for name, value in end.row.items()}
     if truth is not None and truth.exact:
-        remarks += misstated(log, truth, row)
+        remarks += misstated(log, truth, row, sightings=sightings)
     if outcome.assigned is not None:  # the final ones, if any
         log = replace(log, ids=next(end.assigned for end in ends.values() if end.assigned is not None))
     last = outcome.solution or outcome

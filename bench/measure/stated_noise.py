@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.factors import UNKNOWN, Log, Truth
-from ...core.se2 import Array
+from ...core.se2 import Array, Ints
 from ...core.truth_errors import Errors, difference, named, odometry_errors, rows_of, sighting_errors
 from .landmark_places import judge, placed
 
@@ -17,6 +18,10 @@ OVERCONFIDENT, CAUTIOUS = 1.5, 0.3  # mean NEES over its dimension beyond which 
 TYPICAL = 2.0  # times the stated standard deviation, or its inverse, from which a typical error is remarked on
 TENFOLD = 10.0  # likewise, where the belief holds: no sensor is calibrated as badly, a wrong unit or a square is worse
 GROSS = 7.0  # standard deviations: a normal error is beyond once in 4e10 sightings
+UNEVEN = 1.3  # root mean square of the errors over the typical one, as stated, from which no single factor mends both
+APART = 2.0  # times the scale of the one part of the sightings, from which on the other part is one of its own
+FEWEST = 50  # sightings to divide into parts
+NAMED = 6  # landmarks that a remark names one by one
 
 
 class NoiseCheck(NamedTuple):
@@ -66,19 +71,133 @@ def typical(errors: Array) -> float:
     return float(ROBUST * np.median(np.abs(errors)))
 
 
-def misstated(log: Log, truth: Truth, row: dict[str, Any]) -> Iterator[str]:
-    """Yields remarks on a log that a backend's NEES in `row` contradicts, as far as the true path can tell."""
+def misstated(log: Log, truth: Truth, row: dict[str, Any], *, sightings: bool = True) -> Iterator[str]:
+    """Yields remarks on a log that a backend's NEES in `row` contradicts, as far as the true path can tell.
+
+    Of a backend that does not use `sightings` they are no reason for its NEES.
+    """
     beliefs = [row[name] for name in ("nees", "final_nees") if row.get(name) is not None]
-    off = any(nees > OVERCONFIDENT or nees < CAUTIOUS for nees in beliefs)
-    log = named(log, truth)
+    belief = _Belief(any(nees > OVERCONFIDENT for nees in beliefs), any(nees < CAUTIOUS for nees in beliefs))
+    if sightings:
+        yield from _sightings(named(log, truth), truth, belief)
+    yield from _far("motion", _Sizes.of(odometry_errors(log, truth), log.delta_cov), len(log) - 1, belief)
+    if belief.overconfident and truth.t[0] == log.t[0]:
+        yield from _start(log, truth)
+
+
+class _Belief(NamedTuple):
+    """The ways in which a backend's NEES, online or final, is off."""
+
+    overconfident: bool
+    cautious: bool
+
+    @property
+    def off(self) -> bool:
+        """True in either way."""
+        return self.overconfident or self.cautious
+
+    @property
+    def typical(self) -> float:
+        """The factor on what is stated, or its inverse, from which a typical error is remarked on."""
+        return TYPICAL if self.off else TENFOLD
+
+
+def _sightings(log: Log, truth: Truth, belief: _Belief) -> Iterator[str]:
+    """Remarks on the errors of sightings, and on the parts of the log that they differ in where the belief is off."""
     right = truth._replace(assigned=None)  # an error of the given id is an error of the sighting
     if truth.map is None:
         right = judge(truth, placed(log, truth.poses, rows_of(truth.t, log.t), known=True)) or truth
-    typical = TYPICAL if off else TENFOLD
-    yield from _far("sighting", sighting_errors(log, right), log.z_cov, int((log.ids != UNKNOWN).sum()), typical, off)
-    yield from _far("motion", odometry_errors(log, truth), log.delta_cov, len(log) - 1, typical, off)
-    if off and truth.t[0] == log.t[0]:
-        yield from _start(log, truth)
+    errors = sighting_errors(log, right)
+    sizes = _Sizes.of(errors, log.z_cov)
+    if belief.off and sizes is not None and sizes.uneven and len(errors.row) >= FEWEST:
+        parts = _parts(sizes, log.z[errors.row, 0], log.ids[errors.row])
+        if parts:
+            yield f"the stated noise of the sightings is uneven: {parts}"
+            return
+    yield from _far("sighting", sizes, int((log.ids != UNKNOWN).sum()), belief)
+
+
+class _Sizes(NamedTuple):
+    """Errors of one kind of measurement, over what is stated: normalised squares of dimension k."""
+
+    squares: Array  # (m,)
+    k: int
+
+    @classmethod
+    def of(cls, errors: Errors, cov: Array) -> "_Sizes | None":
+        """Those of `errors`, whose rows are in `cov`; None without any."""
+        squares = normalised(errors, cov[errors.row])
+        return cls(squares, errors.values.shape[1]) if len(squares) else None
+
+    @property
+    def typical(self) -> float:
+        """The typical error's scale."""
+        return typical_scale(self.squares, self.k)
+
+    @property
+    def overall(self) -> float:
+        """The scale of the root mean square, which NEES goes by, without gross errors."""
+        kept = self.squares[self.squares <= (GROSS * max(self.typical, 1.0)) ** 2]
+        return float(np.sqrt(kept.mean() / self.k)) if len(kept) else 0.0
+
+    @property
+    def uneven(self) -> bool:
+        """True where some are so much larger than typical that no single factor on what is stated is right."""
+        return self.overall > UNEVEN * self.typical
+
+    def part(self, mine: NDArray[np.bool_]) -> "_Sizes":
+        """Those of some of the measurements (m,)."""
+        return self._replace(squares=self.squares[mine])
+
+
+def _parts(sizes: _Sizes, reach: Array, ids: Ints) -> str:
+    """Says for which distances or landmarks too much is stated, and for which too little; "" where neither explains it.
+
+    Sightings, at the ranges `reach` (m,) of the landmarks `ids` (m,), are divided in two where that raises the
+    likelihood of normal errors most; landmarks by their own errors, each of which costs as a parameter does (BIC).
+    """
+    n = len(ids)
+    names, landmark = np.unique(ids, return_inverse=True)
+    own = np.bincount(landmark, sizes.squares) / np.bincount(landmark)
+    order = np.argsort(own)
+    near = [reach <= limit for limit in np.quantile(reach, np.arange(0.1, 0.95, 0.1))]
+    low = [np.isin(landmark, order[:count]) for count in range(1, len(names))]
+    halves = [(_gain(sizes, mine) - np.log(n), "distance", mine) for mine in near]
+    halves += [(_gain(sizes, mine) - len(names) * np.log(n) / 2, "landmark", mine) for mine in low]
+    gain, kind, mine = max(halves, key=lambda one: one[0])
+    scales = [sizes.part(one).overall for one in (mine, ~mine)]
+    if gain <= 0 or max(scales) < APART * min(scales):
+        return ""
+    if kind == "distance":
+        limit = float(reach[mine].max())
+        where = [f"for landmarks within {limit:.2g} m", "for those beyond"]
+    else:
+        where = [f"for {_listed(np.unique(ids[one]).tolist())}" for one in (mine, ~mine)]
+    first, second = (
+        f"{_judged(scale)} {of}, whose errors are {scale:.2g} times what is stated"
+        for of, scale in zip(where, scales, strict=True)
+    )
+    return f"{first}, and {second}"
+
+
+def _gain(sizes: _Sizes, mine: NDArray[np.bool_]) -> float:
+    """The gain in log likelihood from a scale of its own for `mine` (m,) and for the rest, neither of them empty."""
+    parts = [sizes.part(mine), sizes.part(~mine)]
+    if not all(len(part.squares) and part.overall > 0 for part in parts):
+        return -np.inf
+    return sizes.k * sum(len(part.squares) * np.log(sizes.overall / part.overall) for part in parts)
+
+
+def _judged(scale: float) -> str:
+    """Judges what is stated for errors that are `scale` times that."""
+    return "too much" if scale < 0.8 else "too little" if scale > 1.25 else "right"
+
+
+def _listed(names: list[int]) -> str:
+    """The landmarks, the first by name."""
+    shown = ", ".join(map(str, names[:NAMED]))
+    more = len(names) - NAMED
+    return f"landmark{'s' * (len(names) > 1)} {shown}" + (f" and {more} more" if more > 0 else "")
 
 
 def _start(log: Log, truth: Truth) -> Iterator[str]:
@@ -92,18 +211,21 @@ def _start(log: Log, truth: Truth) -> Iterator[str]:
         )
 
 
-def _far(noun: str, errors: Errors, cov: Array, number: int, typical: float, off: bool) -> Iterator[str]:
-    """Remarks on errors beyond `typical` times what is stated; where the belief is `off`, on single ones as well."""
-    squares = normalised(errors, cov[errors.row])
-    if not len(squares):
+def _far(noun: str, sizes: _Sizes | None, number: int, belief: _Belief) -> Iterator[str]:
+    """Remarks on errors of another size than stated; where the `belief` is overconfident, on single ones as well."""
+    if sizes is None:
         return
-    scale = typical_scale(squares, errors.values.shape[1])
-    if not 1 / typical < scale < typical:
-        yield f"the errors of the {noun}s are typically {scale:.2g} times what is stated"
-        return
-    gross = int((squares > GROSS**2).sum())
-    if gross and off:
-        largest = float(np.sqrt(squares.max()))
+    scale = sizes.typical
+    if not 1 / belief.typical < scale < belief.typical:
+        said = f"the errors of the {noun}s are typically {scale:.2g} times what is stated"
+        if not sizes.uneven:
+            yield said
+            return
+        if belief.off:
+            yield f"{said}, but {sizes.overall:.2g} times in the root mean square: some are much larger than the rest"
+    gross = int((sizes.squares > GROSS**2).sum())
+    if gross and belief.overconfident:
+        largest = float(np.sqrt(sizes.squares.max()))
         yield (
             f"{gross} of {number} {noun}s {'are' if gross > 1 else 'is'} off by more than {GROSS:g} stated standard "
             f"deviations, by {largest:.2g} at most"

@@ -5,9 +5,9 @@
     [markers]    dictionary, side, sides, max_range
     [encoder]    left, right, base, k, noise, interval, curve, floors, counter_bits, max_speed
     [odometry]   forward, turning, turning_by_turn, floors, max_speed
-    [drift]      position, turning, floors        drift where no motion was measured
-    [noise]      model = "proportional": k_range, k_bearing, floor_range, floor_bearing
-                 model = "propagated": scale, floor_range, floor_bearing
+    [drift]      position, turning, floors        of the pose per root second, for frames without any motion
+    [noise]      model = "proportional": k_range, k_bearing, floor_range, floor_bearing, sway
+                 model = "propagated": scale, floor_range, floor_bearing, sway
     [prior]      pose, sd
     [topics]     image, encoder, odometry, camera_info
     [frames]     source, fps, start

@@ -36,7 +36,7 @@ DICTIONARY = "4X4_50"
 SIDE = 0.16  # m, of a marker
 ROOM = (6.0, 5.0, 2.5)  # m
 TICK = 0.02  # s between encoder readings
-START_SD = 1e-3  # m and rad; the robot starts exactly at the prior's mean
+START_SD = 1e-4  # m and rad; the robot starts exactly at the prior's mean
 SOURCE = "slamduel's own world: frames are rendered, wheel counters simulated with the noise that the encoder states"
 
 
@@ -47,6 +47,9 @@ LOOP = ClosedPath(
     sin=np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]),
 )
 """A figure of eight of 11.3 m: as much turning left as right, and no bend tighter than 0.54 m."""
+
+PROPORTIONAL = ProportionalNoise(k_range=0.002, k_bearing=0.002, floor_range=0.008, floor_bearing=0.003)
+"""Eq. (10) with constants for this camera, and floors for a rocking body."""
 
 BERTH = 0.3  # m, least distance of the robot's middle from a box
 
@@ -59,11 +62,24 @@ class Options(HiddenIds, OnMap, WheelFaults, CameraOptions):
     seconds: float = option(60.0, "length of the drive, s", minimum=1.0, maximum=3600.0)
     frame_rate: float = option(5.0, "camera frames per second, each a keyframe", minimum=0.5, maximum=30.0)
     speed: float = option(0.4, "speed of the robot, m/s", minimum=0.05, maximum=1.0)
-    noise: str = option("proportional", "stated noise of the sightings", choices=("proportional", "propagated"))
-    k_range: float = option(0.002, "stated range noise, of the range", minimum=0.0, maximum=1.0)
-    k_bearing: float = option(0.002, "stated bearing noise, of the bearing", minimum=0.0, maximum=1.0)
-    floor_range: float = option(0.008, "stated range noise at zero range, m", minimum=1e-4, maximum=1.0)
-    floor_bearing: float = option(0.003, "stated bearing noise straight ahead, rad", minimum=1e-4, maximum=1.0)
+    noise: str = option(
+        "propagated", "stated noise of the sightings: that of the corners and of `sway`, or ArUco EKF SLAM's eq. (10)",
+        choices=("propagated", "proportional"),
+    )  # fmt: skip
+    k_range: float | None = option(
+        None, "with noise=proportional: stated range noise, of the range; none: 0.002", minimum=0.0, maximum=1.0
+    )
+    k_bearing: float | None = option(
+        None, "with noise=proportional: stated bearing noise, of the bearing; none: 0.002", minimum=0.0, maximum=1.0
+    )
+    floor_range: float | None = option(
+        None, "stated range noise that is added, m; none: 0.008 with noise=proportional, else 0",
+        minimum=1e-4, maximum=1.0,
+    )  # fmt: skip
+    floor_bearing: float | None = option(
+        None, "stated bearing noise that is added, rad; none: 0.003 with noise=proportional, else 0",
+        minimum=1e-4, maximum=1.0,
+    )  # fmt: skip
     boxes: int = option(0, "boxes in the room, a third of the markers on them", minimum=0, maximum=8)
     camera: str = option("pinhole", "lens of the camera; calibrations are in cameras.py", choices=tuple(CAMERAS))
     blur: float = option(0.6, "defocus, standard deviation in px", minimum=0.0, maximum=8.0)
@@ -102,7 +118,8 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
 def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth]:
     """Simulates the robot's sensors, with frames rendered on demand, and the ground truth.
 
-    InputError for exposures that overlap the next frame's, a shutter slower than the frames, and boxes without room.
+    InputError for exposures that overlap the next frame's, a shutter slower than the frames, boxes without room, and
+    an option of the other noise.
     """
     seen_by = options.made_sensor
     for name, seconds in (("exposure", seen_by.exposure), ("readout", seen_by.readout)):
@@ -175,11 +192,18 @@ def _nearest(log: Log, truth: Truth) -> Ints:
 
 
 def _noise(options: Options) -> Noise:
-    """The noise stated for the sightings."""
-    if options.noise == "propagated":
-        # The corners' covariance does not include the body's rocking.
-        return PropagatedNoise(1.0, *((options.floor_range, options.floor_bearing) if options.sway else (0.0, 0.0)))
-    return ProportionalNoise(options.k_range, options.k_bearing, options.floor_range, options.floor_bearing)
+    """The noise stated for the sightings; InputError for an option of the other model."""
+    names = ("k_range", "k_bearing", "floor_range", "floor_bearing")
+    given = {name: value for name in names if (value := getattr(options, name)) is not None}
+    if options.noise == "proportional":
+        return replace(PROPORTIONAL, **given)
+    for name in names[:2]:
+        if name in given:
+            raise InputError(
+                f"dataset aruco-room: found option {name}={given[name]:g} beside noise={options.noise}, expected it "
+                "beside noise=proportional."
+            )
+    return PropagatedNoise(sway=options.sway, **given)
 
 
 source = Source(aruco_room, options=Options, seeded=True, costly=True, portable=False)  # OpenCV's arithmetic

@@ -27,7 +27,8 @@ from ..rendering.room import Room, furnish_with_boxes
 from ..rendering.sensor import Sensor
 from ..rendering.surfaces import paint
 from ..wheel_faults import WheelFaults, faulty_clock, faulty_poses
-from .aruco_room import BERTH, DICTIONARY, LOOP, ROOM, SIDE, START_SD, TICK
+from .aruco_room import BERTH, DICTIONARY, LOOP, ROOM, SIDE, TICK
+from .measurements import START_SD
 from .mover import crossings
 from .wheeled_robot import RISE, drive
 

@@ -256,9 +256,13 @@ def range_bearing(sightings: Sequence[Sighting], mounting: Array) -> Array:
     ArUco EKF SLAM: T_r_m = T_r_c T_c_m, range = |(x, y)|, bearing = atan2(y, x); `mounting` is T_robot_camera. The
     Matlab report's eq. (3-8), positive to the right, is minus this bearing for a camera that looks ahead.
     """
-    centres = np.array([mounting[:2, :3] @ sighting.centre + mounting[:2, 3] for sighting in sightings]).reshape(-1, 2)
-    x, y = centres[:, 0], centres[:, 1]
+    x, y, _ = on_robot(sightings, mounting).T
     return np.stack((np.hypot(x, y), np.arctan2(y, x)), axis=-1)
+
+
+def on_robot(sightings: Sequence[Sighting], mounting: Array) -> Array:
+    """(k, 3) m, the markers' centres ahead, to the left and up of the robot's origin; `mounting` is T_robot_camera."""
+    return np.array([mounting[:3, :3] @ sighting.centre + mounting[:3, 3] for sighting in sightings]).reshape(-1, 3)
 
 
 def _alone(sightings: Sequence[Sighting]) -> list[Sighting]:

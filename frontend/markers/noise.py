@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...core.se2 import Array
-from .aruco import Sighting, range_bearing
+from .aruco import Sighting, on_robot, range_bearing
 
 
 class Noise(Protocol):
@@ -25,7 +25,7 @@ class Noise(Protocol):
 
 @dataclass(frozen=True)
 class ProportionalNoise:
-    """Standard deviations proportional to the reading: ArUco EKF SLAM, eq. (10), with floors.
+    """Standard deviations proportional to the reading: ArUco EKF SLAM, eq. (10), with floors and, added, `rocking`.
 
     The floors are not in the document: without them a marker straight ahead has a bearing without error.
     """
@@ -34,9 +34,10 @@ class ProportionalNoise:
     k_bearing: float = 0.05  # of the bearing
     floor_range: float = 0.02  # m
     floor_bearing: float = 0.01  # rad
+    sway: float = 0.0  # rad, standard deviation of the body's pitch and of its roll
 
     def cov(self, z: Array) -> Array:
-        """(k, 2, 2) covariances of the measurements `z` (k, 2) of range (m) and bearing (rad)."""
+        """(k, 2, 2) covariances of the measurements `z` (k, 2) of range (m) and bearing (rad), of a level body."""
         slope = np.array([self.k_range, self.k_bearing])
         floor = np.array([self.floor_range, self.floor_bearing])
         return ((slope * z) ** 2 + floor**2)[:, :, None] * np.eye(2)
@@ -44,11 +45,11 @@ class ProportionalNoise:
     def measure(self, sightings: Sequence[Sighting], mounting: Array) -> tuple[Array, Array]:
         """The measurements and their covariances."""
         z = range_bearing(sightings, mounting)
-        return z, self.cov(z)
+        return z, self.cov(z) + rocking(self.sway, z[:, 0], on_robot(sightings, mounting)[:, 2])
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The slopes and floors."""
+        """The slopes, the floors and the sway."""
         return {"model": "proportional", **asdict(self)}
 
 
@@ -56,13 +57,14 @@ class ProportionalNoise:
 class PropagatedNoise:
     """Propagates the corners' covariance to range and bearing, through the marker's pose and the camera's mounting.
 
-    `scale` covers errors not seen in the corners, such as an inexact mounting or calibration: it multiplies standard
-    deviations; the floors are added.
+    `scale` covers errors not seen in the corners, such as an inexact calibration: it multiplies standard deviations.
+    The floors and `rocking` are added.
     """
 
     scale: float = 1.0
     floor_range: float = 0.0  # m
     floor_bearing: float = 0.0  # rad
+    sway: float = 0.0  # rad, standard deviation of the body's pitch and of its roll
 
     def measure(self, sightings: Sequence[Sighting], mounting: Array) -> tuple[Array, Array]:
         """The measurements and their covariances."""
@@ -72,9 +74,33 @@ class PropagatedNoise:
             r, (c, s) = z[k, 0], (np.cos(z[k, 1]), np.sin(z[k, 1]))
             by_centre = np.array([[c, s], [-s / r, c / r]]) @ mounting[:2, :3]
             cov[k] = self.scale**2 * by_centre @ sighting.centre_cov @ by_centre.T
-        return z, cov + np.diag([self.floor_range**2, self.floor_bearing**2])
+        cov += np.diag([self.floor_range**2, self.floor_bearing**2])
+        return z, cov + rocking(self.sway, z[:, 0], on_robot(sightings, mounting)[:, 2])
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The scale and the floors."""
+        """The scale, the floors and the sway."""
         return {"model": "propagated", **asdict(self)}
+
+
+def rocking(sway: float, reach: Array, height: Array) -> Array:
+    """(k, 2, 2) covariances of range (m) and bearing (rad) by the rocking of the body, or a floor that is not level.
+
+    Pitch and roll, of `sway` rad each, move a point at range r = `reach` (k,) and h = `height` (k,) over the robot's
+    plane, m, by sway h along and across. To second order they move it by r sway^2, with 3/4 of that squared as the
+    variance along and, on average over directions, 1/2 across. The height is measured from the same body: its square
+    is too large by (sway r)^2 on average, which is taken off.
+    """
+    a, near = sway**2, reach**2
+    return _along_and_across(a * np.maximum(height**2 - a * near, 0.0), a**2, near)
+
+
+def rocking_slope(sway: float, reach: Array, height: Array) -> Array:
+    """(k, 2, 2) the derivative of `rocking` by the square of `sway`."""
+    a, near = sway**2, reach**2
+    return _along_and_across(np.where(height**2 > a * near, height**2 - 2 * a * near, 0.0), 2 * a, near)
+
+
+def _along_and_across(first: Array, second: float, near: Array) -> Array:
+    """(k, 2, 2) covariances from the parts of first (k,), m^2, and second order, and the squared ranges `near` (k,)."""
+    return np.stack((first + 0.75 * second * near, first / near + 0.5 * second), axis=-1)[:, :, None] * np.eye(2)

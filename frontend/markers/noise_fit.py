@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import InputError
 from ...core.se2 import Array
+from .noise import rocking, rocking_slope
 
 GATE = 4.0
 """Standard deviations; for both coordinates of a sighting together, the chi-square bound of the same probability."""
@@ -22,6 +23,7 @@ FEWEST = 20  # fewest sightings to fit a slope and a floor
 
 _GATE_BOTH = 19.33  # -2 log(P(|x| > GATE)), chi-square with 2 degrees of freedom
 _ROUNDS = 30
+_SWAY = (1e-5, 0.3)  # rad, least and most that is fitted
 _LEAST = 1e-4  # of the mean variance, kept by a floor so that no covariance becomes singular
 
 Mask = NDArray[np.bool_]
@@ -39,12 +41,14 @@ class Slope(NamedTuple):
 
 
 class Propagated(NamedTuple):
-    """A factor on stated standard deviations and added floors, with their standard errors."""
+    """A factor on stated standard deviations, added floors and the body's sway, with their standard errors."""
 
     scale: float
     floors: Array  # (2,) m, rad
+    sway: float  # rad; 0 where the heights are not given
     scale_error: float
     floor_errors: Array  # (2,)
+    sway_error: float  # 0 where the heights are not given
     used: Mask  # (n,) those not trimmed
 
 
@@ -69,29 +73,53 @@ def fit_slope(z: Array, errors: Array) -> Slope:
     return Slope(float(np.sqrt(a)), float(np.sqrt(b)), _root_error(a, a_error), _root_error(b, b_error), used)
 
 
-def fit_propagated(errors: Array, cov: Array) -> Propagated:
-    """Fits scale s and floors f: `errors` (n, 2) have covariances s^2 cov + diag(f^2), cov (n, 2, 2).
+def fit_propagated(errors: Array, cov: Array, places: Array | None = None) -> Propagated:
+    """Fits scale s, floors f and sway w: `errors` (n, 2) have covariances s^2 cov + diag(f^2) + rocking(w, places).
 
-    The floors cover errors that do not come from the corners, such as a rocking mounting. InputError for fewer than
-    `FEWEST` errors, and where all of them are zero.
+    `cov` is (n, 2, 2), `places` (n, 2) the markers' ranges and heights over the robot's plane, m; without them w is 0.
+    Where all markers are at one height and range, floors and sway cannot be told apart; together they hold. The floors
+    cover the other errors that do not come from the corners. InputError for fewer than `FEWEST` errors, and where all
+    of them are zero.
     """
 
-    def spread(p: Array) -> Array:
-        return p[0] * cov + p[1:, None] * np.eye(2)
+    def fitted(mine: Mask) -> Array:
+        return _variances(errors[mine], cov[mine], None if places is None else places[mine])
 
     def far(p: Array) -> Array:
-        return squares(errors, spread(p)) / _GATE_BOTH
+        return squares(errors, _spread(p, cov, places)[0]) / _GATE_BOTH
 
-    p, used = _trimmed(
-        lambda mine: _variance_shares(errors[mine], cov[mine]), far, np.hypot(*(errors / _typical(errors)).T)
-    )
-    # Fisher information of the three variances: tr(V^-1 dV/da V^-1 dV/db) / 2 per sighting.
-    axes = np.broadcast_to(np.eye(2)[:, None, :, None] * np.eye(2)[:, None, None, :], (2, used.sum(), 2, 2))
-    slopes = np.linalg.solve(spread(p)[used], np.concatenate((cov[used][None], axes)))
+    p, used = _trimmed(fitted, far, np.hypot(*(errors / _typical(errors)).T))
+    # Fisher information of the variances: tr(V^-1 dV/da V^-1 dV/db) / 2 per sighting.
+    v, slopes = _spread(p, cov, places)
+    slopes = np.linalg.solve(v[used], slopes[:, used])
     information = np.einsum("anij,bnji->ab", slopes, slopes) / 2
-    variances = np.sqrt(np.diag(np.linalg.pinv(information)))
-    scale_error, *floor_errors = (_root_error(value, error) for value, error in zip(p, variances, strict=True))
-    return Propagated(float(np.sqrt(p[0])), np.sqrt(p[1:]), scale_error, np.array(floor_errors), used)
+    unit = np.sqrt(np.diag(information))  # the variances are of different units, and orders of magnitude
+    of_variances = np.sqrt(np.diag(np.linalg.pinv(information / np.outer(unit, unit)))) / unit
+    found = np.sqrt(p)
+    its_error = np.array([_root_error(value, error) for value, error in zip(p, of_variances, strict=True)])
+    return Propagated(
+        scale=float(found[0]),
+        floors=found[1:3],
+        sway=float(found[3:].sum()),
+        scale_error=float(its_error[0]),
+        floor_errors=its_error[1:3],
+        sway_error=float(its_error[3:].sum()),
+        used=used,
+    )
+
+
+def _spread(p: Array, cov: Array, places: Array | None) -> tuple[Array, Array]:
+    """(n, 2, 2) covariances for the variances `p` of scale, both floors and, if there are `places`, sway; and slopes.
+
+    The slopes (len(p), n, 2, 2) are the derivatives by each of `p`.
+    """
+    axes = np.broadcast_to(np.eye(2)[:, None, :, None] * np.eye(2)[:, None, None, :], (2, *cov.shape))
+    slopes = np.concatenate((cov[None], axes))
+    v = np.einsum("a,anij->nij", p[:3], slopes)
+    if places is None:
+        return v, slopes
+    v += rocking(np.sqrt(p[3]), *places.T)
+    return v, np.concatenate((slopes, rocking_slope(np.sqrt(p[3]), *places.T)[None]))
 
 
 def squares(errors: Array, cov: Array) -> Array:
@@ -125,35 +153,37 @@ def _variance_line(x: Array, squared: Array) -> tuple[float, float]:
     return (total * share / mean if mean > 0 else 0.0), total * (1 - share)
 
 
-def _variance_shares(errors: Array, cov: Array) -> Array:
-    """(3,) the maximum-likelihood s^2, f_0^2, f_1^2 of covariances s^2 cov + diag(f^2), searched in logarithms."""
+def _variances(errors: Array, cov: Array, places: Array | None) -> Array:
+    """(3 or 4,) the maximum-likelihood variances of `_spread`, searched in logarithms."""
     from scipy.optimize import minimize
 
     closed = max(float(squares(errors, cov).mean() / 2), 1e-12)
     total = _typical(errors) ** 2
 
     def cost(logs: Array) -> tuple[float, Array]:
-        s, *floors = np.exp(logs)
-        v = s * cov + np.diag(floors)
+        p = np.exp(logs)
+        v, slopes = _spread(p, cov, places)
         inverse = np.linalg.inv(v)
         whitened = np.einsum("nij,nj->ni", inverse, errors)
         # d cost / dV = V^-1 - V^-1 e e' V^-1
         slope = inverse - whitened[:, :, None] * whitened[:, None, :]
-        gradient = [np.einsum("nij,nji->n", slope, cov).mean() * s]
-        gradient += [slope[:, axis, axis].mean() * floors[axis] for axis in (0, 1)]
+        gradient = np.einsum("nij,anji->a", slope, slopes) / len(errors) * p
         value = np.einsum("ni,ni->n", errors, whitened) + np.linalg.slogdet(v)[1]
-        return float(value.mean()), np.array(gradient)
+        return float(value.mean()), gradient
 
-    least = np.log(np.array([_LEAST * min(closed, 1.0), *(_LEAST**2 * total)]))
-    most = np.log(np.array([2 * closed, *(4 * total)]))
-    bounds = list(zip(least, most, strict=True))
-    # One start attributes all errors to the corners, the other all to the floors.
-    starts = (
-        np.array([np.log(closed), *(least[1:] + 2)]),
-        np.array([least[0] + 2, *np.log(total)]),
-        (least + most) / 2,
-    )
-    found: list[Any] = [minimize(cost, np.clip(s, least, most), jac=True, bounds=bounds) for s in starts]
+    least, most = [_LEAST * min(closed, 1.0), *(_LEAST**2 * total)], [2 * closed, *(4 * total)]
+    alone, causes = [closed, *total], [0, 1, 1]
+    if places is not None:
+        by_height = total[0] / max(float((places[:, 1] ** 2).mean()), 1e-12)
+        least, most = [*least, _SWAY[0] ** 2], [*most, _SWAY[1] ** 2]
+        alone, causes = [*alone, by_height], [*causes, 2]
+    low, high = np.log(least), np.log(most)
+    # Each start but the last attributes all errors to one cause.
+    starts = [np.where(np.equal(causes, cause), np.log(alone), low + 2) for cause in range(causes[-1] + 1)]
+    bounds = list(zip(low, high, strict=True))
+    found: list[Any] = [
+        minimize(cost, np.clip(start, low, high), jac=True, bounds=bounds) for start in (*starts, (low + high) / 2)
+    ]
     return np.exp(min(found, key=lambda one: one.fun).x)
 
 

@@ -66,7 +66,7 @@ def findings(**counts: Any) -> LaserFindings:
     recording = square_room()
     assert recording.odometry is not None
     n = len(recording.t)
-    notes = dict.fromkeys(("lost", "relocated", "by_wheels", "searched", "confirmed"), 0)
+    notes = dict.fromkeys(("lost", "relocated", "doubted", "undecided", "by_wheels", "searched", "confirmed"), 0)
     notes |= {"scans": n, "submaps": 2, "wheels": True}
     notes |= {"turned_down": {}, "settings": {"loops": True}, "left_out": "nothing"} | counts
     rows = np.arange(1, n)
@@ -88,10 +88,13 @@ def test_what_was_matched_is_told_in_numbers() -> None:
     ]
     assert plain.advice() == []
     down = {"no place": 1200, "beams through walls": 31}
-    found = findings(lost=3, relocated=2, by_wheels=2, searched=1234, confirmed=4, turned_down=down)
+    found = findings(
+        lost=3, relocated=2, doubted=2, undecided=1, by_wheels=2, searched=1234, confirmed=4, turned_down=down
+    )
     assert found.headline() == [
         "9 scans of 720 beams in 8.00 s, with wheels: 9 steps over 1.00 m, 3 loop closures.",
         "3 scans did not match the last metres (33 %); the search placed 2 of them elsewhere.",
+        "2 times wheels and scans gave more than one place: 1 stays undecided.",
         "2 scans were placed by the wheels: what they were matched to moved along with the robot.",
         (
             "Steps were searched for in earlier submaps 1,234 times: 3 loop closures, 4 of them far from the estimate "

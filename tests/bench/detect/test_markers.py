@@ -24,8 +24,9 @@ from slamduel.bench.detect.sightings import Detection, in_log, markers, per_fram
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Truth
 from slamduel.datasets.formats import log_folder
+from slamduel.datasets.worlds.aruco_room import Options, record
 from slamduel.frontend.markers.markers import Markers
-from slamduel.frontend.markers.noise import ProportionalNoise
+from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from slamduel.frontend.markers.pipeline import Frame, Recording, build_log, see
 from small_recording import CAMERA, FLOOR, K, picture, sighting, small_recording
 
@@ -230,6 +231,20 @@ def test_calibrated_noise_is_the_noise_there_is(tmp_path: Path, seed: int) -> No
     told = f.as_json("log")
     assert told["noise"]["standard_errors"]["scale"] == c.corners.scale_error
     json.dumps(told)
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_the_sway_of_a_rocking_body_is_calibrated(tmp_path: Path) -> None:
+    recording, truth = record(Options(seconds=40.0, frame_rate=1.5, sway=0.03), np.random.default_rng(3))
+    recording = replace(recording, noise=ProportionalNoise())
+    c = run(tmp_path / "log", recording, truth, calibrate_noise=True).calibration
+    # Sightings of a frame have their rocking in common: the standard error takes them as independent.
+    assert abs(c.corners.sway - 0.03) < 6 * c.corners.sway_error
+    assert c.corners.sway_error < 0.004
+    assert c.likelier == "propagated"
+    written = tomllib.loads((tmp_path / "log" / "noise.toml").read_text())["noise"]
+    assert written.pop("model") == "propagated"
+    assert PropagatedNoise(**written).sway == pytest.approx(c.corners.sway, rel=1e-3)
 
 
 def test_the_command_says_what_it_found(

@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 import slamduel
+from room_drives import room_drive
+from slamduel.backends import registry
+from slamduel.bench.measure.cell import Job, run_on
 from slamduel.bench.measure.stated_noise import misstated
 from slamduel.core.factors import Log, Truth
+from slamduel.core.se2 import Array
+from slamduel.frontend.markers.noise import ProportionalNoise
 
 OFF = {"nees": 100.0}
 """A belief that is far off."""
@@ -69,7 +74,105 @@ def test_gross_errors_are_counted(with_map: bool) -> None:
     assert remark.startswith(f"2 of {len(log.ids)} sightings are off by more than 7 stated standard deviations, by ")
 
 
+def test_single_errors_are_no_reason_for_a_cautious_belief() -> None:
+    log, truth = circle()
+    z = log.z.copy()
+    z[3, 1] += 1.0
+    moved = replace(log, z=z, prior=log.prior._replace(pose=log.prior.pose + 1.0, cov=1e-4 * np.eye(3)))
+    assert len(list(misstated(moved, truth, OFF))) == 2
+    assert list(misstated(moved, truth, {"nees": 0.1})) == []
+
+
 def test_a_wrong_id_is_an_error_of_its_sighting() -> None:
     log, truth = circle(",wrong_ids=0.1")
     (remark,) = misstated(log, truth, OFF)
     assert 1 <= int(remark.split()[0]) <= np.sum(truth.assigned != log.ids)
+
+
+def stated(log: Log, sd: Array) -> Log:
+    """The log with the standard deviations of its sightings times `sd` (s,)."""
+    return replace(log, z_cov=log.z_cov * sd[:, None, None] ** 2)
+
+
+def test_noise_that_is_uneven_by_landmark_says_for_which() -> None:
+    """Half of the landmarks have five times too much stated, the others too little: mean and median disagree."""
+    log, truth = circle()
+    sharp = np.unique(log.ids)[::2]
+    sd = np.where(np.isin(log.ids, sharp), 5.0, 0.6)
+    (remark,) = misstated(stated(log, sd), truth, OFF)
+    found = re.fullmatch(
+        r"the stated noise of the sightings is uneven: too much for landmarks ([\d, ]+) and (\d+) more, whose errors "
+        r"are (.*) times what is stated, and too little for landmarks .*, whose errors are (.*) times what is stated",
+        remark,
+    )
+    assert found[1].split(", ") == [str(name) for name in sharp[:6]]
+    assert int(found[2]) == len(sharp) - 6
+    scales = np.array([float(found[3]), float(found[4])])
+    np.testing.assert_allclose(scales, [1 / 5.0, 1 / 0.6], rtol=0.15)
+    # What it says is right: stated so, nothing is left to remark on.
+    assert list(misstated(stated(log, sd * np.where(sd > 1, *scales)), truth, OFF)) == []
+
+
+def test_noise_that_is_uneven_by_distance_says_up_to_where() -> None:
+    log, truth = circle()
+    limit = float(np.median(log.z[:, 0]))
+    (remark,) = misstated(stated(log, np.where(log.z[:, 0] < limit, 6.0, 0.6)), truth, OFF)
+    found = re.fullmatch(
+        r"the stated noise of the sightings is uneven: too much for landmarks within (.*) m, whose errors are (.*) "
+        r"times what is stated, and too little for those beyond, whose errors are (.*) times what is stated",
+        remark,
+    )
+    assert float(found[1]) == pytest.approx(limit, rel=0.05)
+    assert float(found[2]) == pytest.approx(1 / 6, rel=0.15)
+    assert float(found[3]) == pytest.approx(1 / 0.6, rel=0.15)
+
+
+def test_tails_that_nothing_explains_are_told_with_both_sizes() -> None:
+    log, truth = circle()
+    odd = np.random.default_rng(5).uniform(size=len(log.ids)) < 0.5
+    (remark,) = misstated(stated(log, np.where(odd, 8.0, 0.8)), truth, OFF)
+    assert re.fullmatch(
+        r"the errors of the sightings are typically 0.2\d* times what is stated, but 0.[89]\d* times in the root mean "
+        r"square: some are much larger than the rest",
+        remark,
+    )
+
+
+@pytest.mark.parametrize("row", [OFF, {"nees": 1.0}])
+def test_sightings_are_no_reason_for_a_backend_that_uses_none(row: dict[str, float | None]) -> None:
+    log, truth = circle(",sensor_scale=20")
+    assert len(list(misstated(log, truth, row))) == 1
+    assert list(misstated(log, truth, row, sightings=False)) == []
+    log, truth = circle(",odometry_scale=20")
+    (remark,) = misstated(log, truth, row, sightings=False)
+    assert remark.startswith("the errors of the motions are typically ")
+
+
+def test_the_cell_of_dead_reckoning_is_silent_on_sightings_and_that_of_the_ekf_is_not() -> None:
+    log, truth = circle(",sensor_scale=20")
+    said = {}
+    for name in ("dead-reckoning", "ekf"):
+        job = Job(name, name, registry.find(name).options(), 0, 8000)
+        said[name] = run_on(job, lambda: log, lambda: truth).reason
+    assert "sightings" not in said["dead-reckoning"]
+    assert "the errors of the sightings are typically " in said["ekf"]
+
+
+@pytest.mark.parametrize(
+    "dataset", ["circle", "bailey", "linear", "matlab-report", "aruco-robot", "city[landmarks=150,steps=300]"]
+)
+def test_worlds_by_default_have_no_remark_whatever_the_belief(dataset: str) -> None:
+    log, truth = slamduel.load(dataset)
+    assert truth is not None
+    for row in (OFF, {"nees": 0.01}, {"nees": 1.0}):
+        assert list(misstated(log, truth, row)) == []
+
+
+def test_the_room_has_no_remark_and_with_one_constant_for_all_heights_it_is_uneven() -> None:
+    """Ids below 12 are on the floor, where 8 mm and 3 mrad are much too much."""
+    made, truth = room_drive(2)
+    assert list(misstated(made.log, truth, OFF)) == []
+    flat = ProportionalNoise(0.002, 0.002, 0.008, 0.003).cov(made.log.z)
+    (remark,) = misstated(replace(made.log, z_cov=flat), truth, OFF)
+    found = re.search(r"uneven: too much for landmarks ([\d, ]+)", remark)
+    assert all(int(name) < 12 for name in found[1].split(", "))

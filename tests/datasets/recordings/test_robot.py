@@ -13,7 +13,7 @@ from slamduel.datasets.recordings.rosbag import Topics
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import from_rpy, mounting
 from slamduel.frontend.markers.markers import Markers
-from slamduel.frontend.markers.noise import ProportionalNoise
+from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from slamduel.frontend.wheels.encoder import Encoder, Floors
 from slamduel.frontend.wheels.motion import Drift, TrackNoise
 
@@ -67,6 +67,7 @@ turning = 0.6
 model = "proportional"
 k_range = 0.03
 floor_bearing = 0.02
+sway = 0.015
 [prior]
 pose = [1.0, 2.0, 0.5]
 sd = [0.1, 0.2, 0.3]
@@ -118,7 +119,7 @@ def test_everything_is_read(tmp_path: Path) -> None:
         max_speed=2.0,
         track_noise=TrackNoise(forward=0.03, turning_by_turn=0.05),
         drift=Drift(0.4, 0.6),
-        noise=ProportionalNoise(k_range=0.03, floor_bearing=0.02),
+        noise=ProportionalNoise(k_range=0.03, floor_bearing=0.02, sway=0.015),
         prior=Prior(np.array([1.0, 2.0, 0.5]), np.diag(np.square([0.1, 0.2, 0.3]))),
         topics=Topics(image="/camera/image_raw"),
         frames=FrameSource("drive.mkv", 30.0, 5.0),
@@ -141,6 +142,12 @@ def test_what_is_written_reads_back(tmp_path: Path, words: str) -> None:
     write_robot(tmp_path / "again" / "robot.toml", robot)
     assert_same(read_robot(tmp_path / "again" / "robot.toml"), replace(robot))
     assert (tmp_path / "again" / "calibration.yaml").exists() == (robot.camera is not None)
+
+
+def test_either_noise_has_a_sway(tmp_path: Path) -> None:
+    other = FULL.replace('"proportional"', '"propagated"').replace("k_range = 0.03\n", "")
+    noise = read_robot(folder_with(tmp_path, other)).noise
+    assert noise == PropagatedNoise(floor_bearing=0.02, sway=0.015)
 
 
 def test_a_mounting_may_be_a_matrix(tmp_path: Path) -> None:
@@ -189,10 +196,11 @@ REFUSALS = [
     ("{7 = 0.2}", "{7 = -1}", "line 12: markers.sides.7: found -1, expected a number above 0."),
     ('model = "proportional"', 'model = "true"', "line 32: noise.model: found 'true', expected one of 'proportional',"),
     ("k_range = 0.03", "k_rang = 0.03", "line 33: noise.k_rang: there is no such key; did you mean 'k_range'?"),
-    ("2.0, 0.5]", "2.0, 50.0]", "line 36: prior.pose: found [1.0, 2.0, 50.0], expected a heading from -pi to pi"),
-    ("sd = [0.1, 0.2", "sd = [0.1, 0", "line 37: prior.sd: found [0.1, 0, 0.3], expected 3 numbers above 0."),
-    ("image =", "imgae =", "line 39: topics.imgae: there is no such key; did you mean 'image'?"),
-    ("fps = 30", "fps = 0", "line 42: frames.fps: found 0, expected a number above 0."),
+    ("sway = 0.015", "sway = -0.015", "line 35: noise.sway: found -0.015, expected a number at least 0."),
+    ("2.0, 0.5]", "2.0, 50.0]", "line 37: prior.pose: found [1.0, 2.0, 50.0], expected a heading from -pi to pi"),
+    ("sd = [0.1, 0.2", "sd = [0.1, 0", "line 38: prior.sd: found [0.1, 0, 0.3], expected 3 numbers above 0."),
+    ("image =", "imgae =", "line 40: topics.imgae: there is no such key; did you mean 'image'?"),
+    ("fps = 30", "fps = 0", "line 43: frames.fps: found 0, expected a number above 0."),
 ]  # fmt: skip
 
 

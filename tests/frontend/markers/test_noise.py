@@ -9,12 +9,13 @@ import pytest
 from slamduel.bench.front_ends.corners import errors_in
 from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.cameras import CAMERAS
+from slamduel.datasets.rendering.disturbances import rocked
 from slamduel.datasets.rendering.marker_shots import placements
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
 from slamduel.frontend.markers.aruco import Detector, Sighting, range_bearing, square
 from slamduel.frontend.markers.markers import Markers
-from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
+from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise, rocking, rocking_slope
 from tiers import first_quick
 
 CAMERA = Camera(640, 480, (576.0, 574.0), (321.7, 238.4), (-0.21, 0.06, 8e-4, -6e-4, 0), mounting(0.1, 0.05, 0.7, 0.3))
@@ -95,7 +96,63 @@ def test_scale_and_floors() -> None:
     z, (more,) = PropagatedNoise(scale=2.0, floor_range=0.03, floor_bearing=0.004).measure([sighting], CAMERA.mounting)
     np.testing.assert_allclose(more, 4 * plain + np.diag([0.03**2, 0.004**2]), rtol=1e-12)
     np.testing.assert_allclose(z, range_bearing([sighting], CAMERA.mounting))
-    assert PropagatedNoise(2.0).settings == {"model": "propagated", "scale": 2, "floor_range": 0, "floor_bearing": 0}
+    stated = {"model": "propagated", "scale": 2, "floor_range": 0, "floor_bearing": 0, "sway": 0.01}
+    assert PropagatedNoise(2.0, sway=0.01).settings == stated
+
+
+def test_sway_counts_by_the_height_over_the_robots_plane() -> None:
+    sighting = located(corner_rays(1.5, 0.5), (0.1 / 576) ** 2 * np.eye(8))
+    height = float(CAMERA.mounting[2, :3] @ sighting.centre + CAMERA.mounting[2, 3])
+    assert 0.3 < height < 0.6  # the camera is 0.7 m up and looks down
+    for model in (PropagatedNoise, ProportionalNoise):
+        z, (plain,) = model().measure([sighting], CAMERA.mounting)
+        _, (more,) = model(sway=0.01).measure([sighting], CAMERA.mounting)
+        moved = 0.01 * height * np.array([1, 1 / z[0, 0]])
+        np.testing.assert_allclose(more - plain, np.diag(moved**2), rtol=0.02, atol=1e-12)
+
+
+def rocked_sightings(height: float, sway: float, bearing: float) -> tuple[Array, Array, Array]:
+    """Errors (n, 2) by rocking alone of points 2 m away, and their measured ranges and heights (n,)."""
+    rng = np.random.default_rng(4)
+    place = np.array([2 * np.cos(bearing), 2 * np.sin(bearing), height])
+    turns = [rocked(*(sway * rng.standard_normal(2)))[:3, :3] for _ in range(4000)]
+    x, y, h = np.array([place @ turn for turn in turns]).T
+    reach = np.hypot(x, y)
+    return np.stack((reach - 2, np.arctan2(y, x) - bearing), axis=-1), reach, h
+
+
+@pytest.mark.parametrize("sway", [0.005, 0.02, 0.06])
+@pytest.mark.parametrize("bearing", [0.0, 0.5, -1.2])
+@pytest.mark.parametrize("height", [1.5, 0.6, -0.8])
+def test_the_rocking_of_a_body_is_stated_at_every_height(height: float, bearing: float, sway: float) -> None:
+    errors, reach, h = rocked_sightings(height, sway, bearing)
+    squared = errors**2 / np.einsum("kii->ki", rocking(sway, reach, h))
+    # Four standard deviations of a mean of 4,000 squares; the height that is measured is off by 2 m of sway itself.
+    np.testing.assert_allclose(squared.mean(axis=0), 1, atol=4 * np.sqrt(2 / 4000) + 7 * (2 * sway / height) ** 2)
+
+
+@pytest.mark.parametrize("sway", [0.01, 0.05])
+@pytest.mark.parametrize("bearing", [0.0, 0.5, -1.2])
+def test_on_the_floor_rocking_is_stated_to_within_its_order(bearing: float, sway: float) -> None:
+    """There the first order vanishes: what is left is of the size of sway^2, in the mean and not in each sighting.
+
+    Of what a height of zero, measured by a rocking body, adds on average there is 0.48 (sway^2 r)^2, so that 0.75 of
+    range is stated as 1.23. Of bearings it is the squared cosine of the bearing, as pitch and roll together turn the
+    body, which is 1/2 on average and stated as 0.98.
+    """
+    errors, reach, h = rocked_sightings(0.0, sway, bearing)
+    stated = np.einsum("kii->ki", rocking(sway, reach, h)).mean(axis=0)
+    ratio = (errors**2).mean(axis=0) / stated
+    assert ratio[0] == pytest.approx(0.75 / 1.23, rel=0.1)
+    assert ratio[1] == pytest.approx(np.cos(bearing) ** 2 / 0.98, rel=0.1)
+
+
+def test_the_slope_of_rocking_is_its_derivative() -> None:
+    reach, height = np.array([0.5, 2.0, 3.0, 2.0]), np.array([0.4, 0.6, 0.0, 0.03])
+    for sway in (0.005, 0.02, 0.1):
+        ends = [rocking(np.sqrt(sway**2 * (1 + way)), reach, height) for way in (-1e-5, 1e-5)]
+        numeric = (ends[1] - ends[0]) / (2e-5 * sway**2)
+        np.testing.assert_allclose(rocking_slope(sway, reach, height), numeric, rtol=1e-6, atol=1e-10)
 
 
 COUNT = 36

@@ -7,6 +7,7 @@ import pytest
 
 from refusals import refused
 from slamduel.core.se2 import Array
+from slamduel.frontend.markers.noise import rocking
 from slamduel.frontend.markers.noise_fit import FEWEST, fit_propagated, fit_slope, squares
 
 SEEDS = range(6)
@@ -114,6 +115,37 @@ def test_a_scale_and_floors_come_back(seed: int) -> None:
     assert (np.abs(fit.floors - floors) < 4.5 * fit.floor_errors).all()
     assert fit.scale_error < 0.1
     assert (fit.floor_errors < 0.3 * floors).all()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_scale_floors_and_sway_come_back(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cov, floors = random_covs(rng, 3000), np.array([0.02, 0.004])
+    places = rng.uniform((0.5, -0.5), (4.0, 1.2), (3000, 2))
+    errors = drawn(rng, 0.6**2 * cov + np.diag(floors**2) + rocking(0.05, *places.T))
+    fit = fit_propagated(errors, cov, places)
+    assert abs(fit.scale - 0.6) < 4.5 * fit.scale_error
+    assert (np.abs(fit.floors - floors) < 4.5 * fit.floor_errors).all()
+    assert abs(fit.sway - 0.05) < 4.5 * fit.sway_error
+    assert fit.sway_error < 0.005
+    assert fit_propagated(errors, cov).sway == 0
+
+
+def test_without_rocking_there_is_no_sway() -> None:
+    rng = np.random.default_rng(2)
+    cov, places = random_covs(rng, 2000), rng.uniform((0.5, 0.0), (4.0, 1.0), (2000, 2))
+    fit = fit_propagated(drawn(rng, cov), cov, places)
+    assert fit.sway < 4.5 * fit.sway_error
+    assert abs(fit.scale - 1) < 4.5 * fit.scale_error
+
+
+def test_at_one_height_and_range_the_sum_of_sway_and_floors_comes_back() -> None:
+    rng = np.random.default_rng(3)
+    cov, places = random_covs(rng, 1000), np.full((1000, 2), (2.0, 0.5))
+    errors = drawn(rng, cov + rocking(0.1, *places.T))
+    fit = fit_propagated(errors, cov, places)
+    stated = fit.scale**2 * cov + np.diag(fit.floors**2) + rocking(fit.sway, *places.T)
+    assert abs(squares(errors, stated).mean() / 2 - 1) < 0.1
 
 
 def test_errors_that_do_not_come_from_the_corners_are_all_floor() -> None:
