@@ -72,8 +72,8 @@ SURE, UNSURE = 0.25, 0.05
 LONGEST, MOST = 6, 4
 """Scans through which different places are followed at most, and how many places."""
 
-APART = 9.0
-"""Squared distance of a pose from the wheels' from which on they count nothing in its covariance."""
+DOUBTED, APART = 4.0, 9.0
+"""Squared distances of a pose from the wheels' from which on it is in doubt, and they count nothing in its covariance."""
 
 UNKNOWN = 0.7
 """Share that a point counts for on ground that the submap has not seen; on a wall it is 1, in free space 0."""
@@ -90,7 +90,7 @@ class Placed(NamedTuple):
     pose: Array  # (3,) on the matcher's path
     information: Array  # (3, 3) of the points
     explained: float  # share of the points, those on ground that the submap has not seen in part
-    score: float  # of this scan: explained, less what a jerk costs
+    score: float  # of this scan: explained, less what jerks and the wheels' place cost, while these agree
     off_wheels: float  # squared distance from where the wheels have it since they last agreed
     wheels: bool  # their motion counts
     points: bool = True  # the scan counts
@@ -183,6 +183,7 @@ class Tracker:
             late = 0.0 if last.anchor is None else LATE * max(t - last.anchor.t, 0.0)
             most = min(max(late, SUM), FARTHEST) if doubtful else FARTHEST
             off = min(distance(pose, guess.since or first), most)
+            score -= COST * off * (anchor is None)
             return Placed(t, scan, pose, information, explained, score, off, agrees, anchor=anchor)
 
         if not len(scan.few):
@@ -192,7 +193,7 @@ class Tracker:
         is_lost = found[0].explained < s.lost
         self.lost += is_lost and not branch
         least = max(s.lost, self._usual - DROP)
-        if found[0].explained >= least and not doubtful:
+        if found[0].explained >= least and found[0].off_wheels < DOUBTED and not doubtful:
             return found
         found += [placed(one.pose, one, AT_FIRST) for one in guess.all[1:]]
         if max(one.explained for one in found) < least:
@@ -240,7 +241,8 @@ class Tracker:
 
 def _total(branch: list[Placed]) -> float:
     """The score of scans that end where the last one is."""
-    return sum(one.score for one in branch) - COST * branch[-1].off_wheels
+    pending = branch[-1].off_wheels if branch[-1].anchor is not None else 0.0
+    return sum(one.score for one in branch) - COST * pending
 
 
 def _apart(branches: list[list[Placed]]) -> list[list[Placed]]:
