@@ -3,9 +3,15 @@
 import numpy as np
 
 from ..core.factors import Prior
+from ..core.se2 import Array
 from ..core.toml.table import TomlTable
 
 START_SD = 1e-3  # m and rad: without [prior] the robot starts at the origin, which is defined by it
+
+
+def assumed(pose: Array | None = None) -> Prior:
+    """The prior of a robot whose start nobody gave: `pose` (3,), else the origin."""
+    return Prior(np.zeros(3) if pose is None else pose, START_SD**2 * np.eye(3))
 
 
 def read_prior(prior: TomlTable) -> Prior:

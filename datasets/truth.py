@@ -6,6 +6,7 @@ relations.csv    true motions between poses beside the steps of a log: see `core
 """
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from ..core.factors import Dataset, Log, Map, Truth, digest_of
 from ..core.relations import COLUMNS as COLUMNS_OF_RELATIONS
 from ..core.relations import LONGEST_GAP, Relations, as_rows, from_rows
 from ..core.scan import Scan, attempted, strict
-from ..core.se2 import Array, Ints, wrap
+from ..core.se2 import Array, Ints, compose, inverse, wrap
 from ..core.table import scan_csv
 from ..core.tum import scan_tum, write_tum
 from .remarks import remarked
@@ -106,16 +107,31 @@ def sample(truth: Truth, t: Array) -> Truth:
     return truth._replace(t=times, poses=poses)
 
 
-def with_truth(log: Log, truth: Truth | None, first: int = 0) -> Dataset:
-    """Joins a log and a ground truth, sampled at the log's times from step `first` on; a remark where it has none."""
+def with_truth(log: Log, truth: Truth | None, first: int = 0, start_given: bool = True) -> Dataset:
+    """Joins a log and a ground truth, sampled at the log's times from step `first` on; a remark where it has none.
+
+    Where nobody gave the start, it is that of the truth: its frame is one of many in which the log is the same.
+    """
     if truth is None:
         return Dataset(log, None)
     known = sample(truth, log.t[first:])
+    if len(known.t) and not start_given and log.prior.map is None:
+        return Dataset(replace(log, prior=log.prior._replace(pose=_start(log, known))), known)
     if len(known.t) or not len(truth.t):
         return Dataset(log, known)
     found = f"{log.t[0]!s} to {log.t[-1]!s} s, those of its {len(truth.t)} are from {truth.t[0]!s} to {truth.t[-1]!s} s"
     remark = f"{POSES} has no pose at the log's times, {found}, and is not used: expected the same clock"
     return Dataset(remarked(log, [remark]), known)
+
+
+def _start(log: Log, truth: Truth) -> Array:
+    """The pose (3,) from which the odometry leads to the first true one."""
+    moved = np.zeros(3)
+    for delta in log.delta[1 : int(np.searchsorted(log.t, truth.t[0])) + 1]:
+        moved = compose(moved, delta)
+    pose = compose(truth.poses[0], inverse(moved))
+    pose.flags.writeable = False
+    return pose
 
 
 def _scan_places(path: Path) -> Scan[tuple[Map, Ints | None]]:

@@ -112,7 +112,12 @@ def _opened(namespace: argparse.Namespace) -> Opened:
         return Opened(partial(depth.detect, images), images.length, "frames", "steps")
     robot = None if namespace.robot is None else read_robot(namespace.robot)
     frames = open_recording(path, robot, namespace.seconds)
-    return Opened(partial(markers.detect, frames.recording, frames.truth), frames.length, "frames", "markers")
+    return Opened(
+        partial(markers.detect, frames.recording, frames.truth, start_given=frames.start_given),
+        frames.length,
+        "frames",
+        "markers",
+    )
 
 
 def _noise_table(bins: list[RangeBin]) -> Table:

@@ -240,7 +240,7 @@ def detect(opened: OpenedDepth, request: Request, advance: Callable[[int], None]
 
     with request.preview or nullcontext():
         front_end = looked_at(replace(recording, frames=first), opened.settings, observe)
-        log, truth = with_truth(log_of(recording, front_end), opened.truth)
+        log, truth = with_truth(log_of(recording, front_end), opened.truth, start_given=opened.start_given)
     tilts = np.array([tilt_of(step.level, recording.camera) for step in front_end.steps])
     levels = Levels(tilts, np.array([step.level.found for step in front_end.steps]))
     again = np.array([(loop.step, loop.to) for loop in front_end.loops], np.int64).reshape(-1, 2)

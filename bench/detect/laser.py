@@ -165,9 +165,11 @@ def detect(opened: OpenedScans, request: Request, advance: Callable[[int], None]
         advance(len(front_end.loops))
 
     made = build(recording, opened.settings, opened.file, opened.remarks, observe)
-    log, truth = made.dataset if opened.truth is None else with_truth(made.dataset.log, opened.truth)
+    log, truth = made.dataset
+    if opened.truth is not None:
+        log, truth = with_truth(log, opened.truth, start_given=opened.start_given)
     estimate = np.array(made.front_end.estimate)
-    path = compose(recording.prior.pose, between(estimate[0], estimate))
+    path = compose(log.prior.pose, between(estimate[0], estimate))
     return written(request, LaserFindings(log, truth, float(recording.t[-1] - recording.t[0]), recording, path))
 
 

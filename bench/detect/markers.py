@@ -135,12 +135,17 @@ class MarkerFindings(Findings):
 
 
 def detect(
-    recording: Recording, truth: Truth | None, request: Request, advance: Callable[[int], None]
+    recording: Recording,
+    truth: Truth | None,
+    request: Request,
+    advance: Callable[[int], None],
+    start_given: bool = True,
 ) -> MarkerFindings:
     """Detects the markers of a recording and writes its log and report.
 
-    `advance` is called at every frame with the number of markers found so far. InputError where no frame can be used,
-    where the noise is to be calibrated without a truth, where something cannot be written, and for a remark if strict.
+    Where the start was not given, the log begins at the truth's. `advance` is called at every frame with the number of
+    markers found so far. InputError where no frame can be used, where the noise is to be calibrated without a truth,
+    where something cannot be written, and for a remark if strict.
     """
     if request.calibrate_noise and (truth is None or truth.map is None or not len(truth.t)):
         raise InputError(
@@ -164,7 +169,7 @@ def detect(
             advance(detection.found)
 
     with request.preview or nullcontext():
-        log, known = with_truth(build_log(replace(recording, frames=frames()), observe), truth)
+        log, known = with_truth(build_log(replace(recording, frames=frames()), observe), truth, 0, start_given)
     camera, markers = recording.detector.camera, recording.detector.markers
     sightings = detection.sightings()
     causes = [plausible_length(first, markers)]

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.factors import Dataset, Prior, Truth
+from ...core.factors import Dataset, Truth
 from ...core.files import check_regular
 from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
@@ -18,7 +18,7 @@ from ...frontend.depth.settings import Settings
 from ...frontend.wheels.motion import Poses, Track
 from ..bags.bag import Bag, is_bag
 from ..bags.cameras import COMPRESSED, IMAGE
-from ..prior import START_SD
+from ..prior import assumed
 from ..readings import ODOMETRY, read_readings
 from ..robot_files import ROBOT, recording_in, robot_beside
 from ..truth import read_truth, with_truth
@@ -42,6 +42,7 @@ class OpenedDepth(NamedTuple):
     settings: Settings
     truth: Truth | None  # at the times of its measurement
     length: int | None  # number of images
+    start_given: bool = True  # by [prior] in robot.toml
 
 
 def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None:
@@ -69,7 +70,7 @@ def open_bag(path: Path, robot: DepthRobot) -> OpenedDepth:
 
 def build(opened: OpenedDepth) -> Dataset:
     """The log of the recording by the front end, with the ground truth at its times; InputError as in `build_log`."""
-    return with_truth(build_log(opened.recording, opened.settings), opened.truth)
+    return with_truth(build_log(opened.recording, opened.settings), opened.truth, start_given=opened.start_given)
 
 
 def _opened(found: Path, robot: DepthRobot, home: Path) -> OpenedDepth:
@@ -81,7 +82,7 @@ def _opened(found: Path, robot: DepthRobot, home: Path) -> OpenedDepth:
         sources = _of_folder(found, robot)
     recording = _recording(found, sources, robot, home)
     truth = sources.truth or read_truth(home) or read_camera_truth(home, sources.camera.mounting)
-    return OpenedDepth(recording, robot.settings, truth, sources.length)
+    return OpenedDepth(recording, robot.settings, truth, sources.length, robot.prior is not None)
 
 
 def _is_depth(path: Path) -> bool:
@@ -134,7 +135,6 @@ def _recording(path: Path, sources: Sources, robot: DepthRobot, home: Path) -> D
         motion = Track(readings.t, readings.poses, robot.noise, robot.max_speed, f"{path}: odometry")
         motion.check()
         span = float(readings.t[0]), float(readings.t[-1])
-    start = np.zeros(3) if readings is None else readings.poses[0]
     shift = robot.time_offset + robot.exposure / 2
     frames = Frames(
         str(path),
@@ -158,7 +158,7 @@ def _recording(path: Path, sources: Sources, robot: DepthRobot, home: Path) -> D
         camera=sources.camera,
         frames=frames,
         motion=motion,
-        prior=robot.prior or Prior(start, START_SD**2 * np.eye(3)),
+        prior=robot.prior or assumed(None if readings is None else readings.poses[0]),
         notes=notes,
         depth_camera=None if sources.registration is None else sources.registration.source,
         left_out=frames.left_out,

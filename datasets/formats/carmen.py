@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.factors import Dataset, Prior
+from ...core.factors import Dataset
 from ...core.options import option
 from ...core.se2 import Array
 from ...frontend.laser.recording import FARTHEST, LaserRecording, jump
@@ -32,7 +32,7 @@ from ...frontend.laser.scanner import CODES, Scanner, evenly, without_codes
 from ...frontend.laser.settings import Settings
 from ..false_loops import FalseLoops
 from ..grid_file import grid_files, localised
-from ..prior import START_SD
+from ..prior import assumed
 from ..registry import Source
 from .relations import beside, build
 
@@ -170,7 +170,7 @@ def read_scans(path: Path, given: Reading) -> tuple[LaserRecording, list[str]]:
         np.array([line.t for line in kept]),
         ranges,
         odometry if moves and given.odometry != "none" else None,
-        Prior(odometry[0], START_SD**2 * np.eye(3)),
+        assumed(odometry[0]),
         {"source": path.name.encode("utf-8", "replace").decode()},
     ), remarks
 

@@ -27,6 +27,7 @@ from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.wheels.motion import Motion, Poses, Ticks, Track, Wheels
 from ..depth.open import build as build_depth
 from ..depth.open import open_depth
+from ..prior import assumed
 from ..readings import ODOMETRY, TICKS
 from ..registry import Source
 from ..robot_files import ROBOT, robot_beside
@@ -46,6 +47,7 @@ class Opened(NamedTuple):
     recording: Recording
     truth: Truth | None  # at the times of its measurement; `sample` interpolates it to a log's
     length: int | None  # number of frames, if known beforehand
+    start_given: bool = True  # by [prior] in robot.toml
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,7 @@ source = Source(make, Options, portable=False)  # OpenCV's arithmetic
 
 def build(opened: Opened) -> Dataset:
     """Builds the recording's log, with the ground truth at the log's times; InputError as in `build_log`."""
-    return with_truth(build_log(opened.recording), opened.truth)
+    return with_truth(build_log(opened.recording), opened.truth, start_given=opened.start_given)
 
 
 def open_recording(path: Path, robot: Robot | None = None, seconds: float | None = None) -> Opened:
@@ -113,7 +115,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         motion=motion,
         detector=Detector(robot.markers, camera),
         noise=robot.noise,
-        prior=robot.prior,
+        prior=robot.prior or assumed(),
         max_range=robot.max_range,
         notes={
             "source": path.name.encode("utf-8", "replace").decode(),
@@ -122,7 +124,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         },
         remarks=streams.remarks,
     )
-    return Opened(recording, streams.truth, streams.length)
+    return Opened(recording, streams.truth, streams.length, robot.prior is not None)
 
 
 def _contradicted(given: Camera, recorded: Camera, path: Path) -> Iterator[str]:

@@ -37,7 +37,7 @@ from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
 from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Drift, TrackNoise
-from ..prior import START_SD, read_prior
+from ..prior import read_prior
 from ..robot_files import CALIBRATION
 from ..robot_tables import TRACK, calibrated, floors_in, names_of, numbers_in, pose_in, track_noise, without_none
 from .rosbag import Topics
@@ -76,7 +76,7 @@ class Robot:
     track_noise: TrackNoise = field(default_factory=TrackNoise)
     drift: Drift | None = None  # for recordings without motion readings
     noise: Noise = field(default_factory=ProportionalNoise)
-    prior: Prior = field(default_factory=lambda: Prior(np.zeros(3), START_SD**2 * np.eye(3)))
+    prior: Prior | None = None  # None: nobody gave the start
     topics: Topics = field(default_factory=Topics)
     frames: FrameSource = field(default_factory=FrameSource)
 
@@ -112,7 +112,7 @@ def read_robot(path: Path) -> Robot:
         track_noise=track_noise(odometry),
         drift=_drift(file.table("drift").only(names_of(Drift))) if file.has("drift") else None,
         noise=_noise(file.table("noise")),
-        prior=read_prior(file.table("prior")),
+        prior=read_prior(file.table("prior")) if file.has("prior") else None,
         topics=Topics(**{key: topics.text(key) for key in topics.entries}),
         frames=FrameSource(
             source=frames.text_or_none("source"),
@@ -120,6 +120,10 @@ def read_robot(path: Path) -> Robot:
             start=frames.number("start", 0.0),
         ),
     )
+
+
+def _prior(prior: Prior) -> dict[str, list[float]]:
+    return {"pose": prior.pose.tolist(), "sd": np.sqrt(np.diag(prior.cov)).tolist()}
 
 
 def write_robot(path: Path, robot: Robot) -> None:
@@ -152,7 +156,7 @@ def write_robot(path: Path, robot: Robot) -> None:
         "odometry": odometry,
         "drift": {} if robot.drift is None else asdict(robot.drift),
         "noise": dict(robot.noise.settings),
-        "prior": {"pose": robot.prior.pose.tolist(), "sd": np.sqrt(np.diag(robot.prior.cov)).tolist()},
+        "prior": {} if robot.prior is None else _prior(robot.prior),
         "topics": robot.topics._asdict(),
         "frames": {} if robot.frames == FrameSource() else asdict(robot.frames),
     }

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.factors import Prior
 from ...core.se2 import Array
 from ...frontend.laser.recording import FARTHEST, LaserRecording, jump
 from ...frontend.laser.scanner import CODES, Scanner, without_codes
@@ -20,7 +19,7 @@ from ..bags.bag import Bag, Topic
 from ..bags.columns import check_clock, of_untimed
 from ..bags.topics import choose, found, plain
 from ..bags.transforms import Transforms
-from ..prior import START_SD
+from ..prior import assumed
 from .mounted import placed
 from .odometry import Covered, covered, read_odometry
 from .robot import LaserRobot
@@ -105,8 +104,7 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
         "time": SNAPSHOT,
         "topics": {"scan": topic.name, "odometry": "none" if here.poses is None or read is None else read.source},
     }
-    start = np.zeros(3) if here.poses is None else here.poses[0]
-    prior = robot.prior or Prior(start, START_SD**2 * np.eye(3))
+    prior = robot.prior or assumed(None if here.poses is None else here.poses[0])
     name = robot.name or path.name.partition(".")[0]
     return LaserRecording(name, scanner, scans.t[here.rows], ranges[here.rows], here.poses, prior, notes), remarks
 

@@ -33,6 +33,7 @@ class OpenedScans(NamedTuple):
     truth: Truth | None  # at the times of its measurement
     file: Path  # of the recording, beside which its relations may lie
     remarks: list[str]
+    start_given: bool = True  # by [prior] in robot.toml
 
 
 class ScanTopics(NamedTuple):
@@ -75,14 +76,16 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
         raise InputError(f"{found}: found a file of an unknown kind, expected {_KINDS}.")
     home = path if path.is_dir() and (path != found or (path / ROBOT).is_file()) else found.absolute().parent
     truth = None if file is None else read_truth(home)
-    return OpenedScans(recording, robot.settings, truth, found, remarks)
+    return OpenedScans(recording, robot.settings, truth, found, remarks, robot.prior is not None)
 
 
 def build(opened: OpenedScans) -> Dataset:
     """The log of the scans by the front end, with the ground truth at its times; InputError as in `build_log`."""
     recording = localised(opened.recording, opened.settings)
     made = relations.build(recording, opened.settings, opened.file, opened.remarks).dataset
-    return made if opened.truth is None else with_truth(made.log, opened.truth, first_scan(made.log))
+    if opened.truth is None:
+        return made
+    return with_truth(made.log, opened.truth, first_scan(made.log), opened.start_given)
 
 
 def is_carmen(path: Path) -> bool:

@@ -1,4 +1,4 @@
-"""Where a scan may be, before it is matched: by the wheels, by the motion before, standing still."""
+"""Guesses of a scan's pose before it is matched: by the wheels, by the motion before, standing still."""
 
 from typing import NamedTuple
 
@@ -61,7 +61,7 @@ class Guesses(NamedTuple):
 def guesses(
     last: Array, moved: Array, times: tuple[float, float], motion: Array | None, anchor: Anchor | None, s: Settings
 ) -> Guesses:
-    """Where a scan may be that was taken after the one at `last` (3,), to which the robot `moved` (3,).
+    """Guesses the pose of a scan that was taken after the one at `last` (3,), to which the robot `moved` (3,).
 
     `times` are the seconds of that motion and those since then: where they differ, stamps jitter. `motion` (3,) is the
     wheels' since then.

@@ -73,7 +73,7 @@ LONGEST, MOST = 6, 4
 """Scans through which different places are followed at most, and how many places."""
 
 DOUBTED, APART = 4.0, 9.0
-"""Squared distances of a pose from the wheels' from which on it is in doubt, and they count nothing in its covariance."""
+"""Squared distances of a pose from the wheels' at which it is in doubt, and at which they count nothing."""
 
 UNKNOWN = 0.7
 """Share that a point counts for on ground that the submap has not seen; on a wall it is 1, in free space 0."""
