@@ -66,7 +66,7 @@ def gather(
     most: int,
     places: Array,
 ) -> int:
-    """Fills `places` (n, 7) with pixels near pattern edges: grey, ray, d ray / dx, d ray / dy; returns their number.
+    """Fills `places` (n, 8) with pixels near pattern edges: grey, ray, d ray / dx, d ray / dy, kind; returns how many.
 
     Of more than `most`, a sample is taken: each row is divided evenly, and of each part a random pixel is looked at.
     Along an edge nothing of it then repeats with the pixels' colours, as an even sequence does where edges run in
@@ -118,6 +118,7 @@ def gather(
                     place[4] = ryx
                     place[5] = rxy
                     place[6] = ryy
+                    place[7] = x % 2 + 2 * (y % 2)
                     count += 1
         if lattice * lattice * seen > most:
             share = most / (lattice * lattice * seen)
