@@ -1,7 +1,7 @@
 """The edge between two modules that is nearest to a pixel, and the covariance by such edges, compiled."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,9 +68,9 @@ def spread(normal: Array, misfit: Misfit) -> Array:
     much as the kinds' blurs move the homography it is off: their square is added to the covariance that the rest of the
     residuals gives, on average over the eight. Where residuals as they are give more, that stays.
     """
-    inverse = np.linalg.inv(normal)[:8]
+    inverse: Any = np.linalg.inv(normal)[:8]
     cov = np.ascontiguousarray(inverse[:, :8])
-    information = np.linalg.inv(cov)
+    information: Any = np.linalg.inv(cov)
     growth = _growth(inverse, information, misfit.by_edge, misfit.variances[0])
     if misfit.variances[1] > 0.0:
         hidden = np.ascontiguousarray(misfit.hidden[:8])

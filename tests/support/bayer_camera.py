@@ -78,7 +78,7 @@ def picture(process: Process, distance: float, rng: np.random.Generator, roll: f
     far = (turn[:, 2] @ centre) / (rays @ turn[:, 2])
     on = (rays * far[..., None] - centre) @ turn[:, :2]
     cell = np.floor((on + half) / (2 * half) * len(sheet)).astype(int)
-    inside = ((cell >= 0) & (cell < len(sheet))).all(axis=-1)
+    inside = np.asarray(((cell >= 0) & (cell < len(sheet))).all(axis=-1))
     column, row = np.where(inside[..., None], cell, 0).transpose(2, 0, 1)
     light = np.where(inside, np.where(sheet[row, column], LIGHT, DARK), WALL)
     light = gaussian_filter(light, process.blur * FINE, mode="nearest")
@@ -97,7 +97,8 @@ def _placed(distance: float, rng: np.random.Generator, roll: float) -> tuple[Arr
     while True:
         sight = np.array([rng.uniform(-0.5, 0.5), rng.uniform(-0.38, 0.38), 1.0])
         sight /= np.linalg.norm(sight)
-        facing, _ = Rotation.align_vectors(sight[None], np.array([[0.0, 0.0, 1.0]]))
+        # a camera that is panned, then tipped, to look at the marker
+        facing = Rotation.from_euler("YX", [np.arctan2(sight[0], sight[2]), -np.arcsin(sight[1])])
         toward, lean = rng.uniform(-np.pi, np.pi), rng.uniform(0, np.pi / 4)
         tilt = Rotation.from_rotvec(lean * np.array([np.cos(toward), np.sin(toward), 0.0]))
         turn = (facing * tilt * Rotation.from_rotvec([0, 0, rng.uniform(-roll, roll)])).as_matrix()
