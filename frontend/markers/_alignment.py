@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.kernels._small import cholesky, dot, solve
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._edges import COLUMNS, EDGE, KIND, RESIDUAL, WEIGHT, Misfit, edge_of, moved_residual, sum_edges
+from ._edges import COLUMNS, EDGE, KIND, RESIDUAL, WEIGHT, Misfit, edge_of, moved_residual, part_kinds, sum_edges
 from ._grey import (
     BLACK,
     BLACKEST,
@@ -29,7 +29,6 @@ from ._grey import (
     eye_of,
     predict,
 )
-from ._kinds import part_kinds
 from ._pixels import box_of, extremes, gather
 from ._share import RIM
 from ._step import hold, moved

@@ -127,7 +127,7 @@ def gather(
 
 @compiled
 def worst_module(image: NDArray[np.uint8], rays: Array, pattern: Array, G: Array, look: Array, corners: Array) -> float:
-    """How far the worst module's middle, border included, is from its predicted grey: a share of the contrast.
+    """The distance of the worst module's middle, border included, from its predicted grey: a share of the contrast.
 
     The mean over the middle averages noise out and excludes edge effects: only a different print remains. In small or
     narrow modules the blur reaches the middle; the prediction has it.

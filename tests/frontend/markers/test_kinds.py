@@ -1,4 +1,4 @@
-"""What a colour filter hides from a fit of a marker, and that the stated covariance has it."""
+"""A colour filter moves edges along the pixels and hides it from a fit: the stated covariance has it."""
 
 from dataclasses import replace
 
@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from bayer_camera import CAMERA, COLOURS, PHASES, SIDE, Process, picture
-from slamduel.frontend.markers._edges import COLUMNS, KIND, RESIDUAL, WEIGHT
+from slamduel.frontend.markers._edges import BLURS, COLUMNS, KIND, KIND_SD, RESIDUAL, SIGNS, WEIGHT, part_kinds
 from slamduel.frontend.markers._grey import PARAMETERS
-from slamduel.frontend.markers._kinds import BLURS, KIND_SD, SIGNS, part_kinds
 from slamduel.frontend.markers.aruco import Detector
 from slamduel.frontend.markers.markers import Markers
 from tiers import first_quick
