@@ -54,7 +54,7 @@ class WheelFaults:
 
 
 def faulty_wheels(rolled: Array, t: Array, faults: WheelFaults, rng: np.random.Generator) -> Array:
-    """What the left and the right wheel have rolled by the readings, (n, 2) m, at `t` (n,) s, from the true sums.
+    """The way of the left and the right wheel by the readings, (n, 2) m, at `t` (n,) s, from the true sums.
 
     Each kind of fault draws from a generator of its own.
     """

@@ -96,6 +96,7 @@ class Placed(NamedTuple):
     points: bool = True  # the scan counts
     off: Array | None = None  # (3,) to another place that the scans do not tell from it
     anchor: Anchor | None = None  # None: wheels and scans agree
+    lost: bool = False  # from where it was expected it did not match
     searched: bool = False  # a search found it
 
 
@@ -140,7 +141,7 @@ class Tracker:
         self._branches = _apart(sorted(self._branches, key=_total, reverse=True))
         best, *others = self._branches
         lead = _total(best) - _total(others[0]) if others else np.inf
-        clear = lead >= SURE and (len(best) > 1 or best[0].explained >= self.settings.lost)
+        clear = not others or (lead >= SURE and (len(best) > 1 or best[0].explained >= self.settings.lost))
         if not (clear or len(best) >= longest):
             del self._branches[MOST:]
             return []
@@ -152,6 +153,7 @@ class Tracker:
         self._branches = []
         self._last.extend(best)
         for one in best:
+            self.lost += one.lost
             self.found_again += one.searched
             self._usual += MEMORY * (one.explained - self._usual)
         return best
@@ -187,11 +189,8 @@ class Tracker:
             return Placed(t, scan, pose, information, explained, score, off, agrees, anchor=anchor)
 
         if not len(scan.few):
-            self.lost += not branch
-            return [placed(first.pose, first, AT_FIRST, False)]
+            return [placed(first.pose, first, AT_FIRST, False)._replace(lost=True)]
         found = [placed(first.pose, first, AT_FIRST)]
-        is_lost = found[0].explained < s.lost
-        self.lost += is_lost and not branch
         least = max(s.lost, self._usual - DROP)
         if found[0].explained >= least and found[0].off_wheels < DOUBTED and not doubtful:
             return found
@@ -200,6 +199,8 @@ class Tracker:
             best = placed(self._searched(guess, found, last.pose, scan, submap), first, AGAIN)
             if best.score > max(one.score for one in found) + BETTER:
                 found.append(best._replace(searched=True))
+        if found[0].explained < s.lost:
+            found = [one._replace(lost=True) for one in found]
         if guess.odd and not motion.any():
             found.reverse()
         apart = list[Placed]()

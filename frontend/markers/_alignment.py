@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.kernels._small import cholesky, dot, solve
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._edges import COLUMNS, EDGE, RESIDUAL, WEIGHT, edge_of, sum_edges
+from ._edges import COLUMNS, EDGE, KIND, RESIDUAL, WEIGHT, Misfit, edge_of, moved_residual, part_kinds, sum_edges
 from ._grey import (
     BLACK,
     BLACKEST,
@@ -79,7 +79,7 @@ class Equations(NamedTuple):
 @compiled
 def align(
     image: NDArray[np.uint8], rays: Array, pattern: Array, homography: Array, corners: Array, prior: Array
-) -> tuple[Array, Array, float, Array, Array]:
+) -> tuple[Array, Array, float, Array, Misfit]:
     """Aligns a pattern from a rough homography (3, 3): first homography and greys, then everything.
 
     Both use a part of the pixels near edges. Newton's steps end it, one with half of the sample and one with all of it:
@@ -88,7 +88,7 @@ def align(
     (h, w, 2), `pattern` (m + 2 RIM, m + 2 RIM), 1 is white, its rough `corners` (4, 2), px. `prior` (2, 14) has the
     expected values of the look's parameters from the blur on, and their standard deviations. Returns the homography
     from rays to (u, v), the normal matrix (24, 24), the residuals' standard deviation (infinite where there are too few
-    pixels), the look (16,) and the gradient by edge, see `edge_of`.
+    pixels), the look (16,) and the residuals by edges and kinds of pixels.
     """
     m = pattern.shape[0] - 2 * RIM
     across, along = corners[2] - corners[0], corners[3] - corners[1]
@@ -101,8 +101,10 @@ def align(
         look[k] = prior[0, k - A]
     equations = Equations(np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS))
     normal, gradient = equations
-    by_edge = np.zeros((2 * (m + 1) * (m + 2), PARAMETERS + 1))
-    places = np.empty((2 * ENOUGH, 7))
+    edges = 2 * (m + 1) * (m + 2)
+    by_edge, rest = np.zeros((edges, PARAMETERS + 1)), np.zeros((edges, PARAMETERS + 1))
+    misfit = Misfit(by_edge, rest, np.zeros(PARAMETERS), np.zeros(2))
+    places = np.empty((2 * ENOUGH, 8))
     rows = np.zeros((2 * ENOUGH, COLUMNS))
     residual, model = np.inf, Model(pattern, homography, look, np.zeros(3))
     for everything in (False, True):
@@ -111,11 +113,11 @@ def align(
         model = Model(pattern, model.homography, model.look, eye_of(model.homography, m, np.zeros(3)))
         count = gather(image, rays, model.homography, model.look, m, box, most, places)
         if count < PARAMETERS * least:
-            return model.homography, normal, np.inf, model.look, by_edge
+            return model.homography, normal, np.inf, model.look, misfit
         stride, enough = min(4, count // (2 * PARAMETERS)), SHORT / module
         model, residual = _settled(places[:count], stride, model, prior, active, cut, enough, rows)
         if not residual < np.inf:
-            return model.homography, normal, np.inf, model.look, by_edge
+            return model.homography, normal, np.inf, model.look, misfit
     variance, seen, step = 0.0, 0, np.zeros(PARAMETERS)
     for stride in (2, 1):
         for times in range(AGAIN + 1):
@@ -128,19 +130,32 @@ def align(
             for i in range(8 + A, 8 + C + 1):
                 factor[i, i] += max(variance, LEAST_VARIANCE) / TRUSTED**2
             if not cholesky(factor, factor, PARAMETERS, SINGULAR, 0.0):
-                return model.homography, normal, np.inf, model.look, by_edge
+                return model.homography, normal, np.inf, model.look, misfit
             solve(factor, step, step, PARAMETERS)
             least = max(min(variance, residual * residual), LEAST_VARIANCE)
             if dot(step, gradient) < CHANCE * PARAMETERS * least or times == AGAIN:
                 break
             model, residual = _settled(places[:count], stride, model, prior, PARAMETERS, cut, 0.0, rows)
             if not residual < np.inf:
-                return model.homography, normal, np.inf, model.look, by_edge
+                return model.homography, normal, np.inf, model.look, misfit
         if stride == 1:
-            sum_edges(rows[:seen], step, by_edge)
+            _part(rows[:seen], step, normal, variance, max(total - PARAMETERS, 1.0), misfit)
         homography, look, _ = moved(model.homography, model.look, step, PARAMETERS, m)
         model = Model(pattern, homography, look, model.eye)
-    return model.homography, normal, math.sqrt(variance), model.look, by_edge
+    return model.homography, normal, math.sqrt(variance), model.look, misfit
+
+
+@compiled
+def _part(rows: Array, step: Array, normal: Array, variance: float, count: float, misfit: Misfit) -> None:
+    """Fills the `misfit` from the residuals after the `step` (24,) that ends a fit, with `count` degrees of freedom."""
+    for row in rows:
+        row[RESIDUAL] = moved_residual(row, step)
+    sum_edges(rows, misfit.by_edge)
+    chi = part_kinds(rows, normal, max(variance, LEAST_VARIANCE), misfit.hidden)
+    misfit.variances[0] = variance
+    if not math.isnan(chi):
+        sum_edges(rows, misfit.rest)
+        misfit.variances[1] = chi / count
 
 
 @compiled
@@ -212,7 +227,7 @@ def _accumulate(
     """Fills the normal equations; returns the robust loss, the weighted sum of squares, the sum of weights and a count.
 
     Only the first `active` parameters may change. As many of the `rows` as that count get a pixel each: its
-    derivatives, residual, weight and nearest edge, see `edge_of`.
+    derivatives, residual, weight, nearest edge and kind, see `_edges`.
     """
     m = model.pattern.shape[0] - 2 * RIM
     scratch, curve = Scratch(np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(12), np.empty(2)), np.empty(SHARED)
@@ -231,11 +246,12 @@ def _accumulate(
             loss += cut * (2.0 * size - cut)
         else:
             loss += size * size
-        row[RESIDUAL], row[WEIGHT], row[EDGE] = residual, weight, edge_of(scratch.uv[0], scratch.uv[1], m)
+        row[RESIDUAL], row[WEIGHT], row[KIND] = residual, weight, place[7]
+        row[EDGE] = edge_of(scratch.uv[0], scratch.uv[1], m)
         chi += weight * residual * residual
         total += weight
         count += 1
-    product = np.zeros((PARAMETERS, COLUMNS))
+    product = np.zeros((PARAMETERS, PARAMETERS + 1))
     _multiply(rows[:count], active, product)
     variance = max(chi / max(total - active, 1.0), LEAST_VARIANCE)
     normal, gradient = equations
@@ -252,7 +268,7 @@ def _accumulate(
 
 @compiled
 def _multiply(rows: Array, active: int, product: Array) -> None:
-    """Adds to `product` (24, 27) the sum over pixels of weight times derivative times row.
+    """Adds to `product` (24, 25) the sum over pixels of weight times derivative times derivative or residual.
 
     Four pixels at a time: each of the product's numbers is read and written once for them.
     """
@@ -262,10 +278,10 @@ def _multiply(rows: Array, active: int, product: Array) -> None:
         for i in range(active):
             by_a, by_b, by_c, by_d = a[i] * a[WEIGHT], b[i] * b[WEIGHT], c[i] * c[WEIGHT], d[i] * d[WEIGHT]
             line = product[i]
-            for j in range(COLUMNS):
+            for j in range(PARAMETERS + 1):
                 line[j] += (by_a * a[j] + by_b * b[j]) + (by_c * c[j] + by_d * d[j])
     for a in rows[whole:]:
         for i in range(active):
             by_a = a[i] * a[WEIGHT]
-            for j in range(COLUMNS):
+            for j in range(PARAMETERS + 1):
                 product[i, j] += by_a * a[j]

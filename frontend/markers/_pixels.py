@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._grey import BLACK, LIGHT, WHITE, covariance, slopes
+from ._grey import BLACK, PARAMETERS, SHARED, WHITE, Model, Scratch, covariance, curve_of, eye_of, predict, slopes
 from ._share import RIM
 
 MARGIN = 0.5
@@ -66,7 +66,7 @@ def gather(
     most: int,
     places: Array,
 ) -> int:
-    """Fills `places` (n, 7) with pixels near pattern edges: grey, ray, d ray / dx, d ray / dy; returns their number.
+    """Fills `places` (n, 8) with pixels near pattern edges: grey, ray, d ray / dx, d ray / dy, kind; returns how many.
 
     Of more than `most`, a sample is taken: each row is divided evenly, and of each part a random pixel is looked at.
     Along an edge nothing of it then repeats with the pixels' colours, as an even sequence does where edges run in
@@ -118,6 +118,7 @@ def gather(
                     place[4] = ryx
                     place[5] = rxy
                     place[6] = ryy
+                    place[7] = x % 2 + 2 * (y % 2)
                     count += 1
         if lattice * lattice * seen > most:
             share = most / (lattice * lattice * seen)
@@ -126,18 +127,22 @@ def gather(
 
 @compiled
 def worst_module(image: NDArray[np.uint8], rays: Array, pattern: Array, G: Array, look: Array, corners: Array) -> float:
-    """The distance of the worst module's middle, border included, from black or white: a share of the contrast.
+    """The distance of the worst module's middle, border included, from its predicted grey: a share of the contrast.
 
-    The mean over the middle averages noise out and excludes edge effects: only a different print remains.
+    The mean over the middle averages noise out and excludes edge effects: only a different print remains. In small or
+    narrow modules the blur reaches the middle; the prediction has it.
     """
+    height, width = image.shape
     m = pattern.shape[0] - 2 * RIM
     box = box_of(corners, image.shape, 2.0)
     stride = max(1, min(box[1] - box[0], box[3] - box[2]) // (8 * m))
-    total = np.zeros((m, m))
-    count = np.zeros((m, m))
-    light = look[LIGHT:]
-    for y in range(box[0], box[1], stride):
-        for x in range(box[2], box[3], stride):
+    total, count = np.zeros((m, m)), np.zeros((m, m))
+    model = Model(pattern, G, look, eye_of(G, m, np.zeros(3)))
+    scratch, curve = Scratch(np.empty((2, 3, 7)), np.empty((2, 7)), np.empty(12), np.empty(2)), np.empty(SHARED)
+    curve_of(model, curve)
+    place, unused = np.zeros(8), np.empty(PARAMETERS)
+    for y in range(max(box[0], 1), min(box[1], height - 1), stride):
+        for x in range(max(box[2], 1), min(box[3], width - 1), stride):
             rx, ry = rays[y, x]
             w = 1.0 / (G[2, 0] * rx + G[2, 1] * ry + G[2, 2])
             u = (G[0, 0] * rx + G[0, 1] * ry + G[0, 2]) * w
@@ -147,15 +152,18 @@ def worst_module(image: NDArray[np.uint8], rays: Array, pattern: Array, G: Array
             column, row = int(u), int(v)
             if abs(u - column - 0.5) > 0.25 or abs(v - row - 0.5) > 0.25:
                 continue
-            p = u / m - 0.5
-            q = v / m - 0.5
-            lit = 1.0 + light[0] * p + light[1] * q + light[2] * p * p + light[3] * p * q + light[4] * q * q
-            total[row, column] += (image[y, x] / lit - look[BLACK]) / (look[WHITE] - look[BLACK])
+            place[1], place[2] = rx, ry
+            for k in range(2):
+                place[3 + k] = 0.5 * (rays[y, x + 1, k] - rays[y, x - 1, k])
+                place[5 + k] = 0.5 * (rays[y + 1, x, k] - rays[y - 1, x, k])
+            grey = predict(place, model, curve, True, scratch, unused)
+            if math.isnan(grey):
+                continue
+            total[row, column] += (image[y, x] - grey) / (look[WHITE] - look[BLACK])
             count[row, column] += 1
     worst = 0.0
     for row in range(m):
         for column in range(m):
             if count[row, column] > 0:
-                printed = pattern[row + RIM, column + RIM]
-                worst = max(worst, abs(total[row, column] / count[row, column] - printed))
+                worst = max(worst, abs(total[row, column] / count[row, column]))
     return worst

@@ -51,6 +51,8 @@ With OpenCV's 0.125 the edge of the paper stands for one marker in thirty at 2 m
 FARTHEST, LARGEST_SHARE = 2.0, 0.04
 """px, and share of a marker's size, by which refinement may move a corner; most move less than a pixel."""
 
+TWICE = "same id twice in a frame"
+"""The reason of rejection of all markers of an id that several in a frame have."""
 
 _NOTHING, _NOWHERE = np.zeros((0, 3)), np.eye(4)
 
@@ -109,9 +111,9 @@ class Detector:
     def detect(self, image: Image, motion: CameraMotion | None = None) -> tuple[list[Sighting], Counter[str]]:
         """Detects the markers in a grey or BGR `image`, sorted by id, and counts rejections by reason.
 
-        Of several with one id, unless it is UNKNOWN, the largest in the image stays. With the `motion` of a camera that
-        has a rolling shutter, poses and centres are those at the middle of the frame; without it such a camera is taken
-        to stand. InputError for an image that is not of the camera's size.
+        Of several with one id, unless it is UNKNOWN, none stays: which of them is the landmark, a frame does not tell.
+        With the `motion` of a camera that has a rolling shutter, poses and centres are those at the middle of the
+        frame; without it such a camera is taken to stand. InputError for an image that is not of the camera's size.
         """
         height, width = image.shape[:2]
         if (width, height) != (self.camera.width, self.camera.height):
@@ -133,8 +135,6 @@ class Detector:
             sighting = self._located(name, *refined, motion)
             if sighting is None:
                 rejected["no pose explains the corners"] += 1
-            elif sightings and sightings[-1].id == name:
-                rejected["same id twice in a frame"] += 1
             else:
                 sightings.append(sighting)
         if self.unread:
@@ -142,7 +142,11 @@ class Detector:
         alone = _alone(sightings)
         if len(alone) < len(sightings):
             rejected["inside another marker"] += len(sightings) - len(alone)
-        return alone, rejected
+        seen = Counter(one.id for one in alone if one.id != UNKNOWN)
+        single = [one for one in alone if seen[one.id] < 2]
+        if len(single) < len(alone):
+            rejected[TWICE] += len(alone) - len(single)
+        return single, rejected
 
     def _unread(self, grey: Image, quads: Array, motion: CameraMotion | None) -> Iterator[Sighting]:
         """Yields the squares among the outlines `quads` (n, 4, 2) that are printed like a marker."""
@@ -267,7 +271,8 @@ def on_robot(sightings: Sequence[Sighting], mounting: Array) -> Array:
 
 def _alone(sightings: Sequence[Sighting]) -> list[Sighting]:
     """The sightings that lie in no larger one, where only the larger one's own pattern is printed."""
-    areas = _area(np.array([one.corners for one in sightings]).reshape(-1, 4, 2)).tolist()
+    # two outlines of one square may end at the same corners: the first of them counts as larger
+    areas = [(area, -k) for k, area in enumerate(_area(np.array([s.corners for s in sightings]).reshape(-1, 4, 2)))]
     outlines = [one.corners.astype(np.float32) for one in sightings]
     return [
         one

@@ -15,7 +15,7 @@ from ...core.se2 import Array
 from ..camera.shutter import CameraMotion, carried
 from ..wheels.holes import outside
 from ..wheels.motion import Motion
-from .aruco import Detector, Image, Sighting
+from .aruco import TWICE, Detector, Image, Sighting
 from .noise import Noise
 
 SPAN = 0.2
@@ -113,8 +113,13 @@ def _remarks(recording: Recording, counts: Counter[str], start: float, end: floa
         f"before or after the {recording.motion.readings}, {first:.10g} to {last:.10g} s",
     )
     lost = counts[f"frames without {name}"]
+    twice = (
+        f"{recording.name}: {counts[TWICE]:,} times a marker's id was several times in one frame, of which none is in "
+        "the log: an id is one landmark, so every marker needs its own"
+    )
     return [
         *recording.remarks,
+        *([twice] if counts[TWICE] else []),
         *recording.motion.remarks(start, end),
         *outside(recording.name, lost, counts["frames"], "frame", clock),
     ]

@@ -74,7 +74,7 @@ def fit(
     modules = len(pattern) - 2 * RIM
     try:
         guess = homography(start, modules)
-        found, normal, residual, look, by_edge = align(image, rays, pattern, guess, corners, prior)
+        found, normal, residual, look, misfit = align(image, rays, pattern, guess, corners, prior)
         contrast = float(look[WHITE] - look[BLACK])
         if not (contrast > LEAST_CONTRAST and residual < NO_FIT * contrast):
             return None
@@ -84,7 +84,7 @@ def fit(
                 return None
             if worst_module(image, rays, pattern, found, look, corners) > CLEAN_MODULE:
                 return None
-        change_cov = spread(normal, by_edge, residual)
+        change_cov = spread(normal, misfit)
         outline, cov = corner_rays(found, modules, change_cov)
     except np.linalg.LinAlgError:
         return None

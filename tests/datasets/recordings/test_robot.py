@@ -93,8 +93,10 @@ def assert_same(found: Robot, expected: Robot) -> None:
     np.testing.assert_allclose(found.mounting, expected.mounting, atol=1e-15)
     for one, other in ((found.markers, expected.markers),):
         assert (one.dictionary, one.side, dict(one.sides)) == (other.dictionary, other.side, dict(other.sides))
-    np.testing.assert_array_equal(found.prior.pose, expected.prior.pose)
-    np.testing.assert_array_equal(found.prior.cov, expected.prior.cov)
+    assert (found.prior is None) == (expected.prior is None)
+    if found.prior is not None and expected.prior is not None:
+        np.testing.assert_array_equal(found.prior.pose, expected.prior.pose)
+        np.testing.assert_array_equal(found.prior.cov, expected.prior.cov)
     assert (found.camera is None) == (expected.camera is None)
     if found.camera is not None and expected.camera is not None:
         for name in ("width", "height", "focal", "centre", "distortion", "model", "readout"):

@@ -65,12 +65,11 @@ def test_corners_come_in_the_markers_own_order() -> None:
     np.testing.assert_allclose(found[0].corners[3], [left, top], atol=0.7)
 
 
-def test_the_larger_of_two_with_one_id_stays_and_the_other_is_counted() -> None:
+def test_of_two_with_one_id_none_stays_and_both_are_counted() -> None:
     image = frame((sheet(3, 8), 20, 20), (sheet(3, 14), 200, 300), (sheet(5, 10), 30, 400))
     found, rejected = DETECTOR.detect(image)
-    assert [s.id for s in found] == [3, 5]
-    assert found[0].corners.mean(axis=0) == pytest.approx([300 + 55.5, 200 + 55.5], abs=1)
-    assert dict(rejected) == {"same id twice in a frame": 1}
+    assert [s.id for s in found] == [5]
+    assert dict(rejected) == {"same id twice in a frame": 2}
 
 
 def test_colour_and_grey_are_the_same() -> None:

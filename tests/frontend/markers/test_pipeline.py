@@ -92,6 +92,17 @@ def test_sightings_near_are_kept_and_far_are_counted() -> None:
     assert far.notes["counts"] == {"frames": 3, "sightings": 0, "sightings beyond 0.4 m": 2}
 
 
+def test_several_of_one_id_in_a_frame_are_a_remark_and_not_in_the_log() -> None:
+    both = np.hstack((marked(30), marked(36)))
+    detector = Detector(Markers("4X4_50", 0.1), replace(CAMERA, width=320))
+    log = build_log(recording([Frame(0.0, both), Frame(0.5, both)], detector=detector))
+    assert len(log.ids) == 0
+    assert log.notes["counts"]["same id twice in a frame"] == 4
+    (said,) = log.remarks
+    assert said.startswith("bench: 4 times a marker's id was several times in one frame")
+    assert not build_log(recording([Frame(0.0, marked(30))])).remarks
+
+
 def test_frames_without_readings_are_counted() -> None:
     log = build_log(recording(blank(-0.1, 0.2, 0.7, 1.3)))
     assert log.t.tolist() == [0.2, 0.7]

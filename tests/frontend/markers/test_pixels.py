@@ -18,9 +18,11 @@ def gathered(blur: float, most: int) -> Array:
     G[:2, 2] = -1.0
     look = np.zeros(13)
     look[2] = look[4] = np.log(blur)
-    places = np.empty((SIDE * SIDE, 7))
+    places = np.empty((SIDE * SIDE, 8))
     grey = np.zeros((SIDE, SIDE), np.uint8)
     count = gather(grey, np.stack((u, v), axis=-1), G, look, M, (0, SIDE, 0, SIDE), most, places)
+    odd = places[:count, 1:3].astype(int) % 2
+    np.testing.assert_array_equal(places[:count, 7], odd @ [1, 2])
     return places[:count, 1:3]
 
 

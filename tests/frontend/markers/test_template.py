@@ -19,7 +19,7 @@ from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.response import Measured, Response
 from slamduel.frontend.markers import _grey, template
 from slamduel.frontend.markers._alignment import Equations, _accumulate  # pyright: ignore[reportPrivateUsage]
-from slamduel.frontend.markers._edges import COLUMNS, spread, sum_edges
+from slamduel.frontend.markers._edges import COLUMNS, RESIDUAL, Misfit, spread, sum_edges
 from slamduel.frontend.markers._grey import BUMP, CURL, HALO, PARAMETERS, SHARED, STIFF, Model, Scratch
 from slamduel.frontend.markers._share import CUT_OFF, RIM
 from slamduel.frontend.markers._step import LIMITED, LIMITS, hold, moved
@@ -63,11 +63,11 @@ def tilted(turn: float, stretch: float, tilt: tuple[float, float], scale: float)
 
 
 def places(rng: np.random.Generator, G: Array, count: int) -> Array:
-    """(count, 7) black pixels within the pattern, rays being px."""
+    """(count, 8) black pixels within the pattern, rays being px, of any kind."""
     uv = rng.uniform(-0.4, M + 0.4, (count, 2))
     rays = np.column_stack((uv, np.ones(count))) @ np.linalg.inv(G).T
     rays = rays[:, :2] / rays[:, 2:]
-    return np.column_stack((np.zeros(count), rays, np.tile([1.0, 0.0, 0.0, 1.0], (count, 1))))
+    return np.column_stack((np.zeros(count), rays, np.tile([1.0, 0.0, 0.0, 1.0], (count, 1)), np.arange(count) % 4))
 
 
 def look_of(
@@ -401,7 +401,10 @@ def filled(spots: Array, G: Array, look: Array, active: int, step: Array | None 
     model, equations = Model(PATTERN, G, look, _grey.eye_of(G, M, NOWHERE)), Equations(normal, gradient)
     count = _accumulate(spots, 1, model, UNKNOWN_CAMERA, np.inf, active, rows, equations)[3]
     if active == PARAMETERS:
-        sum_edges(rows[:count], np.asarray(np.linalg.solve(normal, gradient), float) if step is None else step, by_edge)
+        rows[:count, RESIDUAL] -= rows[:count, :PARAMETERS] @ (
+            np.linalg.solve(normal, gradient) if step is None else step
+        )
+        sum_edges(rows[:count], by_edge)
     return normal, gradient, by_edge
 
 
@@ -480,7 +483,8 @@ def test_the_covariance_grows_by_what_edges_share() -> None:
             spots[:, 0] = greys + 2 * residual
             normal, _, by_edge = filled(spots, G, look, PARAMETERS)
             plain = 4.0 * np.linalg.inv(normal)[:8, :8]
-            growth.append(np.trace(np.linalg.solve(plain, spread(normal.copy(), by_edge, 2.0))) / 8)
+            misfit = Misfit(by_edge, np.zeros_like(by_edge), np.zeros(PARAMETERS), np.array([4.0, 0.0]))
+            growth.append(np.trace(np.linalg.solve(plain, spread(normal.copy(), misfit))) / 8)
         factors.append(np.mean(growth))
     assert 1 <= factors[0] < 1.2
     # the square of a sum over 12 x 112 edges varies by 4 %, what the fit takes up of it is known to 10 %
