@@ -13,6 +13,7 @@ from slamduel.core.factors import Log, Truth
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.laser_floor import Options, record
+from slamduel.frontend.laser import tracking
 from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.log import build_log, log_of
 from slamduel.frontend.laser.loops import ScanLoop, Surprises, contradicted
@@ -156,13 +157,15 @@ def first(scans: int, seed: int, **options: Any) -> tuple[LaserRecording, Array]
     return replace(recording, t=recording.t[:scans], ranges=recording.ranges[:scans], odometry=odometry), truth.poses
 
 
-def test_somebody_who_walks_ahead_does_not_hold_the_robot_back() -> None:
+@pytest.mark.parametrize("doubted", [tracking.DOUBTED, np.inf], ids=["by a scan", "by half a metre"])
+def test_somebody_who_walks_ahead_does_not_hold_the_robot_back(doubted: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the corridor, at its speed: the few points that tell how far the robot came are on that person."""
+    monkeypatch.setattr(tracking, "DOUBTED", doubted)
     recording, true = first(60, 1003, laps=3)
     front_end = matched(recording, Settings())
     off = between(between(true[0], true[59]), front_end.path[-1])
     assert np.hypot(off[0], off[1]) < 0.1
-    assert front_end.tracker.by_wheels == 1
+    assert (front_end.tracker.doubted, front_end.tracker.by_wheels) == ((1, 0) if doubted < np.inf else (0, 1))
 
 
 def test_wheels_that_spin_are_not_believed() -> None:
