@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.se2 import Array
+from ...core.se2 import Array, wrap
 from ..camera.camera import Camera
 from ..maps.cloud import BLUR, Cloud, cloud_of
 from ..maps.spool import Spool
@@ -29,7 +29,9 @@ from .surfaces import Coarse
 from .tracks import Tracks
 from .ways import Ways
 
-BEFORE = (1, 3)  # steps back to the keyframes that a new one's features are matched with
+APART = 3  # steps back to the keyframe that a new one's features are matched with, beside the last one's
+
+DENIED = "steps whose wheels the frames deny"
 
 
 class FrameStep(NamedTuple):
@@ -73,7 +75,7 @@ class FrontEnd:
             Finder(camera, settings), Leveller(camera, settings), Pairs(camera, settings),
         )  # fmt: skip
         self.search = Loops(self._pairs, self._ways, settings, motion is not None)
-        self._recent = deque[Keyframe](maxlen=max(BEFORE) + 1)
+        self._recent = deque[Keyframe](maxlen=APART + 1)
         blurred = np.sqrt(max(BLUR - settings.constant_sd, 0.0) / settings.depth_sd)
         self._sharp = min(settings.far, float(blurred))  # m, the farthest points of a cloud
         self.seen: FrameFindings | None = None  # of the last frame
@@ -151,15 +153,34 @@ class FrontEnd:
         if np.hypot(moved.delta[0], moved.delta[1]) < s.step and abs(moved.delta[2]) < s.turn:
             return None
         new = self._keyframe(frame)
-        self._step(new, moved)
+        trial = self._trial(self._recent[-1], new, lambda: moved)
+        denied = trial.pair is None and self._pairs.deny(trial.first, new, moved)
+        doubted = self._doubted(trial, denied, moved)
+        self._step(new, doubted)
         if s.landmarks:
-            for before in BEFORE:
-                if before < len(self._recent):
-                    old = self._recent[-1 - before]
-                    pair = self._registered(old, new, partial(self._ways.motion, old.step, new.step))
-                    if pair is not None:
-                        self._track(pair)
+            if denied and trial.denied is not None:
+                trial = self._trial(trial.first, new, lambda: doubted)
+            if trial.pair is not None:
+                self._track(trial.pair)
+            old = self._recent[-1 - APART] if len(self._recent) > APART else None
+            pair = None if old is None else self._registered(old, new, partial(self._ways.motion, old.step, new.step))
+            if pair is not None:
+                self._track(pair)
         return new
+
+    def _doubted(self, trial: Trial, denied: bool, wheels: Planar) -> Planar:
+        """The wheels' motion, less certain where features, or the depths alone, as `denied` says, deny it."""
+        s = self.settings
+        if trial.denied is not None:
+            off = trial.denied.delta - wheels.delta
+            off[2] = wrap(off[2])
+            more = np.outer(off, off)
+        elif denied:
+            more = np.diag([s.blind**2, s.blind**2, s.blind_turn**2])
+        else:
+            return wheels
+        self.counts[DENIED] += 1
+        return Planar(wheels.delta, wheels.cov + more)
 
     def _track(self, pair: Pair) -> None:
         """Makes the features of two registered keyframes the same landmarks."""
@@ -167,13 +188,16 @@ class FrontEnd:
 
     def _registered(self, old: Keyframe, new: Keyframe, known: Callable[[], Planar] | None) -> Pair | None:
         """Registers two keyframes, and counts what comes of it. `known` is asked for the wheels' motion."""
+        return self._trial(old, new, known).pair
+
+    def _trial(self, old: Keyframe, new: Keyframe, known: Callable[[], Planar] | None) -> Trial:
         trial = self._pairs.register(old, new, self.settings.inliers, known)
         self._trials.append(trial)
         self.counts["pairs"] += 1
         self.counts["pairs registered"] += trial.pair is not None
         if trial.pair is None:
             self.turned_down[trial.reason] += 1
-        return trial.pair
+        return trial
 
     def _step_by_sight(self, frame: DepthFrame) -> Keyframe:
         """Takes a frame where its own features tell the motion since the last step."""
@@ -202,7 +226,8 @@ class FrontEnd:
         """The motion since the last step where no features tell it: the wheels', or without them the one before."""
         if self._motion is not None:
             self.counts["steps by the wheels alone"] += 1
-            return self._by_wheels(new.t)
+            moved = self._by_wheels(new.t)
+            return self._doubted(self._trials[-1], self._pairs.deny(self._recent[-1], new, moved), moved)
         self.counts["steps without a motion"] += 1
         s = self.settings
         return Planar(self._as_before(new.t), np.diag([s.blind**2, s.blind**2, s.blind_turn**2]))

@@ -10,7 +10,7 @@ from ...core.check import check
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Log
 from ..wheels.holes import outside
-from .front_end import FrontEnd
+from .front_end import DENIED, FrontEnd
 from .recording import DepthRecording
 from .settings import Settings
 
@@ -85,6 +85,11 @@ def _notes(recording: DepthRecording, front_end: FrontEnd) -> dict[str, Any]:
         name, lost = motion.readings, counts[f"frames without {motion.readings}"]
         remarks += motion.remarks(steps[0].t, steps[-1].t)
         clock = f"before or after the {name}, {first:.10g} to {last:.10g} s"
+        if denied := counts[DENIED]:
+            remarks.append(
+                f"at {denied} of {len(steps)} steps the frames contradict the {name}: the covariance of these motions "
+                "has the difference"
+            )
         remarks += outside(recording.name, lost, counts["frames"], "frame", clock)
     return {
         **recording.notes,

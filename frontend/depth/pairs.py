@@ -60,6 +60,7 @@ class Trial(NamedTuple):
     reason: str  # why; "" otherwise
     matches: Ints  # (m, 2) the features of both that look alike
     contradicted: Ints  # (c, 2) those that agreed with a motion which a check refused: often of something that moves
+    denied: Planar | None = None  # the motion that was refused as it contradicts the wheels
 
 
 class Pairs:
@@ -81,7 +82,7 @@ class Pairs:
         wheels = None if known is None else known()
         guess = None if wheels is None else camera_motion(wheels.delta, first.level, second.level)
         rng = np.random.default_rng((first.step, second.step))
-        reason, contradicted = "", rows[:0]
+        reason, contradicted, denied = "", rows[:0], None
         for _ in range(TRIES):
             one, other = _together(first.features, rows[:, 0]), _together(second.features, rows[:, 1])
             found = registered(one, other, s, rng, guess)
@@ -97,12 +98,18 @@ class Pairs:
                 reason = reason or "one frame sees through the other's surfaces"
             elif s.wheels_check and wheels is not None and distance(motion, wheels) > s.wheels_gate:
                 reason = reason or "it contradicts the wheels"
+                denied = denied or motion
             else:
                 pair = Pair(first, second, motion, rows[found.inliers])
                 return Trial(first, second, pair, "", matches, contradicted)
             contradicted = np.concatenate((contradicted, rows[found.inliers]))
             rows = np.delete(rows, found.inliers, axis=0)
-        return Trial(first, second, None, reason, matches, contradicted)
+        return Trial(first, second, None, reason, matches, contradicted, denied)
+
+    def deny(self, first: Keyframe, second: Keyframe, motion: Planar) -> bool:
+        """Tells if one of two frames sees through the other's surfaces, where the robot moved so between them."""
+        moved = camera_motion(motion.delta, first.level, second.level)
+        return self._settings.surfaces and self._surfaces.contradict(first.coarse, second.coarse, *moved)
 
 
 def _together(features: Features, rows: Ints) -> Points:

@@ -5,6 +5,7 @@ frame are projected into the other. A point that is where the other has a surfac
 contradicted, as it would have been seen; one behind it is hidden and says nothing.
 """
 
+from collections.abc import Iterator
 from functools import cached_property
 from typing import NamedTuple
 
@@ -43,15 +44,29 @@ class Surfaces:
 
     def agree(self, first: Coarse, second: Coarse, R: Array, t: Array) -> bool:
         """Tells if the surfaces of two frames agree when R, t takes points of the second to the first."""
-        return self._shown(first, second, R, t) and self._shown(second, first, R.T, -R.T @ t)
-
-    def _shown(self, seen: Coarse, other: Coarse, R: Array, t: Array) -> bool:
         s = self._settings
-        agree, against = compared(
-            seen, other, self._pixels.grid, np.ascontiguousarray(R), t, s.constant_sd, s.depth_sd, s.surface_gate,
-            ONE_SURFACE,
-        )  # fmt: skip
-        return bool(agree >= s.agree * (agree + against) and agree >= s.seen * np.count_nonzero(other))
+        return all(
+            agree >= s.agree * (agree + against) and agree >= s.seen * points
+            for agree, against, points in self._shares(first, second, R, t)
+        )
+
+    def contradict(self, first: Coarse, second: Coarse, R: Array, t: Array) -> bool:
+        """Tells if they see through each other there: frames that show nothing neither agree nor contradict."""
+        s = self._settings
+        return any(
+            agree < s.agree * (agree + against) and agree + against >= s.seen * points
+            for agree, against, points in self._shares(first, second, R, t)
+        )
+
+    def _shares(self, first: Coarse, second: Coarse, R: Array, t: Array) -> Iterator[tuple[int, int, int]]:
+        """Points of each in the other: those that agree, those against, and all."""
+        s = self._settings
+        for seen, other, A, b in ((first, second, R, t), (second, first, R.T, -R.T @ t)):
+            agree, against = compared(
+                seen, other, self._pixels.grid, np.ascontiguousarray(A), b, s.constant_sd, s.depth_sd, s.surface_gate,
+                ONE_SURFACE,
+            )  # fmt: skip
+            yield agree, against, int(np.count_nonzero(other))
 
     @cached_property
     def _pixels(self) -> _Pixels:
