@@ -78,8 +78,10 @@ DOUBTED, APART = 4.0, 9.0
 UNKNOWN = 0.7
 """Share that a point counts for on ground that the submap has not seen; on a wall it is 1, in free space 0."""
 
-DROP, MEMORY = 0.08, 0.1
-"""By how much less than usual of a scan is explained where its place is doubtful; weight of a scan in what is usual."""
+DROP, SHORT, MEMORY = 0.08, 0.04, 0.1
+"""By how much less than usual of a scan is explained where its place is doubtful, and where a doubtful one is searched
+for; weight of a scan in what is usual.
+"""
 
 
 class Placed(NamedTuple):
@@ -195,7 +197,7 @@ class Tracker:
         if found[0].explained >= least and found[0].off_wheels < DOUBTED and not doubtful:
             return found
         found += [placed(one.pose, one, AT_FIRST) for one in guess.all[1:]]
-        if max(one.explained for one in found) < least:
+        if max(one.explained for one in found) < max(s.lost, self._usual - SHORT):
             best = placed(self._searched(guess, found, last.pose, scan, submap), first, AGAIN)
             if best.score > max(one.score for one in found) + BETTER:
                 found.append(best._replace(searched=True))
