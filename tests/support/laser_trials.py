@@ -2,7 +2,7 @@
 
     SLAMDUEL_DATA=... python tests/support/laser_trials.py [LOG ...]
 
-(`make study-laser`) prints a table of docs/laser-trials.md: for each log the median error, the worst run's in medians,
+(`make study-laser`) prints a table of docs/settings.md: for each log the median error, the worst run's in medians,
 and how many are above 1.3 and 3. Logs are judged by relations: recorded ones by those published whose stamps are exact,
 made-up floors by those of as many pairs of scans that are near one another.
 """
