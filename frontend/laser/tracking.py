@@ -109,7 +109,7 @@ class Tracker:
         self.settings = settings
         self.lost = self.found_again = self.by_wheels = self.doubted = self.undecided = 0
         self._last = deque[Placed](maxlen=2)
-        self._branches = list[list[Placed]]()  # from the last scan that is placed on
+        self.branches = list[list[Placed]]()  # from the last scan that is placed on
         self._usual = settings.lost  # of the points explained
         self._wheels_check = WheelsCheck()
 
@@ -120,9 +120,9 @@ class Tracker:
 
     def take(self, t: float, motion: Array | None, scan: Scan, submap: Submap) -> list[Placed]:
         """Takes a scan; `motion` (3,) is the wheels' since the one before. Returns the scans that are placed now."""
-        if self._branches:
-            self._branches = [
-                [*branch, one] for branch in self._branches for one in self._candidates(branch, t, motion, scan, submap)
+        if self.branches:
+            self.branches = [
+                [*branch, one] for branch in self.branches for one in self._candidates(branch, t, motion, scan, submap)
             ]
             return self._decided(LONGEST)
         found = self._candidates([], t, motion, scan, submap)
@@ -131,28 +131,28 @@ class Tracker:
             self._wheels_check.forget()
         elif motion is not None:
             found = [self._checked(found[0], motion, submap)]
-        self._branches = [[one] for one in found]
+        self.branches = [[one] for one in found]
         return self._decided(LONGEST)
 
     def decide(self) -> list[Placed]:
         """The scans that were not placed yet, where most speaks for."""
-        return self._decided(0) if self._branches else []
+        return self._decided(0) if self.branches else []
 
     def _decided(self, longest: int) -> list[Placed]:
         """The scans since the last one that is placed, once it is clear where they are; empty before that."""
-        self._branches = _apart(sorted(self._branches, key=_total, reverse=True))
-        best, *others = self._branches
+        self.branches = _apart(sorted(self.branches, key=_total, reverse=True))
+        best, *others = self.branches
         lead = _total(best) - _total(others[0]) if others else np.inf
         clear = not others or (lead >= SURE and (len(best) > 1 or best[0].explained >= self.settings.lost))
         if not (clear or len(best) >= longest):
-            del self._branches[MOST:]
+            del self.branches[MOST:]
             return []
         if lead < UNSURE:
             self.undecided += 1
             best[0] = best[0]._replace(off=between(best[-1].pose, others[0][-1].pose))
         elif best[-1].wheels and others:  # the scans have said that the wheels were right
             best[-1] = best[-1]._replace(anchor=None)
-        self._branches = []
+        self.branches = []
         self._last.extend(best)
         for one in best:
             self.lost += one.lost
@@ -203,7 +203,7 @@ class Tracker:
                 found.append(best._replace(searched=True))
         if found[0].explained < s.lost:
             found = [one._replace(lost=True) for one in found]
-        if guess.odd and not motion.any():
+        if guess.odd and motion is not None and not motion.any():
             found.reverse()
         apart = list[Placed]()
         for one in found:  # the most trusted guess first, whose hold is the better one

@@ -118,7 +118,7 @@ def align(
         model, residual = _settled(places[:count], stride, model, prior, active, cut, enough, rows)
         if not residual < np.inf:
             return model.homography, normal, np.inf, model.look, misfit
-    variance, seen, step = 0.0, 0, np.zeros(PARAMETERS)
+    variance, total, seen, step = 0.0, 0.0, 0, np.zeros(PARAMETERS)
     for stride in (2, 1):
         for times in range(AGAIN + 1):
             cut = OUTLIER * max(residual, GRAIN)

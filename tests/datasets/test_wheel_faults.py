@@ -13,7 +13,7 @@ from slamduel.datasets.wheel_faults import (
     faulty_wheels,
 )
 
-T = 0.1 * np.arange(1200)
+T = 0.1 * np.arange(1200, dtype=np.float64)
 """s; two minutes."""
 
 ROLLED = np.stack((0.4 * T + 0.3 * np.sin(0.2 * T), 0.4 * T - 0.3 * np.sin(0.2 * T)), axis=-1)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ NEAR, PAIRS = 5.0, 4000
 WORSE, BAD = 1.3, 3.0
 """Medians of its log."""
 
-FAULTS: dict[str, dict[str, float]] = {
+FAULTS: dict[str, dict[str, Any]] = {
     "": {},
     "stalls": {"stalls": 6.0},
     "late heading": {"late_heading": 0.5},

@@ -1,6 +1,7 @@
 """Tracking where the wheels lie: scans decide between several guesses, if need be after some more of them."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from tiers import first_quick
 FAULTS = ({"stalls": 12.0}, {"late_heading": 0.5}, {"stuck": 6.0}, {"spins": 6.0}, {"clock_stalls": 6.0})
 
 
-def followed(seed: int, draw: int, **options: float) -> tuple[np.ndarray, np.ndarray]:
+def followed(seed: int, draw: int, **options: Any) -> tuple[np.ndarray, np.ndarray]:
     """Errors (n, 3) of steps of a short drive with a micrometre of noise, and NEES of each."""
     recording, truth = record(Options(laps=0.5, **options), np.random.default_rng(seed))
     noise = 1e-6 * np.random.default_rng(draw).standard_normal(recording.ranges.shape)
@@ -30,7 +31,7 @@ def followed(seed: int, draw: int, **options: float) -> tuple[np.ndarray, np.nda
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: next(iter(fault)))
 @pytest.mark.parametrize("seed", first_quick(range(4)))
 @pytest.mark.parametrize("draw", first_quick(range(4)))
-def test_no_step_is_wrong_where_the_wheels_are(fault: dict[str, float], seed: int, draw: int) -> None:
+def test_no_step_is_wrong_where_the_wheels_are(fault: dict[str, Any], seed: int, draw: int) -> None:
     errors, nees = followed(seed, draw, **fault)
     assert np.hypot(errors[:, 0], errors[:, 1]).max() < 0.15
     assert 0.5 < nees.mean() < 2
@@ -64,10 +65,10 @@ def test_two_places_that_explain_alike_make_a_step_uncertain() -> None:
             Placed(float(k), scan, np.array([x, 0.0, 0.0]), np.eye(3), 0.9, score, 0.0, True) for k in range(LONGEST)
         ]
 
-    tracker._branches = [branch(0.0, 0.9), branch(1.5, 0.9001)]
+    tracker.branches = [branch(0.0, 0.9), branch(1.5, 0.9001)]
     placed = tracker.decide()
     assert [one.pose[0] for one in placed] == [1.5] * LONGEST
     assert placed[0].off == pytest.approx([-1.5, 0.0, 0.0])
     assert tracker.undecided == 1
-    tracker._branches = [branch(0.0, 0.9), branch(1.5, 0.5)]
+    tracker.branches = [branch(0.0, 0.9), branch(1.5, 0.5)]
     assert tracker.decide()[0].off is None
