@@ -67,7 +67,8 @@ def places(rng: np.random.Generator, G: Array, count: int) -> Array:
     uv = rng.uniform(-0.4, M + 0.4, (count, 2))
     rays = np.column_stack((uv, np.ones(count))) @ np.linalg.inv(G).T
     rays = rays[:, :2] / rays[:, 2:]
-    return np.column_stack((np.zeros(count), rays, np.tile([1.0, 0.0, 0.0, 1.0], (count, 1)), (np.arange(count) % 4).astype(np.float64)))
+    kinds = (np.arange(count) % 4).astype(np.float64)
+    return np.column_stack((np.zeros(count), rays, np.tile([1.0, 0.0, 0.0, 1.0], (count, 1)), kinds))
 
 
 def look_of(
