@@ -14,6 +14,9 @@ from .front_end import DENIED, FrontEnd
 from .recording import DepthRecording
 from .settings import Settings
 
+MANY = 0.1
+"""Share of the steps above which frames that contradict the wheels are a remark: things that move do so at fewer."""
+
 Observer = Callable[[FrontEnd], None]
 
 
@@ -79,13 +82,15 @@ def log_of(recording: DepthRecording, front_end: FrontEnd) -> Log:
 def _notes(recording: DepthRecording, front_end: FrontEnd) -> dict[str, Any]:
     """The recording's notes, with the settings and what was left out."""
     motion, camera, steps, counts = recording.motion, recording.camera, front_end.steps, front_end.counts
+    settings = front_end.settings
     remarks = list(recording.remarks)
     if motion is not None:
         first, last = motion.t[[0, -1]]
         name, lost = motion.readings, counts[f"frames without {motion.readings}"]
         remarks += motion.remarks(steps[0].t, steps[-1].t)
         clock = f"before or after the {name}, {first:.10g} to {last:.10g} s"
-        if denied := counts[DENIED]:
+        denied = counts[DENIED]
+        if settings.odometry == "wheels" and denied > MANY * len(steps):
             remarks.append(
                 f"at {denied} of {len(steps)} steps the frames contradict the {name}: the covariance of these motions "
                 "has the difference"
@@ -104,7 +109,7 @@ def _notes(recording: DepthRecording, front_end: FrontEnd) -> dict[str, Any]:
                 "places": len(front_end.search.places),
                 "turned_down": dict(front_end.search.why),
             },
-            "settings": asdict(front_end.settings),
+            "settings": asdict(settings),
         },
         **({REMARKS: remarks} if remarks else {}),
     }
