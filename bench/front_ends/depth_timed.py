@@ -11,7 +11,7 @@ import numpy as np
 from ...frontend.depth.features import Features, detector
 from ...frontend.depth.front_end import FrontEnd
 from ...frontend.depth.level import Level
-from ...frontend.depth.pairs import Keyframe, Pair
+from ...frontend.depth.pairs import Keyframe, Pair, Trial
 from ...frontend.depth.planar import Planar
 from ...frontend.depth.recording import DepthFrame, DepthRecording
 from ...frontend.depth.settings import Settings
@@ -113,15 +113,15 @@ class Timed(FrontEnd):
     def _cloud(self, frame: DepthFrame, level: Level) -> Cloud:
         return self._timed("clouds", super()._cloud, frame, level)
 
-    def _registered(self, old: Keyframe, new: Keyframe, known: Callable[[], Planar] | None) -> Pair | None:
+    def _registered(self, old: Keyframe, new: Keyframe, known: Callable[[], Planar] | None) -> Trial:
         before = self.ns["registration"]
-        pair = self._timed("registration", super()._registered, old, new, known)
+        trial: Trial = self._timed("registration", super()._registered, old, new, known)
         spent = self.ns["registration"] - before
         self.neighbours.ns.append(spent)
         self._asked = self._asked or (old, new, spent)
-        if pair is not None:
-            self.motions["neighbours"].append(Registered(old.step, new.step, pair.motion))
-        return pair
+        if trial.pair is not None:
+            self.motions["neighbours"].append(Registered(old.step, new.step, trial.pair.motion))
+        return trial
 
     def _track(self, pair: Pair) -> None:
         self._timed("tracks", super()._track, pair)

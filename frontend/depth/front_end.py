@@ -153,19 +153,20 @@ class FrontEnd:
         if np.hypot(moved.delta[0], moved.delta[1]) < s.step and abs(moved.delta[2]) < s.turn:
             return None
         new = self._keyframe(frame)
-        trial = self._trial(self._recent[-1], new, lambda: moved)
+        trial = self._registered(self._recent[-1], new, lambda: moved)
         denied = trial.pair is None and self._pairs.deny(trial.first, new, moved)
         doubted = self._doubted(trial, denied, moved)
         self._step(new, doubted)
         if s.landmarks:
             if denied and trial.denied is not None:
-                trial = self._trial(trial.first, new, lambda: doubted)
+                trial = self._registered(trial.first, new, lambda: doubted)
             if trial.pair is not None:
                 self._track(trial.pair)
-            old = self._recent[-1 - APART] if len(self._recent) > APART else None
-            pair = None if old is None else self._registered(old, new, partial(self._ways.motion, old.step, new.step))
-            if pair is not None:
-                self._track(pair)
+            if len(self._recent) > APART:
+                old = self._recent[-1 - APART]
+                trial = self._registered(old, new, partial(self._ways.motion, old.step, new.step))
+                if trial.pair is not None:
+                    self._track(trial.pair)
         return new
 
     def _doubted(self, trial: Trial, denied: bool, wheels: Planar) -> Planar:
@@ -186,11 +187,8 @@ class FrontEnd:
         """Makes the features of two registered keyframes the same landmarks."""
         self.tracks.link(pair)
 
-    def _registered(self, old: Keyframe, new: Keyframe, known: Callable[[], Planar] | None) -> Pair | None:
+    def _registered(self, old: Keyframe, new: Keyframe, known: Callable[[], Planar] | None) -> Trial:
         """Registers two keyframes, and counts what comes of it. `known` is asked for the wheels' motion."""
-        return self._trial(old, new, known).pair
-
-    def _trial(self, old: Keyframe, new: Keyframe, known: Callable[[], Planar] | None) -> Trial:
         trial = self._pairs.register(old, new, self.settings.inliers, known)
         self._trials.append(trial)
         self.counts["pairs"] += 1
@@ -220,7 +218,7 @@ class FrontEnd:
     def _seen_from_last(self, new: Keyframe) -> Pair | None:
         """Registers a frame with the last step's, checked against the wheels where there are some."""
         known = None if self._motion is None else partial(self._by_wheels, new.t)
-        return self._registered(self._recent[-1], new, known)
+        return self._registered(self._recent[-1], new, known).pair
 
     def _unseen(self, new: Keyframe) -> Planar:
         """The motion since the last step where no features tell it: the wheels', or without them the one before."""
