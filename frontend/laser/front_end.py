@@ -20,7 +20,10 @@ from .rows import Rows
 from .scanner import Scan, Scanner
 from .settings import Settings
 from .submap import Submap
-from .tracking import OFTEN, Placed, Tracker
+from .tracking import Placed, Tracker
+
+OFTEN = 0.1
+"""s; scans in a burst are taken to be that far apart where a speed is computed."""
 
 
 class FrontEnd:

@@ -60,9 +60,6 @@ DENIED = 2.0
 HELD = 25.0
 """Times the information of the wheels' motion with which a scan is held where they say that it is."""
 
-OFTEN = 0.1
-"""s; scans in a burst are taken to be that far apart where a speed is computed."""
-
 SAME, SAME_TURN = 0.05, 0.02
 """m and rad; places that are closer are one."""
 
