@@ -12,7 +12,7 @@ from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
 from ...frontend.wheels.motion import Poses
 from ..bags.bag import Bag, Topic
-from ..bags.cameras import CAMERA_INFO, camera_of, info_beside
+from ..bags.cameras import CAMERA_INFO, camera_of, info_beside, of_images
 from ..bags.odometry import find_odometry
 from ..bags.topics import found, plain
 from ..bags.transforms import Transforms
@@ -55,12 +55,15 @@ def read_bag(path: Path, robot: DepthRobot) -> Sources:
             f"{path}: has no odometry, neither a topic of it nor a transform of tf from {robot.odom_frame!r}"
         )
     readings: Poses | None = None if odometry is None else odometry.readings
-    camera = robot.camera or _camera(bag, listed, topics.camera_info, "camera_info", image.topic)
+    if robot.camera is not None:
+        camera = of_images(robot.camera, None, image.topic.name, str(path), remarks)
+    else:
+        camera = _camera(bag, listed, topics.camera_info, "camera_info", image.topic, remarks)
     base = None if odometry is None else odometry.base
     camera = replace(camera, mounting=_mounting(path, transforms, image.frame, base, robot, remarks))
     registration = None
     if not _registered(image, depth, robot):
-        source = robot.depth_camera or _camera(bag, listed, topics.depth_info, "depth_info", depth.topic)
+        source = robot.depth_camera or _camera(bag, listed, topics.depth_info, "depth_info", depth.topic, remarks)
         registration = Registration(source, camera, _beside(path, transforms, image.frame, depth.frame, robot))
     tracked = None if robot.truth_frame is None else transforms.tracked(robot.truth_frame, image.frame)
     if tracked is None and robot.truth_frame is not None:
@@ -89,17 +92,19 @@ def _registered(image: _Seen, depth: _Seen, robot: DepthRobot) -> bool:
     return image.frame == depth.frame or "registered" in depth.topic.name or "aligned" in depth.topic.name
 
 
-def _camera(bag: Bag, listed: Sequence[Topic], named: str | None, key: str, images: Topic) -> Camera:
+def _camera(
+    bag: Bag, listed: Sequence[Topic], named: str | None, key: str, images: Topic, remarks: list[str]
+) -> Camera:
     info = info_beside(bag.path, listed, named, f"[topics] {key}", images)
     if info is None:
         raise InputError(
             f"{bag.path}: has no topic of {plain(CAMERA_INFO)} for {images.name}, expected one, or "
             f"[{'camera' if key == 'camera_info' else 'depth'}] calibration in {ROBOT}; {found(listed)}"
         )
-    camera = camera_of(bag, info, rectified="image_rect" in images.name)
-    if camera is None:
-        raise InputError(f"{bag.path}: topic {info.name} is of an uncalibrated camera, expected its focal length.")
-    return camera
+    recorded = camera_of(bag, info, images, remarks)
+    if recorded.camera is None:
+        raise InputError(f"{bag.path}: {recorded.lacking}, expected its focal length.")
+    return recorded.camera
 
 
 def _mounting(

@@ -36,6 +36,7 @@ from ...frontend.wheels.motion import Track, TrackNoise
 from ..bags.odometry import FRAME
 from ..prior import read_prior
 from ..robot_files import CALIBRATION, ROBOT
+from ..robot_limits import check_limits
 from ..robot_tables import TRACK, calibrated, names_of, pose_in, robot_of, settings_in, track_noise, without_none
 from .frames import WITHIN
 
@@ -92,7 +93,7 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
     body = ahead(0, 0, 0, 0)  # T_body_camera of the first camera, whose body looks along its own x axis
     if depth.has("calibration") and depth.has("registered") and depth.switch("registered", False):
         raise depth.refused("registered", "is true beside a calibration, expected one or the other.")
-    return DepthRobot(
+    robot = DepthRobot(
         name=file.text_or_none("name"),
         camera=calibrated(camera, body if placed is None else placed),
         mounting=placed,
@@ -112,6 +113,8 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
         settings=settings_in(depth, RecordedSettings, path.parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
     )
+    check_limits(file)
+    return robot
 
 
 def write_depth_robot(path: Path, recording: DepthRecording, topics: DepthTopics | None = None) -> None:

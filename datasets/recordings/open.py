@@ -1,9 +1,13 @@
 """Detects a recording's kind, and opens its streams and those of the files beside it."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from ...core.errors import InputError
+from ...core.factors import Truth
 from ...core.files import check_regular
+from ...frontend.markers.pipeline import Frame
+from ...frontend.wheels.motion import Poses, Ticks
 from ..bags.bag import is_bag
 from ..readings import ODOMETRY, TICKS, read_readings
 from ..robot_files import ROBOT, recording_in
@@ -23,7 +27,7 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
     InputError if there is no recording, or more than one, and for unusable files.
     """
     if is_live(path):
-        return Streams(live.read(str(path), seconds), None, None, None, None, [])
+        return _plain(live.read(str(path), seconds), None, None, None)
     found = _frames_of(path, robot)
     check_regular(found)
     home = path if path.is_dir() and (path != found or _has_words(path)) else found.parent
@@ -40,7 +44,12 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
         length = frames.length
     else:
         raise InputError(f"{found}: found a file of an unknown kind, expected {_KINDS}.")
-    return Streams(frames, length, read_readings(home, robot.counter_bits), None, read_truth(home), [])
+    return _plain(frames, length, read_readings(home, robot.counter_bits), read_truth(home))
+
+
+def _plain(frames: Iterable[Frame], length: int | None, readings: Ticks | Poses | None, truth: Truth | None) -> Streams:
+    """The streams of a recording that tells nothing of its camera."""
+    return Streams(frames, length, readings, None, "", "", truth, [])
 
 
 def is_live(path: Path) -> bool:

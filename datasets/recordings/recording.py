@@ -25,6 +25,7 @@ from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.wheels.motion import Motion, Poses, Ticks, Track, Wheels
+from ..bags.cameras import of_images
 from ..depth.open import build as build_depth
 from ..depth.open import open_depth
 from ..prior import assumed
@@ -99,13 +100,16 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         robot = read_robot(found)
     streams = read_streams(path, robot, seconds)
     camera = robot.camera
+    if camera is not None:
+        camera = of_images(camera, streams.camera, streams.topic, str(path), streams.remarks)
     if camera is not None and streams.camera is not None:
         streams.remarks.extend(_contradicted(camera, streams.camera, path))
     if camera is None and streams.camera is not None:
         camera = replace(streams.camera, mounting=robot.mounting, readout=robot.readout)
     if camera is None:
+        lacking = f" ({streams.lacking})" if streams.lacking else ""
         raise InputError(
-            f"{path}: the camera's calibration is unknown, expected {ROBOT} to name its file: "
+            f"{path}: the camera's calibration is unknown{lacking}, expected {ROBOT} to name its file: "
             '[camera] calibration = "calibration.yaml".'
         )
     motion = _motion(streams.readings, robot, path)
@@ -132,12 +136,37 @@ def _contradicted(given: Camera, recorded: Camera, path: Path) -> Iterator[str]:
     sizes = [f"{camera.width}x{camera.height}" for camera in (given, recorded)]
     if sizes[0] != sizes[1]:
         yield f"{path}: camera_info is of {sizes[1]} pixels, the calibration in {ROBOT}, which is used, of {sizes[0]}"
-    for name, one, other in zip(("fx", "fy"), given.focal, recorded.focal, strict=True):
-        if abs(one - other) > OTHER_LENS * one and sizes[0] == sizes[1]:
+        return
+    numbers = [(*camera.focal, *camera.centre) for camera in (given, recorded)]
+    for k, (name, one, other) in enumerate(zip(("fx", "fy", "cx", "cy"), *numbers, strict=True)):
+        if abs(one - other) > OTHER_LENS * given.focal[k % 2]:
+            effect = "ranges differ by the same share" if k < 2 else "bearings and heights differ"
             yield (
                 f"{path}: camera_info has {name} = {other:.6g} px, the calibration in {ROBOT}, which is used, "
-                f"{one:.6g} px: ranges differ by the same share"
+                f"{one:.6g} px: {effect}"
             )
+    apart = _lens_apart(given, recorded)
+    if apart is not None:
+        yield (
+            f"{path}: camera_info has another lens ({_lens(recorded)}) than the calibration in {ROBOT}, which is used "
+            f"({_lens(given)}): near the edge of the image they differ by {apart:.3g} px"
+        )
+
+
+def _lens(camera: Camera) -> str:
+    return f"{camera.model}, [{', '.join(f'{one:.3g}' for one in camera.distortion)}]"
+
+
+def _lens_apart(given: Camera, recorded: Camera) -> float | None:
+    """px between where two lenses see the middles of the image's edges, of one focal length and centre; None: alike."""
+    (cx, cy), right, low = given.centre, given.width - 1.0, given.height - 1.0
+    pixels = np.array([(0.0, cy), (right, cy), (cx, 0.0), (cx, low)])
+    rays = given.undistort(pixels)
+    same = replace(recorded, focal=given.focal, centre=given.centre)
+    seen = same.project(np.column_stack((rays, np.ones(4))))
+    off, out = (np.hypot(*(pixels - other).T) for other in (seen, given.centre))
+    off = np.where(np.isfinite(off), off, 0.0)
+    return float(off.max()) if (off > OTHER_LENS * out).any() else None
 
 
 def _motion(readings: Ticks | Poses | None, robot: Robot, path: Path) -> Motion:

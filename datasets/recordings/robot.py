@@ -39,10 +39,9 @@ from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Drift, TrackNoise
 from ..prior import read_prior
 from ..robot_files import CALIBRATION
+from ..robot_limits import check_limits
 from ..robot_tables import TRACK, calibrated, floors_in, names_of, numbers_in, pose_in, track_noise, without_none
 from .rosbag import Topics
-
-LONGEST_READOUT = 0.5  # s; the slowest sensors take a tenth of a second for all rows
 
 NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated": PropagatedNoise}
 """[noise] model -> a dataclass whose fields, all numbers, are the table's other keys."""
@@ -95,9 +94,9 @@ def read_robot(path: Path) -> Robot:
     encoder = file.table("encoder").only((*names_of(Encoder), "counter_bits", "max_speed"))
     frames = file.table("frames").only(names_of(FrameSource))
     topics = file.table("topics").only(Topics._fields)
-    placed, readout = pose_in(camera, "mounting"), _readout(camera)
+    placed, readout = pose_in(camera, "mounting"), camera.number("readout", 0.0, least=0)
     lens = calibrated(camera, placed)
-    return Robot(
+    robot = Robot(
         name=file.text_or_none("name") or path.absolute().parent.name,
         markers=_markers(markers),
         camera=None if lens is None else replace(lens, readout=readout),
@@ -120,6 +119,8 @@ def read_robot(path: Path) -> Robot:
             start=frames.number("start", 0.0),
         ),
     )
+    check_limits(file)
+    return robot
 
 
 def _prior(prior: Prior) -> dict[str, list[float]]:
@@ -168,14 +169,6 @@ def write_robot(path: Path, robot: Robot) -> None:
         write_whole(path, tomli_w.dumps(without_none(words)))
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}).") from error
-
-
-def _readout(camera: TomlTable) -> float:
-    """The time of readout; one that is too long was not given in seconds."""
-    readout = camera.number("readout", 0.0, least=0)
-    if readout > LONGEST_READOUT:
-        raise camera.fault("readout", f"a number of seconds, at most {LONGEST_READOUT:g}")
-    return readout
 
 
 def _markers(markers: TomlTable) -> Markers:

@@ -19,7 +19,7 @@ from ...frontend.wheels.counters import unwrap
 from ...frontend.wheels.motion import Poses, Ticks
 from ..bags import images
 from ..bags.bag import Bag, Topic
-from ..bags.cameras import COMPRESSED, IMAGE, camera_of, in_order, info_beside
+from ..bags.cameras import COMPRESSED, IMAGE, Recorded, camera_of, in_order, info_beside
 from ..bags.columns import columns, of_untimed, poses
 from ..bags.odometry import ODOMETRY
 from ..bags.topics import choose, found, plain, shown
@@ -53,11 +53,14 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
         raise InputError(f"{path}: has no topic with images ({plain(IMAGE)} or CompressedImage); {found(listed)}")
     info = info_beside(path, listed, topics.camera_info, "[topics] camera_info", image)
     remarks = list[str]()
+    recorded = Recorded(None) if info is None else camera_of(bag, info, image, remarks)
     return Streams(
         frames=_Images(bag, image, remarks),
         length=image.messages,
         readings=_readings(bag, listed, topics, counter_bits, remarks),
-        camera=None if info is None else camera_of(bag, info),
+        camera=recorded.camera,
+        lacking=recorded.lacking,
+        topic=image.name,
         truth=None,
         remarks=remarks,
     )

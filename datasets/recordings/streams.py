@@ -16,5 +16,7 @@ class Streams(NamedTuple):
     length: int | None  # number of frames, if known beforehand
     readings: Ticks | Poses | None  # None: unmeasured motion
     camera: Camera | None  # from the recording itself, mounted at the robot's origin
+    lacking: str  # why the recording has no camera, where it has some of one
+    topic: str  # of the frames in a bag; "" elsewhere
     truth: Truth | None
     remarks: list[str]  # what is legal yet odd; grows while the frames are read

@@ -19,6 +19,7 @@ from ...core.se2 import Array
 from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
 from ..prior import read_prior
+from ..robot_limits import check_limits
 from ..robot_tables import names_of, robot_of, settings_in
 
 FARTHEST = 100.0  # m; ranges end here
@@ -53,13 +54,14 @@ def read_laser_robot(path: Path) -> LaserRobot | None:
     topics = file.table("topics").only(("odometry",))
     least = laser.number("min_range", Scanner.least, least=0)
     most = laser.number("max_range", Scanner.most, above=0)
+    pose = laser.numbers("pose", 3) if laser.has("pose") else None
+    check_limits(file)
     if not least < most <= FARTHEST:
         raise laser.refused(
             "max_range" if laser.has("max_range") else "min_range",
             f"ranges would count from {least:g} to {most:g} m, expected min_range below max_range, at most "
             f"{FARTHEST:g}.",
         )
-    pose = laser.numbers("pose", 3) if laser.has("pose") else None
     if pose is not None and abs(pose[2]) > np.pi:
         raise laser.fault("pose", "x, y and a heading from -pi to pi, in radians")
     return LaserRobot(

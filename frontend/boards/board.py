@@ -10,6 +10,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.options import option
+from ...core.plausible import SIDE
 from ...core.se2 import Array, Ints
 from ..markers.aruco import Image
 from ..markers.markers import find
@@ -35,6 +36,9 @@ class Board:
             raise InputError(
                 f"board: found markers of {self.marker:g} m in squares of {self.square:g} m, expected them smaller"
             )
+        for name, side in (("square", self.square), ("marker", self.marker)):
+            if (odd := SIDE.odd(side)) is not None:
+                raise InputError(f"board: {name}: {odd}")
         words = find(self.dictionary)
         needed, there = self.columns * self.rows // 2, len(words.bytesList)
         if self.columns < 2 or self.rows < 2 or needed > there:

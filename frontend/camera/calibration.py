@@ -41,12 +41,16 @@ MODELS: dict[str, Model] = {
 }
 """Names of lens models in files and ROS messages -> the model."""
 
+SHORTEST, LONGEST = 0.1, 100.0
+"""Focal lengths over the image's side: a fisheye lens of 220 degrees has 0.26, a telescope of half a degree 100."""
+
 RESPONSE = "camera_response"
 
 _MATRIX = ("cameramatrix", "k", "m1", "intrinsicmatrix")
 _LENS = ("distortioncoefficients", "distcoeffs", "distortion", "d", "d1")
 _WIDTH, _HEIGHT, _SIZE = ("imagewidth", "width"), ("imageheight", "height"), ("imagesize", "size")
 _MODEL, _FISHEYE = ("distortionmodel", "cameramodel", "model"), ("fisheyemodel", "fisheye")
+_PROJECTION = ("projectionmatrix", "p", "p1")
 _RESPONSE = ("cameraresponse",)  # accepted keys, in lower case and without underscores
 
 
@@ -88,6 +92,9 @@ def read(path: Path, mounting: Array, size: tuple[int, int] | None = None) -> Ca
         fisheye = flag is not None and str(flag.value).strip().lower() in ("1", "true", "yes")
         model = _Entry("distortion_model", "fisheye" if fisheye else "pinhole")
     camera, response = _camera(str(path), (width, height), model, matrix, lens, mounting), find(_RESPONSE)
+    projection = find(_PROJECTION)
+    if projection is not None:
+        camera = replace(camera, projection=_projection(str(path), projection))
     if response is None:
         return camera
     if not isinstance(response.value, Mapping):
@@ -102,11 +109,13 @@ def from_camera_info(
     model: str,
     k: Sequence[float] | Array,
     d: Sequence[float] | Array,
+    p: Sequence[float] | Array,
     mounting: Array,
 ) -> Camera:
-    """Builds the camera of a ROS sensor_msgs/CameraInfo, `k` row-major; InputError begins with `where`."""
+    """Builds the camera of a ROS sensor_msgs/CameraInfo, `k` and `p` row-major; InputError begins with `where`."""
     size = _Entry("width", width), _Entry("height", height)
-    return _camera(where, size, _Entry("distortion_model", model), _Entry("k", k), _Entry("d", d), mounting)
+    camera = _camera(where, size, _Entry("distortion_model", model), _Entry("k", k), _Entry("d", d), mounting)
+    return replace(camera, projection=_projection(where, _Entry("p", p)))
 
 
 def write_opencv(path: Path, camera: Camera) -> None:
@@ -231,6 +240,7 @@ def _camera(
     (fx, skew, cx), (low, fy, cy), last = k.reshape(3, 3)
     if not (fx > 0 and fy > 0):
         raise InputError(f"{where}: {matrix.key}: found the focal lengths {fx:g} and {fy:g} px, expected both above 0")
+    _check_intrinsics(f"{where}: {matrix.key}", (width, height), (fx, fy), (cx, cy))
     if skew or low or last.tolist() != [0, 0, 1]:
         raise InputError(f"{where}: {matrix.key}: found {k.reshape(3, 3).tolist()}, expected fx 0 cx, 0 fy cy, 0 0 1")
     d = _numbers(where, lens)
@@ -240,6 +250,40 @@ def _camera(
         raise InputError(f"{where}: {lens.key}: found {d.size} coefficients, expected {expected}")
     centre, focal = (float(cx), float(cy)), (float(fx), float(fy))
     return Camera(width, height, focal, centre, tuple(d.tolist()), mounting, known)
+
+
+def _check_intrinsics(
+    where: str, size: tuple[int, int], focal: tuple[float, float], centre: tuple[float, float]
+) -> None:
+    """Raises InputError, after `where`, for what no lens has: numbers in other units, or of images of another size."""
+    of = f"the image's {size[0]}x{size[1]} px"
+    for side, found in zip(size, focal, strict=True):
+        if not SHORTEST <= found / side <= LONGEST:
+            meant = f" ({found * side:.4g} if this is a share of that)" if SHORTEST <= found <= LONGEST else ""
+            raise InputError(
+                f"{where}: found a focal length of {found:g} px, expected {SHORTEST * side:g} to {LONGEST * side:g} by "
+                f"{of}{meant}"
+            )
+    if not all(-0.5 <= found <= side - 0.5 for side, found in zip(size, centre, strict=True)):
+        raise InputError(
+            f"{where}: found the centre {centre[0]:g}, {centre[1]:g}, expected px within {of}: perhaps it is of images "
+            "of another size"
+        )
+
+
+def _projection(where: str, entry: _Entry) -> tuple[float, float, float, float] | None:
+    """fx, fy, cx, cy, px, of P (3, 4), the projection of rectified images (REP 104); None where it is not filled in.
+
+    The last column of a stereo camera is about the other one: that of the images is at the origin of its mounting.
+    """
+    try:
+        numbers = _numbers(where, entry)
+    except InputError:  # of images that are not rectified it does not matter
+        return None
+    if numbers.size != 12 or not (numbers[0] > 0 and numbers[5] > 0):
+        return None
+    fx, _, cx, _, _, fy, cy, *_ = numbers.tolist()
+    return fx, fy, cx, cy
 
 
 def _side(where: str, entry: _Entry) -> int:

@@ -5,7 +5,7 @@ forward. A ray is the point (x, y) at which it meets the plane z = 1 of the came
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -49,6 +49,15 @@ class Camera:
     model: Model = "pinhole"
     response: Response | None = None  # None: not calibrated
     readout: float = 0.0  # s from the first row's exposure to the last's: a rolling shutter; 0: a global one
+    projection: tuple[float, float, float, float] | None = None  # fx, fy, cx, cy, px, of its rectified images, if known
+
+    @property
+    def rectified(self) -> "Camera | None":
+        """The camera of its rectified images, which have no distortion; None where its calibration does not tell."""
+        if self.projection is None:
+            return None if self.model == "fisheye" or any(self.distortion) else self
+        fx, fy, cx, cy = self.projection
+        return replace(self, focal=(fx, fy), centre=(cx, cy), distortion=(0.0,) * 5, model="pinhole")
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -70,6 +70,12 @@ class Sighting(NamedTuple):
     ambiguity: float  # likelihood ratio of the second pose that explains the square; 1: indistinguishable
 
 
+class Rejections(Counter[str]):
+    """Rejections in a frame, counted by reason."""
+
+    twice: tuple[int, ...] = ()  # the ids that several markers have
+
+
 @dataclass(frozen=True, eq=False)
 class Detector:
     """Finds the square markers of one dictionary."""
@@ -108,7 +114,7 @@ class Detector:
             self._patterns[name] = template.pattern(drawn[1:-1, 1:-1] > 0)
         return self._patterns[name]
 
-    def detect(self, image: Image, motion: CameraMotion | None = None) -> tuple[list[Sighting], Counter[str]]:
+    def detect(self, image: Image, motion: CameraMotion | None = None) -> tuple[list[Sighting], Rejections]:
         """Detects the markers in a grey or BGR `image`, sorted by id, and counts rejections by reason.
 
         Of several with one id, unless it is UNKNOWN, none stays: which of them is the landmark, a frame does not tell.
@@ -124,7 +130,7 @@ class Detector:
         corners = np.asarray(found, float).reshape(-1, 4, 2)
         names = np.asarray(ids, int).ravel() if len(found) else np.zeros(0, int)
         rays = self.camera.undistort(corners.reshape(-1, 2)).reshape(-1, 4, 2)
-        rejected = Counter[str]()
+        rejected = Rejections()
         sightings: list[Sighting] = []
         for index in np.lexsort((-_area(corners), names)):
             name = int(names[index])
@@ -146,6 +152,7 @@ class Detector:
         single = [one for one in alone if seen[one.id] < 2]
         if len(single) < len(alone):
             rejected[TWICE] += len(alone) - len(single)
+            rejected.twice = tuple(name for name, times in seen.items() if times > 1)
         return single, rejected
 
     def _unread(self, grey: Image, quads: Array, motion: CameraMotion | None) -> Iterator[Sighting]:

@@ -1,7 +1,6 @@
 """The square markers of a recording: their dictionary and printed sizes."""
 
 import difflib
-import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -13,9 +12,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.files import write_whole
-
-LONGEST = 10.0
-"""m; longer than any printed marker, but shorter than lengths given in millimetres or centimetres."""
+from ...core.plausible import SIDE
 
 MOST, SMALLEST, LARGEST = 1000, 3, 8
 """The markers, and the bits along a side, of a custom dictionary."""
@@ -96,10 +93,8 @@ _FORMATS = (".yml", ".yaml", ".xml", ".json")
 
 
 def _check_side(side: float, where: str) -> None:
-    if math.isfinite(side) and 0 < side < LONGEST:
-        return
-    guess = f" ({side / 1000:g} if these are millimetres)" if LONGEST <= side < 1000 * LONGEST else ""
-    raise InputError(f"{where}: found {side:g}, expected metres, above 0 and below {LONGEST:g}{guess}")
+    if (odd := SIDE.odd(side)) is not None:
+        raise InputError(f"{where}: {odd}")
 
 
 def _custom(name: str) -> cv2.aruco.Dictionary:

@@ -1,7 +1,7 @@
 """Builds a log from a recording of camera frames and encoder readings."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -12,10 +12,11 @@ from ...core.check import check
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Log, Prior, RangeBearing, RelativePoses, Step
 from ...core.se2 import Array
+from ..camera.lens_misfit import Misfit
 from ..camera.shutter import CameraMotion, carried
 from ..wheels.holes import outside
 from ..wheels.motion import Motion
-from .aruco import TWICE, Detector, Image, Sighting
+from .aruco import Detector, Image, Rejections, Sighting
 from .noise import Noise
 
 SPAN = 0.2
@@ -24,6 +25,8 @@ SPAN = 0.2
 In the time of a frame's rows alone, some hundredths of a second, coarse wheels count once or twice. A jerk of 5 m/s^3
 makes the mean differ from the velocity in the middle by 8 mm/s.
 """
+
+MOST_NAMED = 5  # ids in a remark
 
 
 class Frame(NamedTuple):
@@ -41,7 +44,7 @@ class FrameSightings(NamedTuple):
     z: Array  # (k, 2) their ranges (m) and bearings (rad)
     cov: Array  # (k, 2, 2)
     kept: NDArray[np.bool_]  # (k,) near enough for the log
-    rejected: Counter[str]  # reasons of rejection
+    rejected: Rejections
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
     """
     recording.motion.check()
     first, last = recording.motion.t[[0, -1]]
-    counts = Counter[str]()
+    counts, twice, misfit = Counter[str](), Counter[int](), Misfit()
     steps: list[Step] = []
     latest = -np.inf
     for number, frame in enumerate(recording.frames):
@@ -88,6 +91,9 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
         odometry = recording.motion.odometry(steps[-1].t, frame.t) if steps else None
         seen = see(recording, frame)
         counts.update(seen.rejected)
+        twice.update(seen.rejected.twice)
+        for one in seen.sightings:
+            misfit.add(one.corners, one.corner_cov, one.error)
         counts[f"sightings beyond {recording.max_range:g} m"] += int((~seen.kept).sum())
         counts["sightings"] += int(seen.kept.sum())
         if observe is not None:
@@ -98,7 +104,11 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
     if not steps:
         clock = f"the time of the {recording.motion.readings}"
         raise InputError(f"{recording.name}: found no frame within {clock}, expected one.")
-    remarks = _remarks(recording, counts, steps[0].t, steps[-1].t)
+    remarks = [
+        *_remarks(recording, counts, steps[0].t, steps[-1].t),
+        *_of_twins(recording, twice, steps),
+        *misfit.remarks(recording.name),
+    ]
     notes = {**_settings(recording), "counts": dict(counts), **({REMARKS: remarks} if remarks else {})}
     log = Log.from_steps(recording.name, recording.prior, steps, notes)
     check(log, recording.name)
@@ -113,16 +123,29 @@ def _remarks(recording: Recording, counts: Counter[str], start: float, end: floa
         f"before or after the {recording.motion.readings}, {first:.10g} to {last:.10g} s",
     )
     lost = counts[f"frames without {name}"]
-    twice = (
-        f"{recording.name}: {counts[TWICE]:,} times a marker's id was several times in one frame, of which none is in "
-        "the log: an id is one landmark, so every marker needs its own"
-    )
     return [
         *recording.remarks,
-        *([twice] if counts[TWICE] else []),
         *recording.motion.remarks(start, end),
         *outside(recording.name, lost, counts["frames"], "frame", clock),
     ]
+
+
+def _of_twins(recording: Recording, twice: Mapping[int, int], steps: Sequence[Step]) -> Iterator[str]:
+    """The remark on ids that several markers of one frame had: frames that show one of them do not tell which."""
+    if not twice:
+        return
+    order = sorted(twice, key=lambda name: (-twice[name], name))
+    named = ", ".join(map(str, order[:MOST_NAMED])) + ", ..." * (len(order) > MOST_NAMED)
+    frames = max(twice.values())
+    left = sum(int(np.isin(step.sightings.ids, order).sum()) for step in steps)
+    which = f"id {named} was" if len(order) == 1 else f"each of the ids {named} was"
+    most = f"{frames:,} frame{'s' * (frames > 1)}"
+    of = most if len(order) == 1 else f"up to {most}"
+    kept = f", and the {left:,} sightings of other frames may be of any of them" if left else ""
+    yield (
+        f"{recording.name}: {which} on several markers of one frame, in {of}: none of these is in the log{kept}; an id "
+        "is one landmark, so every marker needs its own"
+    )
 
 
 def see(recording: Recording, frame: Frame) -> FrameSightings:

@@ -1,6 +1,5 @@
 """A recording without pictures: its detector returns given sightings, with errors of known size."""
 
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +10,7 @@ from slamduel.core.factors import Map, Prior, Truth
 from slamduel.core.se2 import Array, wrap
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.shutter import CameraMotion
-from slamduel.frontend.markers.aruco import Detector, Image, Sighting, square
+from slamduel.frontend.markers.aruco import Detector, Image, Rejections, Sighting, square
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import ProportionalNoise
 from slamduel.frontend.markers.pipeline import Frame, Recording
@@ -28,9 +27,9 @@ K, FLOOR = np.array([0.02, 0.05]), np.array([0.01, 0.004])
 class Told(Detector):
     """Returns the sightings given for the frame whose number is in the image's first two pixels."""
 
-    told: tuple[tuple[list[Sighting], Counter[str]], ...] = ()
+    told: tuple[tuple[list[Sighting], Rejections], ...] = ()
 
-    def detect(self, image: Image, motion: CameraMotion | None = None) -> tuple[list[Sighting], Counter[str]]:
+    def detect(self, image: Image, motion: CameraMotion | None = None) -> tuple[list[Sighting], Rejections]:
         """Returns the given sightings."""
         return self.told[256 * int(image[0, 0]) + int(image[0, 1])]
 
@@ -74,10 +73,11 @@ def _frames(t: Array) -> Iterator[Frame]:
     return (Frame(float(time), picture(k)) for k, time in enumerate(t))
 
 
-def _told(number: int, pose: Array, places: Array, rng: np.random.Generator) -> tuple[list[Sighting], Counter[str]]:
+def _told(number: int, pose: Array, places: Array, rng: np.random.Generator) -> tuple[list[Sighting], Rejections]:
     away = places - pose[:2]
     true = np.stack((np.hypot(*away.T), wrap(np.arctan2(away[:, 1], away[:, 0]) - pose[2])), axis=-1)
     z = true + np.hypot(K * true, FLOOR) * rng.normal(size=true.shape)
     seen = [] if number % 10 == 9 else np.flatnonzero((np.abs(z[:, 1]) < 0.9) & (z[:, 0] > 0.3)).tolist()
-    rejected = Counter({"same id twice in a frame": 1}) if number % 15 == 4 else Counter[str]()
+    rejected = Rejections({"same id twice in a frame": 1} if number % 15 == 4 else {})
+    rejected.twice = (99,) if rejected else ()
     return [sighting(name, *z[name], ambiguity=0.9 if name == 3 else 0.01) for name in seen], rejected

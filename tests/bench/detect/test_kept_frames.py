@@ -1,6 +1,5 @@
 """Frames with what was found drawn on them: the contact sheet, the preview, and the frames kept to find out why."""
 
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from slamduel.bench.detect.kept_frames import MOST, PICTURES, STRETCHES, Contact
 from slamduel.bench.detect.marker_frames import annotated
 from slamduel.bench.detect.preview import Preview
 from slamduel.core.errors import InputError
+from slamduel.frontend.markers.aruco import Rejections
 from slamduel.frontend.markers.pipeline import Frame, FrameSightings, build_log
 from small_recording import picture, sighting, small_recording
 
@@ -57,7 +57,7 @@ def seen_of(number: int, kept: int, rejected: int) -> FrameSightings:
     z = np.tile([1.0, 0.0], (kept, 1))
     frame = Frame(0.1 * number, picture(number))
     return FrameSightings(
-        frame, sightings, z, np.tile(np.eye(2), (kept, 1, 1)), np.ones(kept, bool), Counter(why=rejected)
+        frame, sightings, z, np.tile(np.eye(2), (kept, 1, 1)), np.ones(kept, bool), Rejections(why=rejected)
     )
 
 

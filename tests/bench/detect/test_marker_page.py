@@ -1,7 +1,6 @@
 """The report on markers: all that was found, for any recording."""
 
 import html
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from slamduel.bench.detect.markers import MarkerFindings, detect
 from slamduel.bench.detect.noise_calibration import range_bins, range_table
 from slamduel.bench.detect.sightings import in_log
 from slamduel.core.factors import Truth
+from slamduel.frontend.markers.aruco import Rejections
 from slamduel.frontend.markers.pipeline import Recording
 from small_recording import sighting, small_recording
 from tiers import first_quick
@@ -74,15 +74,15 @@ def test_any_recording_has_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     recording, truth = small_recording(np.random.default_rng(0), frames)
     told: Any = recording.detector
     if case == "no sightings":
-        recording = replace(recording, detector=replace(told, told=(([], Counter[str]()),) * frames))
+        recording = replace(recording, detector=replace(told, told=(([], Rejections()),) * frames))
     elif case == "one sighting":
-        alone = ([sighting(5, 1.0, 0.2)], Counter[str]())
-        recording = replace(recording, detector=replace(told, told=(alone, *(([], Counter[str]()),) * frames)))
+        alone = ([sighting(5, 1.0, 0.2)], Rejections())
+        recording = replace(recording, detector=replace(told, told=(alone, *(([], Rejections()),) * frames)))
     elif case == "all far":
         recording = replace(recording, max_range=0.1)
     elif case == "many markers":
         seen = [[sighting(7 * k % 97 + j, 1.0 + 0.03 * k, 0.2) for j in range(8)] for k in range(frames)]
-        every = tuple((sightings, Counter[str]()) for sightings in seen)
+        every = tuple((sightings, Rejections()) for sightings in seen)
         recording = replace(recording, detector=replace(told, told=every))
     findings, text = made(tmp_path / "log", recording, None if case == "no truth" else truth)
     page = Page(text)

@@ -2,7 +2,6 @@
 
 import json
 import tomllib
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +24,7 @@ from slamduel.core.errors import InputError
 from slamduel.core.factors import Truth
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.worlds.aruco_room import Options, record
+from slamduel.frontend.markers.aruco import Rejections
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from slamduel.frontend.markers.pipeline import Frame, Recording, build_log, see
@@ -42,7 +42,7 @@ def small(seed: int = 0, **changes: Any) -> tuple[Recording, Truth]:
 def blank(recording: Recording) -> Recording:
     """The same without a marker in it."""
     told: Any = recording.detector
-    return replace(recording, detector=replace(told, told=tuple(([], Counter[str]()) for _ in told.told)))
+    return replace(recording, detector=replace(told, told=tuple(([], Rejections()) for _ in told.told)))
 
 
 @pytest.fixture
@@ -161,7 +161,7 @@ def test_a_recording_without_a_marker_is_a_log_and_advice(tmp_path: Path, monkey
 def test_a_side_in_other_units_is_noticed(tmp_path: Path) -> None:
     recording, _ = small()
     told: Any = recording.detector
-    far = [([sighting(1, 90.0, 0.1)], Counter[str]()) for _ in told.told]
+    far = [([sighting(1, 90.0, 0.1)], Rejections()) for _ in told.told]
     wrong = replace(told, told=tuple(far), markers=Markers("4X4_50", 16.0))
     f = run(tmp_path / "log", replace(recording, detector=wrong), None)
     assert len(f.advice()) == 1

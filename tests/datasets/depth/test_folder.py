@@ -247,6 +247,15 @@ def test_other_units_are_told(tmp_path: Path) -> None:
     ("depth", "said"),
     [
         ("units = 0", "robot.toml, line 7: depth.units: found 0, expected a number above 0."),
+        (
+            "units = 0.001",
+            "depth.units: found 0.001, expected units per metre from 1 to 1e+06 (1e+03 if",
+        ),
+        ("within = 20", "depth.within: found 20, expected seconds from 0 to 10 (0.02 if this is in milliseconds)."),
+        (
+            "pose = {rpy = [0, 0, 90]}",
+            "depth.pose.rpy: found 90, expected radians from -3.15 to 3.15 (1.57",
+        ),
         ("unit = 1000", "depth.unit: there is no such key; did you mean 'units'?"),
         ('features = "surf"', "depth.features: found 'surf', expected one of 'orb', 'sift'."),
         ("step = 100.0", "depth.step: found 100.0, expected a number from 0.02 to 10."),

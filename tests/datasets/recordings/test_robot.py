@@ -8,8 +8,11 @@ import pytest
 
 from refusals import refusal, refused
 from slamduel.core.factors import Prior
+from slamduel.datasets.depth.robot import read_depth_robot
 from slamduel.datasets.recordings.robot import FrameSource, Robot, read_robot, write_robot
 from slamduel.datasets.recordings.rosbag import Topics
+from slamduel.datasets.robot_limits import LIMITS
+from slamduel.datasets.scans.robot import read_laser_robot
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import from_rpy, mounting
 from slamduel.frontend.markers.markers import Markers
@@ -183,7 +186,7 @@ REFUSALS = [
     ("turning = 0.6", "", "line 28: drift has no 'turning', expected a number above 0."),
     ("exposure = 0.02", "exposure = -0.02", "line 7: camera.exposure: found -0.02, expected a number at least 0."),
     ("readout = 0.03", "readout = -1", "line 8: camera.readout: found -1, expected a number at least 0."),
-    ("readout = 0.03", "readout = 30", "line 8: camera.readout: found 30, expected a number of seconds, at most 0.5."),
+    ("readout = 0.03", "readout = 30", "line 8: camera.readout: found 30, expected seconds from 0 to 0.5 (0.03"),
     ("exposure = 0.02", "size = [3.5, 2]", "line 7: camera.size: found [3.5, 2], expected width and height in whole"),
     ('"calibration.yaml"', '"else.yaml"', "line 4: camera.calibration: there is no file "),
     ("[0.0, 0.2, -0.1]", "[0.0, 0.2]", "line 5: camera.mounting.rpy: found [0.0, 0.2], expected 3 numbers."),
@@ -211,6 +214,50 @@ def test_what_cannot_be_used_is_refused_by_file_line_and_key(tmp_path: Path, old
     assert old in FULL
     path = folder_with(tmp_path, FULL.replace(old, new, 1))
     assert refusal(read_robot, path).startswith(f"{path}, {message}")
+
+
+ODD = [
+    ("exposure = 0.02", "exposure = 10.0", "camera.exposure: 10, seconds, 0 to 0.5, 0.01, milliseconds"),
+    ("exposure = 0.02", "exposure = 8000", "camera.exposure: 8000, seconds, 0 to 0.5, 0.008, microseconds"),
+    ("[0.0, 0.2, -0.1]", "[0, 20, 0]", "camera.mounting.rpy: 20, radians, -1.58 to 1.58, 0.349, degrees"),
+    ("[0.0, 0.2, -0.1]", "[180, 0, 0]", "camera.mounting.rpy: 180, radians, -3.15 to 3.15, 3.14, degrees"),
+    ("[0.0, 0.2, -0.1]", "[0, 0, -90]", "camera.mounting.rpy: -90, radians, -3.15 to 3.15, -1.57, degrees"),
+    ("[0.1, -0.02, 0.3]", "[120, 0, 9]", "camera.mounting.xyz: 120, metres, -5 to 5, 0.12, millimetres"),
+    ("[0.1, -0.02, 0.3]", "[0, 0, 30]", "camera.mounting.xyz: 30, metres, -5 to 5, 0.3, centimetres"),
+    ("left = 1.5e-4", "left = 6250", "encoder.left: 6250, metres per count, -1 to 1, 0.00016, counts per metre"),
+    ("base = 0.36", "base = 360", "encoder.base: 360, metres, 0.01 to 10, 0.36, millimetres"),
+    ("base = 0.36", "base = 36", "encoder.base: 36, metres, 0.01 to 10, 0.36, centimetres"),
+    ("k = 0.01", "k = 10", "encoder.k: 10, metres per root metre or a share, 0 to 1, 0.01, millimetres"),
+    ("{position = 1e-3}", "{heading = 5}", "encoder.floors.heading: 5, radians, 0 to 0.8, 0.0873, degrees"),
+    ("max_speed = 2.0", "max_speed = 2e3", "encoder.max_speed: 2000, metres per second, 0 to 100, 2, millimetres"),
+    ("max_range = 4", "max_range = 4000", "markers.max_range: 4000, metres, 0 to 100, 40, centimetres"),
+    ("turning = 0.6", "turning = 30", "drift.turning: 30, radians per root second, 0 to 20, 0.524, degrees"),
+    ("k_range = 0.03", "k_range = 3", "noise.k_range: 3, a share of 1, 0 to 1, 0.03, percent"),
+    ("sway = 0.015", "sway = 1.0", "noise.sway: 1, radians, 0 to 0.8, 0.0175, degrees"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "said"), ODD)
+def test_a_number_that_no_robot_has_is_refused_with_the_unit_meant(
+    tmp_path: Path, old: str, new: str, said: str
+) -> None:
+    assert old in FULL
+    found, unit, limits, meant, other = said.split(", ")
+    message = refusal(read_robot, folder_with(tmp_path, FULL.replace(old, new, 1)))
+    key, value = found.split(": ")
+    assert message.endswith(f"{key}: found {value}, expected {unit} from {limits} ({meant} if this is in {other}).")
+
+
+def test_every_measure_is_of_a_key_that_a_robot_toml_may_have(tmp_path: Path) -> None:
+    """One that is not would never be checked."""
+    known = {"camera", "markers", "encoder", "odometry", "drift", "noise", "frames", "depth", "laser"}
+    assert {key.partition(".")[0] for key in LIMITS} == known
+    for key in LIMITS:
+        table, *rest = key.split(".")
+        words = "".join(f"{one} = {{ " for one in rest[:-1]) + f"{rest[-1]} = 'a text'" + " }" * len(rest[:-1])
+        (tmp_path / "robot.toml").write_text(f"[{table}]\n{words}\n")
+        read = {"depth": read_depth_robot, "laser": read_laser_robot}.get(table, read_robot)
+        assert "no such key" not in refusal(read, tmp_path / "robot.toml"), key
 
 
 def test_no_robot_toml(tmp_path: Path) -> None:

@@ -112,7 +112,7 @@ def test_names_of_a_stereo_calibration_and_a_size_from_elsewhere(tmp_path: Path)
     ],
 )
 def test_models_of_camera_info(model: str, d: Any, expected: str) -> None:
-    found = from_camera_info("drive.bag: /info", 640, 480, model, PINHOLE.matrix.ravel(), d, MOUNTING)
+    found = from_camera_info("drive.bag: /info", 640, 480, model, PINHOLE.matrix.ravel(), d, np.zeros(12), MOUNTING)
     assert (found.model, found.distortion) == (expected, tuple(d))
 
 
@@ -144,6 +144,18 @@ BAD = {
     "words": (changed("-0.2,", "a lot,"), "D: found .*'a lot'.*, expected numbers"),
     "NaN": (changed("K: [500.0,", "K: [.nan,"), "K: found a number that is not finite"),
     "focal": (changed("K: [500.0,", "K: [-500.0,"), "K: found the focal lengths -500 and 501 px, expected both above"),
+    "shares": (
+        changed("K: [500.0,", "K: [0.9,"),
+        "K: found a focal length of 0.9 px, expected 64 to .* .576 if",
+    ),
+    "in mm": (
+        changed("K: [500.0,", "K: [4.0,"),
+        "K: found a focal length of 4 px, expected 64 to 64000 by the",
+    ),
+    "centre": (
+        changed("320.5, 0.0, 501", "1321.7, 0.0, 501"),
+        "K: found the centre 1321.7, 240.5, expected px within",
+    ),
     "skewed": (changed("K: [500.0, 0.0,", "K: [500.0, 2.0,"), "K: found .*2.0.*, expected fx 0 cx, 0 fy cy, 0 0 1"),
     "lens": (changed("-0.2, ", "0.1, -0.2, "), "D: found 6 coefficients, expected 0 or 4"),
     "fisheye": (changed("plumb_bob", "equidistant"), "D: found 5 coefficients, expected 4 of a fisheye"),

@@ -125,8 +125,9 @@ def test_good_markers_are_not_refused() -> None:
 @pytest.mark.parametrize(
     ("markers", "sentence"),
     [
-        (Markers("4X4_50", 160), r"side: found 160, expected metres, .* \(0.16 if these are millimetres\)"),
-        (Markers("4X4_50", 0), "side: found 0, expected metres, above 0 and below 10$"),
+        (Markers("4X4_50", 160), r"side: found 160, expected metres .* \(0.16 if this is in millimetres\)"),
+        (Markers("4X4_50", 15), r"side: found 15, expected metres .* \(0.15 if this is in centimetres\)"),
+        (Markers("4X4_50", 0), "side: found 0, expected metres from 0.0001 to 10$"),
         (Markers("4X4_50", -0.1), "side: found -0.1"),
         (Markers("4X4_50", float("nan")), "side: found nan"),
         (Markers("4X4_50", float("inf")), "side: found inf"),

@@ -1,5 +1,6 @@
 """From a recording to a log: readings cut at frame times, what is left out and counted, what is refused."""
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -11,6 +12,7 @@ from motions import chained
 from refusals import refused
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Odometry, Prior
+from slamduel.datasets.worlds.aruco_room import Options, record
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
 from slamduel.frontend.camera.shutter import carried
@@ -27,11 +29,11 @@ UNCOUNTED = Ticks(np.array([0.0, 1.0]), np.array([[0, 0], [np.nan, 0]]))
 BLANK = np.full((120, 160), 128, np.uint8)
 
 
-def marked(side: int) -> Image:
-    """A frame with marker 4 in its middle, `side` px (a multiple of 6) wide."""
+def marked(side: int, name: int = 4) -> Image:
+    """A frame with a marker in its middle, `side` px (a multiple of 6) wide."""
     image = BLANK.copy()
     rim = side // 6
-    paper = np.pad(np.asarray(find("4X4_50").generateImageMarker(4, side), np.uint8), rim, constant_values=255)
+    paper = np.pad(np.asarray(find("4X4_50").generateImageMarker(name, side), np.uint8), rim, constant_values=255)
     top, left = (120 - len(paper)) // 2, (160 - len(paper)) // 2
     image[top : top + len(paper), left : left + len(paper)] = paper
     return image
@@ -99,8 +101,49 @@ def test_several_of_one_id_in_a_frame_are_a_remark_and_not_in_the_log() -> None:
     assert len(log.ids) == 0
     assert log.notes["counts"]["same id twice in a frame"] == 4
     (said,) = log.remarks
-    assert said.startswith("bench: 4 times a marker's id was several times in one frame")
+    assert said == (
+        "bench: id 4 was on several markers of one frame, in 2 frames: none of these is in the log; an id is one "
+        "landmark, so every marker needs its own"
+    )
+    alone = np.hstack((marked(30), BLANK))
+    log = build_log(recording([Frame(0.0, both), Frame(0.5, alone), Frame(1.0, alone)], detector=detector))
+    assert log.ids.tolist() == [4, 4]
+    (said,) = log.remarks
+    assert "id 4 was on several markers of one frame, in 1 frame: none of these is in the log, and the 2 sight" in said
     assert not build_log(recording([Frame(0.0, marked(30))])).remarks
+
+
+def test_several_ids_of_several_markers_are_named() -> None:
+    def pair(name: int) -> Image:
+        return np.hstack((marked(30, name), marked(36, name)))
+
+    both = np.vstack((pair(4), pair(7)))
+    detector = Detector(Markers("4X4_50", 0.1), replace(CAMERA, width=320, height=240))
+    (said,) = build_log(recording([Frame(0.0, both), Frame(0.5, both)], detector=detector)).remarks
+    assert "each of the ids 4, 7 was on several markers of one frame, in up to 2 frames: none" in said
+
+
+@pytest.mark.parametrize(
+    ("camera", "lens"),
+    [
+        ("fisheye", {}),
+        ("pinhole", {}),
+        ("fisheye", {"model": "pinhole"}),
+        ("fisheye", {"model": "pinhole", "distortion": (0.0,) * 5}),
+        ("pinhole", {"distortion": ()}),
+        ("wide", {"distortion": ()}),
+    ],
+)
+def test_a_lens_that_is_another_is_a_remark(camera: str, lens: dict[str, Any]) -> None:
+    """Markers in frames of one lens, read as those of another: a square is none."""
+    seen = record(Options(seconds=6.0, frame_rate=2.0, camera=camera), np.random.default_rng(3))[0]
+    known = replace(seen.detector, camera=replace(seen.detector.camera, **lens))
+    found = build_log(replace(seen, detector=known)).remarks
+    if not lens:
+        assert found == []
+    else:
+        (said,) = found
+        assert re.search("the corners of large markers fit [0-9]+ times worse than their patterns do", said)
 
 
 def test_frames_without_readings_are_counted() -> None:

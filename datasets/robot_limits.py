@@ -1,0 +1,89 @@
+"""The values that a robot.toml may have: those beyond are of no robot, but of another unit."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ..core.plausible import DEGREES, LENGTHS, SECONDS, Measure, of_units
+from ..core.toml.table import TomlTable, is_number
+
+_PLACE = Measure("metres", -5.0, 5.0, LENGTHS, (0.01, 1.0))  # on the robot
+_ROLL = Measure("radians", -3.15, 3.15, DEGREES)  # 3.15: half a turn, rounded
+_PITCH = Measure("radians", -1.58, 1.58, DEGREES)  # beyond a quarter of a turn it would be another roll and yaw
+_SHORT = Measure("seconds", 0.0, 0.5, SECONDS, (1e-6, 0.5))  # the slowest sensors take 0.1 s for all rows
+_COUNT = Measure(
+    "metres per count",
+    -1.0,
+    1.0,
+    (("counts per metre", lambda value: 1 / value), *of_units(("millimetres", 1e-3))),
+    (1e-7, 0.05),
+)
+_WIDTH = Measure("metres", 0.01, 10.0, LENGTHS, (0.05, 1.0))
+_SPEED = Measure("metres per second", 0.0, 100.0, LENGTHS, (0.05, 5.0))
+_REACH = Measure("metres", 0.0, 100.0, LENGTHS, (1.0, 50.0))
+_SHARE = Measure("a share of 1", 0.0, 1.0, of_units(("percent", 1e-2)))
+_SD = Measure("metres", 0.0, 1.0, of_units(("millimetres", 1e-3)), (0.0, 0.1))
+_SD_ANGLE = Measure("radians", 0.0, 0.8, DEGREES, (0.0, 0.5))
+
+LIMITS: Mapping[str, Measure | tuple[Measure, ...]] = {
+    "camera.mounting.xyz": _PLACE,
+    "camera.mounting.rpy": (_ROLL, _PITCH, _ROLL),
+    "camera.mounting.matrix": _PLACE,
+    "camera.exposure": _SHORT,
+    "camera.readout": _SHORT,
+    "markers.max_range": _REACH,
+    "encoder.left": _COUNT,
+    "encoder.right": _COUNT,
+    "encoder.base": _WIDTH,
+    "encoder.k": Measure("metres per root metre or a share", 0.0, 1.0, of_units(("millimetres", 1e-3)), (0.0, 0.2)),
+    "encoder.interval": Measure("seconds", 0.0, 10.0, SECONDS, (1e-4, 1.0)),
+    "encoder.max_speed": _SPEED,
+    "encoder.floors.position": _SD,
+    "encoder.floors.heading": _SD_ANGLE,
+    "odometry.forward": Measure("metres per root metre", 0.0, 2.0, LENGTHS, (0.0, 0.5)),
+    "odometry.turning": Measure("radians per root metre", 0.0, 2.0, DEGREES, (0.0, 0.5)),
+    "odometry.turning_by_turn": Measure("radians per root radian", 0.0, 2.0, DEGREES, (0.0, 0.5)),
+    "odometry.max_speed": _SPEED,
+    "odometry.floors.position": _SD,
+    "odometry.floors.heading": _SD_ANGLE,
+    "drift.position": Measure("metres per root second", 0.0, 20.0, LENGTHS, (0.0, 5.0)),
+    "drift.turning": Measure("radians per root second", 0.0, 20.0, DEGREES, (0.0, 10.0)),
+    "drift.floors.position": _SD,
+    "drift.floors.heading": _SD_ANGLE,
+    "noise.k_range": _SHARE,
+    "noise.k_bearing": _SHARE,
+    "noise.floor_range": Measure("metres", 0.0, 5.0, LENGTHS, (0.0, 1.0)),
+    "noise.floor_bearing": _SD_ANGLE,
+    "noise.sway": _SD_ANGLE,
+    "frames.fps": Measure("frames per second", 0.001, 10_000.0),
+    "depth.pose.xyz": _PLACE,
+    "depth.pose.rpy": (_ROLL, _PITCH, _ROLL),
+    "depth.pose.matrix": _PLACE,
+    "depth.units": Measure("units per metre", 1.0, 1e6, (("metres per unit", lambda value: 1 / value),)),
+    "depth.within": Measure("seconds", 0.0, 10.0, SECONDS, (1e-4, 1.0)),
+    "laser.pose": (_PLACE, _PLACE, _ROLL),
+    "laser.min_range": _REACH,
+    "laser.max_range": _REACH,
+}
+"""Dotted keys of numbers -> their measure; of lists, that of all or of each number in them."""
+
+
+def check_limits(file: TomlTable) -> None:
+    """Raises InputError for the first number of a robot.toml, already read, that no robot has."""
+    for dotted, measures in LIMITS.items():
+        *path, key = dotted.split(".")
+        table = file
+        for name in path:
+            table = table.table(name)
+        numbers = list(_numbers(table.entries.get(key)))
+        of = measures if isinstance(measures, Measure) else None
+        for measure, value in zip([of] * len(numbers) if of else measures, numbers, strict=False):
+            if measure is not None and (odd := measure.odd(value)) is not None:
+                raise table.refused(key, f"{odd}.")
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    if is_number(value):
+        yield float(value)
+    elif isinstance(value, list):
+        for one in value:
+            yield from _numbers(one)
