@@ -24,45 +24,45 @@ _SHARE = Measure("a share of 1", 0.0, 1.0, of_units(("percent", 1e-2)))
 _SD = Measure("metres", 0.0, 1.0, of_units(("millimetres", 1e-3)), (0.0, 0.1))
 _SD_ANGLE = Measure("radians", 0.0, 0.8, DEGREES, (0.0, 0.5))
 
-LIMITS: Mapping[str, Measure | tuple[Measure, ...]] = {
-    "camera.mounting.xyz": _PLACE,
-    "camera.mounting.rpy": (_ROLL, _PITCH, _ROLL),
-    "camera.mounting.matrix": _PLACE,
-    "camera.exposure": _SHORT,
-    "camera.readout": _SHORT,
-    "markers.max_range": _REACH,
-    "encoder.left": _COUNT,
-    "encoder.right": _COUNT,
-    "encoder.base": _WIDTH,
-    "encoder.k": Measure("metres per root metre or a share", 0.0, 1.0, of_units(("millimetres", 1e-3)), (0.0, 0.2)),
-    "encoder.interval": Measure("seconds", 0.0, 10.0, SECONDS, (1e-4, 1.0)),
-    "encoder.max_speed": _SPEED,
-    "encoder.floors.position": _SD,
-    "encoder.floors.heading": _SD_ANGLE,
-    "odometry.forward": Measure("metres per root metre", 0.0, 2.0, LENGTHS, (0.0, 0.5)),
-    "odometry.turning": Measure("radians per root metre", 0.0, 2.0, DEGREES, (0.0, 0.5)),
-    "odometry.turning_by_turn": Measure("radians per root radian", 0.0, 2.0, DEGREES, (0.0, 0.5)),
-    "odometry.max_speed": _SPEED,
-    "odometry.floors.position": _SD,
-    "odometry.floors.heading": _SD_ANGLE,
-    "drift.position": Measure("metres per root second", 0.0, 20.0, LENGTHS, (0.0, 5.0)),
-    "drift.turning": Measure("radians per root second", 0.0, 20.0, DEGREES, (0.0, 10.0)),
-    "drift.floors.position": _SD,
-    "drift.floors.heading": _SD_ANGLE,
-    "noise.k_range": _SHARE,
-    "noise.k_bearing": _SHARE,
-    "noise.floor_range": Measure("metres", 0.0, 5.0, LENGTHS, (0.0, 1.0)),
-    "noise.floor_bearing": _SD_ANGLE,
-    "noise.sway": _SD_ANGLE,
-    "frames.fps": Measure("frames per second", 0.001, 10_000.0),
-    "depth.pose.xyz": _PLACE,
-    "depth.pose.rpy": (_ROLL, _PITCH, _ROLL),
-    "depth.pose.matrix": _PLACE,
-    "depth.units": Measure("units per metre", 1.0, 1e6, (("metres per unit", lambda value: 1 / value),)),
-    "depth.within": Measure("seconds", 0.0, 10.0, SECONDS, (1e-4, 1.0)),
-    "laser.pose": (_PLACE, _PLACE, _ROLL),
-    "laser.min_range": _REACH,
-    "laser.max_range": _REACH,
+LIMITS: Mapping[str, list[Measure]] = {
+    "camera.mounting.xyz": [_PLACE],
+    "camera.mounting.rpy": [_ROLL, _PITCH, _ROLL],
+    "camera.mounting.matrix": [_PLACE],
+    "camera.exposure": [_SHORT],
+    "camera.readout": [_SHORT],
+    "markers.max_range": [_REACH],
+    "encoder.left": [_COUNT],
+    "encoder.right": [_COUNT],
+    "encoder.base": [_WIDTH],
+    "encoder.k": [Measure("metres per root metre or a share", 0.0, 1.0, of_units(("millimetres", 1e-3)), (0.0, 0.2))],
+    "encoder.interval": [Measure("seconds", 0.0, 10.0, SECONDS, (1e-4, 1.0))],
+    "encoder.max_speed": [_SPEED],
+    "encoder.floors.position": [_SD],
+    "encoder.floors.heading": [_SD_ANGLE],
+    "odometry.forward": [Measure("metres per root metre", 0.0, 2.0, LENGTHS, (0.0, 0.5))],
+    "odometry.turning": [Measure("radians per root metre", 0.0, 2.0, DEGREES, (0.0, 0.5))],
+    "odometry.turning_by_turn": [Measure("radians per root radian", 0.0, 2.0, DEGREES, (0.0, 0.5))],
+    "odometry.max_speed": [_SPEED],
+    "odometry.floors.position": [_SD],
+    "odometry.floors.heading": [_SD_ANGLE],
+    "drift.position": [Measure("metres per root second", 0.0, 20.0, LENGTHS, (0.0, 5.0))],
+    "drift.turning": [Measure("radians per root second", 0.0, 20.0, DEGREES, (0.0, 10.0))],
+    "drift.floors.position": [_SD],
+    "drift.floors.heading": [_SD_ANGLE],
+    "noise.k_range": [_SHARE],
+    "noise.k_bearing": [_SHARE],
+    "noise.floor_range": [Measure("metres", 0.0, 5.0, LENGTHS, (0.0, 1.0))],
+    "noise.floor_bearing": [_SD_ANGLE],
+    "noise.sway": [_SD_ANGLE],
+    "frames.fps": [Measure("frames per second", 0.001, 10_000.0)],
+    "depth.pose.xyz": [_PLACE],
+    "depth.pose.rpy": [_ROLL, _PITCH, _ROLL],
+    "depth.pose.matrix": [_PLACE],
+    "depth.units": [Measure("units per metre", 1.0, 1e6, (("metres per unit", lambda value: 1 / value),))],
+    "depth.within": [Measure("seconds", 0.0, 10.0, SECONDS, (1e-4, 1.0))],
+    "laser.pose": [_PLACE, _PLACE, _ROLL],
+    "laser.min_range": [_REACH],
+    "laser.max_range": [_REACH],
 }
 """Dotted keys of numbers -> their measure; of lists, that of all or of each number in them."""
 
@@ -75,9 +75,8 @@ def check_limits(file: TomlTable) -> None:
         for name in path:
             table = table.table(name)
         numbers = list(_numbers(table.entries.get(key)))
-        of = measures if isinstance(measures, Measure) else None
-        for measure, value in zip([of] * len(numbers) if of else measures, numbers, strict=False):
-            if measure is not None and (odd := measure.odd(value)) is not None:
+        for measure, value in zip(measures * (len(numbers) if len(measures) == 1 else 1), numbers, strict=False):
+            if (odd := measure.odd(value)) is not None:
                 raise table.refused(key, f"{odd}.")
 
 

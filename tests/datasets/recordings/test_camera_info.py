@@ -50,7 +50,8 @@ def info(k: Any, d: Any, p: Any, topic: str = "/camera/camera_info", stamp: int 
 
 
 def raw_info(**other: Any) -> bags.Said:
-    return info(**({"k": RAW.matrix.ravel(), "d": RAW.distortion, "p": projection(FLAT)} | other))
+    given: dict[str, Any] = {"k": RAW.matrix.ravel(), "d": RAW.distortion, "p": projection(FLAT)}
+    return info(**(given | other))
 
 
 def logged(folder: Path, topic: str, infos: Sequence[bags.Said], camera: Path | None = None, kind: str = "mcap") -> Log:
