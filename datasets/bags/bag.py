@@ -96,8 +96,9 @@ class Bag:
     @contextmanager
     def _open(self) -> Generator[tuple[Any, Callable[[bytes, str], Any]]]:
         from rosbags.rosbag1 import Reader as Reader1
-        from rosbags.rosbag2 import Reader as Reader2
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        from .ros2 import Reader as Reader2
 
         if not self.path.exists():
             raise InputError(f"{self.path}: there is no such file or folder, expected a ROS bag.")

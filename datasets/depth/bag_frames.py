@@ -12,7 +12,8 @@ from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
 from ...frontend.wheels.motion import Poses
 from ..bags.bag import Bag, Topic
-from ..bags.cameras import CAMERA_INFO, camera_of, info_beside, of_images
+from ..bags.camera_info import camera_of, of_images
+from ..bags.cameras import CAMERA_INFO, info_beside
 from ..bags.odometry import find_odometry
 from ..bags.topics import found, plain
 from ..bags.transforms import Transforms

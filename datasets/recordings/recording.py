@@ -25,7 +25,7 @@ from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.wheels.motion import Motion, Poses, Ticks, Track, Wheels
-from ..bags.cameras import of_images
+from ..bags.camera_info import of_images
 from ..depth.open import build as build_depth
 from ..depth.open import open_depth
 from ..prior import assumed

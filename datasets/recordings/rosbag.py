@@ -19,7 +19,8 @@ from ...frontend.wheels.counters import unwrap
 from ...frontend.wheels.motion import Poses, Ticks
 from ..bags import images
 from ..bags.bag import Bag, Topic
-from ..bags.cameras import COMPRESSED, IMAGE, Recorded, camera_of, in_order, info_beside
+from ..bags.camera_info import Recorded, camera_of
+from ..bags.cameras import COMPRESSED, IMAGE, in_order, info_beside
 from ..bags.columns import columns, of_untimed, poses
 from ..bags.odometry import ODOMETRY
 from ..bags.topics import choose, found, plain, shown

@@ -14,7 +14,7 @@ import bags
 from refusals import refused
 from slamduel.core.factors import Log
 from slamduel.core.se2 import Array
-from slamduel.datasets.bags.cameras import is_rectified
+from slamduel.datasets.bags.camera_info import is_rectified
 from slamduel.datasets.recordings.recording import build, open_recording
 from slamduel.datasets.recordings.robot import Robot, read_robot, write_robot
 from slamduel.frontend.camera.calibration import write_camera_info, write_opencv

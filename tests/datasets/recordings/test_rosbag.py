@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from rosbags.rosbag1 import Writer as Writer1
+from ruamel.yaml import YAML
 
 import bags
 from fuzzing import survivors
@@ -396,3 +397,58 @@ def test_damage_within_ends_in_a_sentence_or_in_bad_frames(tmp_path: Path, kind:
         assert all(image is None or image.dtype == np.uint8 for _, image in found)
 
     survivors(lambda _: frames(read(path, NAMELESS)), bags.file_of(path), 40, 0, usable)
+
+
+# --- metadata.yaml ----------------------------------------------------------------------------------------------------
+
+
+def edited(path: Path, old: str, new: str) -> None:
+    words = (path / "metadata.yaml").read_text()
+    assert re.search(old, words), words
+    (path / "metadata.yaml").write_text(re.sub(old, new, words))
+
+
+@pytest.mark.parametrize("kind", ["ros2", "mcap folder"])
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("storage_identifier: .*", "storage_identifier: ''"),
+        (r"type_description_hash:\s+\S+", "type_description_hash: RIHS01_" + "0" * 64),
+    ],
+)
+def test_metadata_that_differs_in_what_no_message_needs(tmp_path: Path, kind: str, old: str, new: str) -> None:
+    path = bags.write(tmp_path, kind, drive())
+    edited(path, old, new)
+    streams = read(path, NAMELESS)
+    assert len(frames(streams)) == streams.length == 5
+    assert isinstance(streams.readings, Ticks)
+    assert len(streams.readings.t) == 11
+
+
+@pytest.mark.parametrize("kind", ["ros2", "mcap folder"])
+def test_a_quality_of_service_edited_by_hand(tmp_path: Path, kind: str) -> None:
+    path = bags.write(tmp_path, kind, drive())
+    content = YAML(typ="safe").load(path / "metadata.yaml")
+    for topic in content["rosbag2_bagfile_information"]["topics_with_message_count"]:
+        profile = "- history: 1\n  depth: 3\n  reliability: 1\n  durability: 2\n  deadline:\n    sec: 1\n    nsec: 0\n"
+        profile += "  lifespan:\n    sec: 1\n    nsec: 0\n  liveliness: 1\n  liveliness_lease_duration:\n    sec: 1\n"
+        topic["topic_metadata"]["offered_qos_profiles"] = (
+            profile + "    nsec: 0\n  avoid_ros_namespace_conventions: false"
+        )
+    with (path / "metadata.yaml").open("w") as file:
+        YAML().dump(content, file)
+    streams = read(path, NAMELESS)
+    assert len(frames(streams)) == 5
+    assert isinstance(streams.readings, Ticks)
+
+
+@pytest.mark.parametrize("kind", ["ros2", "mcap folder"])
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("name: /encoder", "name: /counts"), ("type: geometry_msgs/msg/Quat.*", f"type: {bags.ODOMETRY}")],
+)
+def test_metadata_of_other_topics_than_the_files_have(tmp_path: Path, kind: str, old: str, new: str) -> None:
+    path = bags.write(tmp_path, kind, drive())
+    edited(path, old, new)
+    message = r"metadata\.yaml does not fit its files: none of the 11 messages of topic /(encoder|counts) that it lists"
+    refused(f"{message} is in them.*`ros2 bag reindex`", read, path, NAMELESS)
