@@ -70,6 +70,11 @@ class Bag:
         with self._open() as (reader, _):
             return [Topic(name, topic.msgtype or "", topic.msgcount) for name, topic in sorted(reader.topics.items())]
 
+    def span(self) -> tuple[int, int] | None:
+        """The first and the last time of reception, ns; None without a message."""
+        with self._open() as (reader, _):
+            return (reader.start_time, reader.end_time) if reader.message_count else None
+
     def messages(self, topic: str) -> Iterator[Message]:
         """The messages of `topic` in order of reception."""
         with self._open() as (reader, decode):

@@ -18,6 +18,7 @@ from ...frontend.depth.settings import Settings
 from ...frontend.wheels.motion import Poses, Track
 from ..bags.bag import Bag, is_bag
 from ..bags.cameras import COMPRESSED, IMAGE
+from ..bags.siblings import read_alone
 from ..prior import assumed
 from ..readings import ODOMETRY, read_readings
 from ..robot_files import ROBOT, recording_in, robot_beside
@@ -78,6 +79,7 @@ def _opened(found: Path, robot: DepthRobot, home: Path) -> OpenedDepth:
     if is_bag(found):
         check_regular(found)
         sources = read_bag(found, robot)
+        sources.remarks.extend(read_alone(found))
     else:
         sources = _of_folder(found, robot)
     recording = _recording(found, sources, robot, home)

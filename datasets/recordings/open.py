@@ -9,6 +9,7 @@ from ...core.files import check_regular
 from ...frontend.markers.pipeline import Frame
 from ...frontend.wheels.motion import Poses, Ticks
 from ..bags.bag import is_bag
+from ..bags.siblings import read_alone
 from ..readings import ODOMETRY, TICKS, read_readings
 from ..robot_files import ROBOT, recording_in
 from ..truth import PLACES, POSES, read_truth
@@ -33,6 +34,7 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
     home = path if path.is_dir() and (path != found or _has_words(path)) else found.parent
     if is_bag(found):
         bag = rosbag.read(found, robot.topics, robot.counter_bits)
+        bag.remarks.extend(read_alone(found))
         readings = bag.readings or read_readings(home, robot.counter_bits)
         return bag._replace(readings=readings, truth=read_truth(home))
     fps, start = robot.frames.fps, robot.frames.start

@@ -13,6 +13,7 @@ from ...frontend.laser.log import first_scan
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.settings import Settings
 from ..bags.bag import Bag, is_bag
+from ..bags.siblings import read_alone
 from ..formats import relations
 from ..formats.carmen import Reading, read_scans
 from ..formats.file_kind import CARMEN
@@ -70,6 +71,7 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
     check_regular(found)
     if is_bag(found):
         recording, remarks = read_bag(found, robot)
+        remarks += read_alone(found)
     elif is_carmen(found):
         recording, remarks = _carmen(found, robot)
     else:
