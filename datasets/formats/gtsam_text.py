@@ -36,7 +36,7 @@ from ..false_loops import FalseLoops
 from ..registry import Source
 from .pose_graph import PoseGraph, inverted, joined, log_of, points_seen, wrapped
 from .tagged import read_tagged
-from .toro import ORDER
+from .toro import ORDER, without_equivalences
 
 KINDS = {
     **dict.fromkeys(("VERTEX2", "VERTEX_SE2", "VERTEX"), "vertices"),
@@ -115,7 +115,7 @@ def read(
     counted = {
         "covariances": "GTSAM's are in the body frame after a motion, converted to the one before it",
         "edge_noise": ", ".join(found) or "no edges",
-        "equivalences_not_used": len(tables["equivalences"].rows),
+        **without_equivalences(tables["equivalences"]),
     }
     return Dataset(log_of(graph, name or path.stem, notes={**said, **(notes or {}), **counted}), None)
 

@@ -2,7 +2,7 @@
 
     VERTEX2 id x y theta                                             an optimiser's initial value: not used
     EDGE2 i j dx dy dtheta Iff Ifs Iss Irr Ifr Isr                   pose j in the body frame of pose i
-    EQUIV i j                                                        poses that TORO merges first; only counted here
+    EQUIV i j                                                        poses that TORO merges first: a remark
 
 G. Grisetti, C. Stachniss and W. Burgard, "Nonlinear constraint network optimization for efficient map learning", IEEE
 Trans. Intelligent Transportation Systems 10(3), 2009. f is forward, s sideways, r the rotation: note the order. TORO's
@@ -13,13 +13,15 @@ usual numbers, the same forward as sideways and neither correlated with the rota
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.factors import Dataset
+from ...core.factors import REMARKS, Dataset
 from ...core.options import option
 from ...core.small_matrices import symmetric
+from ...core.table import Table
 from ..false_loops import FalseLoops
 from ..registry import Source
 from .pose_graph import PoseGraph, inverted, log_of
@@ -68,6 +70,13 @@ def read(path: Path) -> Dataset:
         "source": f"the TORO file {path.name}",
         "licence": "not stated in the file",
         "covariances": "TORO's are in the body frame before a motion, as ours are",
-        "equivalences_not_used": len(tables["equivalences"].rows),
+        **without_equivalences(tables["equivalences"]),
     }
     return Dataset(log_of(graph, path.stem, notes=notes), None)
+
+
+def without_equivalences(table: Table) -> dict[str, Any]:
+    """The notes of a log on EQUIV rows: a log has no place for poses that are the same."""
+    left = len(table.rows)
+    said = f"{table.path}: the EQUIV rows ({left}), of poses that TORO merges, are not used"
+    return {"equivalences_not_used": left} | ({REMARKS: [said]} if left else {})

@@ -59,6 +59,20 @@ def test_isotropic_graphs_are_what_gtsam_reads() -> None:
     assert found.notes["equivalences_not_used"] == 40
 
 
+def test_equivalences_are_a_remark(tmp_path: Path) -> None:
+    path = tmp_path / "two.toro"
+    for rows, said in (
+        ("", []),
+        ("EQUIV 0 1\n", ["the EQUIV rows (1), of"]),
+        ("EQUIV 0 1\n" * 3, ["the EQUIV rows (3), of"]),
+    ):
+        path.write_text("EDGE2 0 1 1.1 0.2 0.8 10 0 20 30 0 0\n" + rows)
+        for read in (toro.read, gtsam_text.read):
+            found = read(path).log.remarks
+            assert len(found) == len(said)
+            assert all(f"{path}: {one}" in remark for one, remark in zip(said, found, strict=True))
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
