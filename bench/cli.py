@@ -63,6 +63,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 implementation = import_module(module, __package__)
                 implementation.arguments(command)
                 action = implementation.main
+        # Figures are drawn without a backend, and one that a Jupyter kernel names for itself may not be installed here.
+        os.environ.pop("MPLBACKEND", None)
         sys.path.append(os.getcwd())  # so that my_module:build is found in the folder one stands in
         namespace, more = parser.parse_known_args(given)
         if more:

@@ -10,6 +10,7 @@ from ...core.files import write_whole
 from ..plan.values import positive
 from ..report.comparison import compare, document, table
 from ..verdict.changes import regressed, rest, summary
+from ..words.console import wide_enough
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +46,7 @@ def main(namespace: argparse.Namespace) -> int:
     if namespace.json:
         print(json.dumps(document(found, told, least), indent=2))
     elif not namespace.quiet:
-        console = Console(emoji=False, highlight=False, markup=False)
+        console = wide_enough(Console(emoji=False, highlight=False, markup=False))
         grid = table(told)
         if grid is not None:
             console.print(grid)

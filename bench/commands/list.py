@@ -13,6 +13,7 @@ from rich.text import Text
 from ...backends import registry as backends
 from ...datasets import registry as datasets
 from ..plan.spec import describe
+from ..words.console import wide_enough
 from ..words.reason import reason
 
 
@@ -45,7 +46,7 @@ def main(namespace: argparse.Namespace) -> int:
         }
         print(json.dumps(words, indent=2))
         return 0
-    console = Console(emoji=False, highlight=False, markup=False)
+    console = wide_enough(Console(emoji=False, highlight=False, markup=False))
     for kind, entries in kinds.items():
         console.print(kind, style="bold")
         for entry in entries:

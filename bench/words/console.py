@@ -1,6 +1,7 @@
 """The console that commands print on, its progress bar, and text written so that rich takes it as it is."""
 
 import contextlib
+import os
 import re
 import threading
 from collections.abc import Callable, Generator
@@ -11,19 +12,37 @@ from rich.console import Console
 from rich.markup import escape
 
 WIDE = 160  # columns of a file or pipe: enough for every table
+LEAST = 40  # columns of a terminal below which tables lose some of theirs, and names
+FULL = 80  # columns on which they are then printed, and wrap
 
 
 def screen_console(*, quiet: bool, aside: bool = False) -> Console:
     """The console to print on, WIDE where it is no terminal; standard error if `aside`."""
-    console = Console(quiet=quiet, stderr=aside, emoji=False)
-    if watched(console):
-        return console
-    return Console(quiet=quiet, stderr=aside, emoji=False, width=max(console.width, WIDE))
+    console = wide_enough(Console(quiet=quiet, stderr=aside, emoji=False))
+    if not watched(console):
+        console.width = max(console.width, FULL if 0 < _columns(console) < LEAST else WIDE)
+    return console
 
 
 def watched(console: Console) -> bool:
-    """True for a terminal that can be overwritten: no pipe with forced colours, and no dumb terminal."""
-    return console.is_terminal and console.file.isatty() and not console.is_dumb_terminal
+    """True for a terminal that can be overwritten: no pipe with forced colours, no dumb nor very narrow terminal."""
+    overwritten = console.is_terminal and console.file.isatty() and not console.is_dumb_terminal
+    return overwritten and (_columns(console) or console.width) >= LEAST
+
+
+def wide_enough(console: Console) -> Console:
+    """The console, FULL where the terminal, or the variable COLUMNS, is narrower than any table."""
+    if console.width < LEAST:
+        console.width = columns if (columns := _columns(console)) >= LEAST else FULL
+    return console
+
+
+def _columns(console: Console) -> int:
+    """Columns of the terminal itself, which COLUMNS need not be; 0 for no terminal."""
+    try:
+        return os.get_terminal_size(console.file.fileno()).columns
+    except (OSError, ValueError):
+        return 0
 
 
 PATIENCE_S = 1.0  # s of silence before a user is told what is being done

@@ -32,9 +32,15 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     file = Path(function.__code__.co_filename)  # ty: ignore[missing-attribute]
     if not file.name.startswith("_"):
         raise ValueError(f"{file}: expected a file name with a leading underscore, for inner loops")
-    from numba import njit
+    from numba import config, njit
 
-    dispatcher: Any = njit(**_OPTIONS)(function)
+    settings: Any = config
+    # NUMBA_DISABLE_JIT, which debuggers set, is for others' code: some loops here call BLAS and read arrays by address.
+    disabled, settings.DISABLE_JIT = settings.DISABLE_JIT, 0
+    try:
+        dispatcher: Any = njit(**_OPTIONS)(function)
+    finally:
+        settings.DISABLE_JIT = disabled
     index = dispatcher._cache._cache_file
     index._source_stamp, index._load_index = stamp(file), _or_empty(index._load_index)
     dispatcher.get_call_template = _without_literals(dispatcher.get_call_template)
