@@ -13,6 +13,7 @@ import numpy as np
 from ..core.dead_reckoning import dead_reckoned
 from ..core.errors import InputError
 from ..core.factors import REMARKS, UNKNOWN, Dataset, Log
+from ..core.pauses import PAUSE
 from ..core.se2 import Array
 from ..core.table import LARGEST
 from .hidden_ids import HIDDEN_NOTE
@@ -27,6 +28,19 @@ UNNAMED = 0.1  # share of sightings without an id: a detector's false alarms are
 FEW = 10  # rows below which nothing is odd
 OTHER_UNIT = 3.0  # way between two sightings of a landmark over the most that their ranges allow, or the reverse: the
 # median is at most 1 where both are in one unit, 1000 in m and mm, 57 in rad and degrees
+RATE = "a frame rate, a clock or a speed is wrong"
+NEAR_CAUSES = (
+    (100.0, "the ranges are in millimetres, or the odometry in kilometres"),
+    (12.0, "the ranges are in centimetres"),
+    (6.0, f"the ranges are in inches or centimetres, or {RATE}"),
+    (0.0, f"{RATE}, or the ranges are in feet"),
+)
+"""By the change of a range over the way. It is a bound: 1,000 times too large, ranges change by 180 to 400 ways."""
+FAR_CAUSES = (
+    (12.0, "it is in millimetres or centimetres, or the ranges in kilometres"),
+    (0.0, f"{RATE}, or it is in centimetres or inches"),
+)
+"""By the way over what ranges allow: 1,000 times too long, it is 16 to 200 times that."""
 UNKNOWN_HEADING = 1.0  # rad; a sine is 16 % off its slope there, so a linearised filter's covariance holds no more
 KIDNAPPED = "kidnapped at step"  # in a log's notes, under "faults"
 NO_SIGHTING = "there is no sighting and no loop closure in it, so every backend gives dead reckoning"
@@ -90,7 +104,8 @@ def _times(log: Log) -> Iterator[str]:
     if median > SLOW:
         yield f"the median time between steps is {median:.6g} s: perhaps the times are in milliseconds"
     gaps = np.flatnonzero(between > GAP * median)
-    if len(gaps):
+    read = log.notes.get(PAUSE)  # a robot that stands makes no steps, and a camera may pause while the wheels are read
+    if len(gaps) and not (isinstance(read, float) and read <= GAP * median):
         longest = int(gaps[np.argmax(between[gaps])])
         yield (
             f"{_count(len(gaps), 'gap')} in time of more than {GAP:g} times the median of {median:.3g} s, "
@@ -124,7 +139,7 @@ def _motions(log: Log) -> Iterator[str]:
         rate = float(np.median(rates))
         yield f"the median turning rate while turning is {rate:.3g} rad/s: perhaps it was in degrees a second"
     for name, motion in (("dx", log.delta[1:, 0]), ("dy", log.delta[1:, 1]), ("dtheta", log.delta[1:, 2])):
-        jumps = np.flatnonzero(_score(motion) > JUMP)
+        jumps = np.flatnonzero((_score(motion) > JUMP) & (_score(motion / np.diff(log.t)) > JUMP))  # of the speed, too
         if len(jumps):
             first = int(jumps[0])
             yield (
@@ -191,15 +206,19 @@ def _units(log: Log) -> Iterator[str]:
     if far > OTHER_UNIT:
         yield (
             f"between two sightings of a landmark the odometry goes {far:.3g} times as far as their ranges allow "
-            "(median): perhaps it is in millimetres, or the ranges in kilometres"
+            f"(median): perhaps {_cause(far, FAR_CAUSES)}"
         )
     noise = np.sqrt(log.z_cov[one, 0, 0] + log.z_cov[other, 0, 0])
     near = float(np.median((np.abs(a - b) / (way + 3 * noise))[moving]))
     if near > OTHER_UNIT:
         yield (
             f"between two sightings of a landmark its range changes by {near:.3g} times the way of the odometry "
-            "(median): perhaps the ranges are in millimetres"
+            f"(median): perhaps {_cause(near, NEAR_CAUSES)}"
         )
+
+
+def _cause(factor: float, causes: Sequence[tuple[float, str]]) -> str:
+    return next(words for least, words in causes if factor > least)
 
 
 def _count(number: int, noun: str) -> str:

@@ -21,6 +21,7 @@ from ...core.elementary import arctan2, hypot
 from ...core.errors import InputError
 from ...core.factors import REMARKS, UNKNOWN, Dataset, Log, Map, Prior, Truth
 from ...core.options import option
+from ...core.pauses import longest_pause
 from ...core.se2 import Array, Ints, wrap
 from ...core.table import LARGEST, MOST, Table
 from ...core.tum import read_tum
@@ -101,7 +102,9 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         ids=seen.ids,
         z=seen.z,
         z_cov=_noise(seen.z, options),
-        notes=_notes(options, seen) | ({REMARKS: remarks} if remarks else {}),
+        notes=_notes(options, seen)
+        | longest_pause(t[0], t[-1], track.t, seen.t)
+        | ({REMARKS: remarks} if remarks else {}),
     )
     return Dataset(log, truth)
 

@@ -65,6 +65,7 @@ class FrontEnd:
 
     def __init__(self, camera: Camera, settings: Settings, motion: Motion | None) -> None:
         self.settings, self.camera = settings, camera
+        self.t = list[float]()  # s, of the frames
         self.steps: list[FrameStep] = []
         self.loops: list[FrameLoop] = []
         self.clouds = Spool()  # of the steps
@@ -85,6 +86,7 @@ class FrontEnd:
     def frame(self, frame: DepthFrame) -> None:
         """Takes a frame; a step begins where the robot has moved enough since the last one."""
         self.counts["frames"] += 1
+        self.t.append(frame.seconds)
         self._trials, self.search.trials = [], []
         steps, keyframe = len(self.steps), self._taken(frame)
         stepped = keyframe is not None and len(self.steps) > steps and self._recent[-1] is keyframe

@@ -9,6 +9,7 @@ import numpy as np
 from ...core.check import check
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Log
+from ...core.pauses import longest_pause
 from ..wheels.holes import outside
 from .front_end import DENIED, FrontEnd
 from .recording import DepthRecording
@@ -98,6 +99,7 @@ def _notes(recording: DepthRecording, front_end: FrontEnd) -> dict[str, Any]:
         remarks += outside(recording.name, lost, counts["frames"], "frame", clock)
     return {
         **recording.notes,
+        **longest_pause(steps[0].t, steps[-1].t, front_end.t, () if motion is None else motion.t),
         **(motion.settings if motion is not None else {}),
         "camera": camera.settings,
         "depth": {

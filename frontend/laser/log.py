@@ -13,6 +13,7 @@ import numpy as np
 from ...core.beside import Scans
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Log, Prior
+from ...core.pauses import longest_pause
 from ...core.se2 import Array, Ints, between, rotation, wrap
 from .anchors import anchors
 from .front_end import FrontEnd
@@ -79,6 +80,7 @@ def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
         loop_cov=found.loop_cov,
         notes={
             **recording.notes,
+            **longest_pause(float(found.t[0]), float(found.t[-1]), recording.t),
             "laser": {
                 "scans": len(front_end.t),
                 "lost": front_end.tracker.lost,

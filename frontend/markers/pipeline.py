@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...core.check import check
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Log, Prior, RangeBearing, RelativePoses, Step
+from ...core.pauses import longest_pause
 from ...core.se2 import Array
 from ..camera.lens_misfit import Misfit
 from ..camera.shutter import CameraMotion, carried
@@ -109,7 +110,8 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
         *_of_twins(recording, twice, steps),
         *misfit.remarks(recording.name),
     ]
-    notes = {**_settings(recording), "counts": dict(counts), **({REMARKS: remarks} if remarks else {})}
+    pause = longest_pause(steps[0].t, steps[-1].t, [step.t for step in steps], recording.motion.t)
+    notes = {**_settings(recording), **pause, "counts": dict(counts), **({REMARKS: remarks} if remarks else {})}
     log = Log.from_steps(recording.name, recording.prior, steps, notes)
     check(log, recording.name)
     return log

@@ -13,6 +13,7 @@ from refusals import refused
 from slamduel.bench.plan.load import load, made
 from slamduel.bench.study import file as study_file
 from slamduel.core.factors import REMARKS, Dataset
+from slamduel.core.pauses import PAUSE, longest_pause
 from slamduel.datasets import archive
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published import catalogue
@@ -83,6 +84,50 @@ def test_odometry_and_ranges_in_different_units_are_noticed(column: str, factor:
     odd: Any = {column: getattr(log, column) * np.array(factor)}
     (remark,) = remarks(Dataset(replace(log, **odd), None))
     assert re.search(words, remark)
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "words"),
+    [
+        ("z", 100.0, "perhaps the ranges are in centimetres"),
+        ("z", 39.4, "perhaps the ranges are in inches or centimetres, or a frame rate, a clock or a speed is wrong"),
+        ("z", 24.0, "perhaps a frame rate, a clock or a speed is wrong, or the ranges are in feet"),
+        ("delta", 1e3, "perhaps it is in millimetres or centimetres, or the ranges in kilometres"),
+        ("delta", 120.0, "perhaps a frame rate, a clock or a speed is wrong, or it is in centimetres or inches"),
+    ],
+)
+def test_a_factor_between_ways_and_ranges_names_what_has_it(column: str, factor: float, words: str) -> None:
+    log, _ = load("circle")
+    scale = [factor, 1.0] if column == "z" else [factor, factor, 1.0]
+    odd: Any = {column: getattr(log, column) * np.array(scale)}
+    (told,) = remarks(Dataset(replace(log, **odd), None))
+    assert told.endswith(words)
+
+
+def test_a_time_between_steps_in_which_something_was_read_is_no_gap() -> None:
+    log, _ = load("circle")
+    t = log.t + 500.0 * (np.arange(len(log)) > 100)
+    for notes, told in (({}, 1), ({PAUSE: 500.0}, 1), ({PAUSE: 0.2}, 0), ({PAUSE: "long"}, 1)):
+        odd = replace(log, t=t, notes={**log.notes, **notes})
+        found = remarks(Dataset(odd, None))
+        assert len([one for one in found if "gap in time" in one]) == told
+        assert len(found) == told
+
+
+def test_a_long_motion_in_a_long_time_is_no_jump() -> None:
+    log, _ = load("circle")
+    delta = log.delta.copy()
+    delta[100] *= [60.0, 60.0, 1.0]
+    late = log.t + 60.0 * np.diff(log.t).mean() * (np.arange(len(log)) >= 100)
+    jumps = remarks(Dataset(replace(log, delta=delta), None))
+    assert jumps
+    assert all("1 jump of the odometry's d" in told for told in jumps)
+    assert remarks(Dataset(replace(log, delta=delta, t=late, notes={**log.notes, PAUSE: 1.0}), None)) == []
+
+
+def test_the_longest_pause_is_that_of_all_sensors_together() -> None:
+    assert longest_pause(1.0, 5.0, [0.0, 2.0, 4.5], np.array([2.5, 3.0, 9.0])) == {PAUSE: 1.5}
+    assert longest_pause(1.0, 5.0, (), np.array([-np.inf, np.inf])) == {PAUSE: 4.0}
 
 
 @pytest.mark.parametrize(("sd", "told"), [(0.9, 0), (1.1, 1), (1000.0, 1)])

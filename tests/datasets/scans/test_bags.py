@@ -14,6 +14,7 @@ import floor_drives as floor
 from floor_drives import BEGIN, NS
 from fuzzing import survivors
 from refusals import refusal, refused, refused_at
+from slamduel.core.pauses import PAUSE
 from slamduel.core.se2 import Array, between
 from slamduel.datasets.bags.transforms import matrix
 from slamduel.datasets.scans.odometry import interpolated
@@ -68,6 +69,7 @@ def test_the_same_scans_give_the_same_factors_in_every_kind_of_bag(kind: str, tm
     np.testing.assert_allclose(log.prior.pose, expected.prior.pose, atol=1e-12)
     assert log.notes["topics"] == {"scan": "/scan", "odometry": "/odom"}
     assert "middle of its sweep" in log.notes["time"]
+    assert log.notes[PAUSE] == pytest.approx(float(np.diff(drive().t).max()), abs=1e-6)  # not the time between steps
 
 
 @pytest.mark.parametrize("kind", ["ros1", "mcap"])

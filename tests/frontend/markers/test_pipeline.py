@@ -12,6 +12,7 @@ from motions import chained
 from refusals import refused
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Odometry, Prior
+from slamduel.core.pauses import PAUSE
 from slamduel.datasets.worlds.aruco_room import Options, record
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
@@ -144,6 +145,13 @@ def test_a_lens_that_is_another_is_a_remark(camera: str, lens: dict[str, Any]) -
     else:
         (said,) = found
         assert re.search("the corners of large markers fit [0-9]+ times worse than their patterns do", said)
+
+
+def test_a_pause_of_the_frames_is_none_of_the_readings() -> None:
+    wheels = build_log(recording(blank(0.0, 0.05, 1.0)))
+    assert wheels.notes[PAUSE] == pytest.approx(0.1)
+    drifting = build_log(recording(blank(0.0, 0.05, 1.0), motion=Drift(0.4, 0.6)))
+    assert drifting.notes[PAUSE] == pytest.approx(0.95)
 
 
 def test_frames_without_readings_are_counted() -> None:
