@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ...core.factors import STARTS
 from ..plan.values import count, positive
-from ..run.benchmark import DEFAULTS, benchmark, new_folder
+from ..run.benchmark import DEFAULTS, benchmark, folder_for
 from ..run.document import SCHEMA, document
 from ..run.progress import Screen
 from ..run.terminal import complain, conclude, status, verdicts
@@ -93,12 +93,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(namespace: argparse.Namespace) -> int:
     """Runs; 0 where something is done and every other cell is skipped, 1 where one failed or all were skipped."""
-    out = namespace.out or new_folder()
     given = {name: getattr(namespace, name) for name in DEFAULTS if getattr(namespace, name) is not None}
     given |= {name: ",".join(given[name]) for name in ("backend", "dataset") if name in given}
     console = screen_console(quiet=namespace.quiet, aside=namespace.json)
     command = [Path(sys.argv[0]).name, *sys.argv[1:]]
-    with Screen(console) as screen:
+    with folder_for(namespace.out) as out, Screen(console) as screen:
         chosen = executors.executor(namespace, namespace.jobs, 1, exclusive=namespace.jobs is None, say=screen.say)
         with contextlib.closing(chosen) as executor:
             how = {"retry": namespace.retry, "strict": namespace.strict}

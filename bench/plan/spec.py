@@ -57,7 +57,7 @@ def _is_target(name: str) -> bool:
 def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant]:
     """Finds the datasets named in `text`, or at the path of a log, graph or recording. InputError as above."""
     found: list[DatasetVariant] = []
-    for name, given in _split(text, asker):
+    for name, given in _split_paths(text, asker):
         file = name.lower().endswith((*file_kind.SUFFIXES, many.FILE))
         if name not in datasets.BUILTIN and ("/" in name or file or os.path.exists(name) or many.is_pattern(name)):
             name, given = _kind(name), [("path", name), *given]  # noqa: PLW2901 - a path is short for log[path=...]
@@ -72,6 +72,24 @@ def dataset_variants(text: str, asker: str = "--dataset") -> list[DatasetVariant
         _check_beside(source.options, given, f"dataset {name}")
         found.append(dataset_variant(name, options))
     return _without_repeats(found, asker)
+
+
+def _split_paths(text: str, asker: str) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Parses names as `_split` does, but takes what is there by a name with brackets or commas for a path."""
+    if _is_path(text):
+        return [(text, [])]
+    parts, found = pieces(text, asker), list[tuple[str, list[tuple[str, str]]]]()
+    while parts:
+        joined = next((k for k in range(len(parts), 0, -1) if _is_path(",".join(parts[:k]))), 0)
+        found += [(",".join(parts[:joined]), [])] if joined else _split(parts[0], asker)
+        parts = parts[joined or 1 :]
+    return found
+
+
+def _is_path(text: str) -> bool:
+    """True for something that is there under a name with brackets or commas, which is not a dataset's with options."""
+    odd = any(letter in text for letter in "[],")
+    return odd and text.partition("[")[0] not in datasets.BUILTIN and os.path.exists(text)
 
 
 def dataset_variant(name: str, options: Any) -> DatasetVariant:
@@ -105,11 +123,17 @@ def _kind(path: str) -> str:
     if path.lower().endswith(many.FILE) and not os.path.isdir(path):
         return many.LIST
     if path.lower().endswith(file_kind.SUFFIXES) and not os.path.isdir(path):
-        kind = file_kind.format_of(Path(path))
-        beside = os.path.join(os.path.dirname(path), "robot.toml")
-        return "recording" if kind == "carmen" and os.path.isfile(beside) else kind
+        return _or_recording(file_kind.format_of(Path(path)), path)
+    if os.path.isfile(path) and file_kind.is_carmen(Path(path)):
+        return _or_recording("carmen", path)
     inside = (os.path.join(path, name) for name in ("robot.toml", "metadata.yaml"))
     return "recording" if os.path.isfile(path) or any(map(os.path.isfile, inside)) else "log"
+
+
+def _or_recording(kind: str, path: str) -> str:
+    """The dataset that reads a file of that `kind`: of a laser log beside a robot.toml, a recording."""
+    beside = os.path.join(os.path.dirname(path), "robot.toml")
+    return "recording" if kind == "carmen" and os.path.isfile(beside) else kind
 
 
 def read_options(cls: type[Any], given: Sequence[tuple[str, str]], where: str) -> Any:

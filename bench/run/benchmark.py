@@ -5,7 +5,7 @@ import difflib
 import itertools
 import shlex
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -104,11 +104,35 @@ def _refuse_a_misspelling(out: Path) -> None:
         )
 
 
-def new_folder() -> Path:
-    """Returns results/DATE-TIME, with -2 and so on behind it where that is there already."""
+@contextlib.contextmanager
+def folder_for(out: Path | None) -> Generator[Path]:
+    """Gives `out`, or a new folder: results/DATE-TIME, with -2 and so on behind it where that is there already.
+
+    A new one is made at once, as another run may begin in the same second; it is removed again if it stays empty.
+    """
+    if out is not None:
+        yield out
+        return
     first = Path("results") / time.strftime("%Y%m%d-%H%M%S")
     more = (first.with_name(f"{first.name}-{count}") for count in itertools.count(2))
-    return next(folder for folder in itertools.chain([first], more) if not folder.exists())
+    made = next(folder for folder in itertools.chain([first], more) if _is_made(folder))
+    try:
+        yield made
+    finally:
+        with contextlib.suppress(OSError):  # not empty
+            made.rmdir()
+            made.parent.rmdir()
+
+
+def _is_made(folder: Path) -> bool:
+    """Makes a folder; False where something has its name."""
+    try:
+        folder.mkdir(parents=True)
+    except FileExistsError:
+        return False
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made ({error.strerror}); expected --out FOLDER.") from None
+    return True
 
 
 def begun(out: Path) -> bool:

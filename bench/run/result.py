@@ -18,7 +18,7 @@ from ..verdict.summary import lines
 from ..verdict.verdict import Verdict
 from ..words.console import screen_console
 from ..workers.local_executor import Local
-from .benchmark import begun, benchmark, new_folder, planned
+from .benchmark import begun, benchmark, folder_for, planned
 from .held import ASKER, EXPECTED, Held, Named, each, needless_truth
 from .progress import Screen
 from .terminal import conclude, verdicts
@@ -141,7 +141,6 @@ def run(
     default results/DATE-TIME; a run that was stopped is continued. The other arguments are the options of the command
     line. SlamduelError, with a sentence, for anything that cannot be used.
     """
-    folder = Path(_kind("out", out, str | Path)) if out is not None else new_folder()
     said = {
         "seeds": seeds,
         "repeats": repeats,
@@ -154,23 +153,24 @@ def run(
         "backend": None if backend is None else _backends(backend),
     }
     given: dict[str, Any] = {name: value for name, value in said.items() if value is not None}
-    held = Held(folder)
-    words = [held.word(one) for one in each(dataset, truth)] if dataset is not None else []
-    words += [held.together(logs)] if logs is not None else []
-    if words:
-        given["dataset"] = ",".join(words)
-    if dataset is None and truth is not None:
-        raise needless_truth()
-    if not words and backend is not None and not begun(folder):
-        raise InputError(f"{ASKER}: dataset is None, expected {EXPECTED}.")
-    as_whole("jobs", jobs, 1)
-    if logs is None:
-        planned(given, folder)
-    with held.written(), Screen(screen_console(quiet=quiet)) as screen:
-        command = [ASKER, *(f"{name}={value}" for name, value in given.items())]
-        with contextlib.closing(Local(jobs)) as executor:
-            benchmark(given, folder, executor, command, screen, retry=retry, strict=strict)
-    return Result(folder)
+    with folder_for(None if out is None else Path(_kind("out", out, str | Path))) as folder:
+        held = Held(folder)
+        words = [held.word(one) for one in each(dataset, truth)] if dataset is not None else []
+        words += [held.together(logs)] if logs is not None else []
+        if words:
+            given["dataset"] = ",".join(words)
+        if dataset is None and truth is not None:
+            raise needless_truth()
+        if not words and backend is not None and not begun(folder):
+            raise InputError(f"{ASKER}: dataset is None, expected {EXPECTED}.")
+        as_whole("jobs", jobs, 1)
+        if logs is None:
+            planned(given, folder)
+        with held.written(), Screen(screen_console(quiet=quiet)) as screen:
+            command = [ASKER, *(f"{name}={value}" for name, value in given.items())]
+            with contextlib.closing(Local(jobs)) as executor:
+                benchmark(given, folder, executor, command, screen, retry=retry, strict=strict)
+        return Result(folder)
 
 
 def _kind(name: str, value: Any, kind: Any) -> Any:

@@ -1,13 +1,31 @@
 """Detects the format of a text graph or laser log given by its path alone."""
 
+import gzip
+import zlib
 from pathlib import Path
 
 from . import toro
 from .tagged import tags
 
 CARMEN = (".clf", ".clf.gz")
+SCANS = (b"FLASER", b"ROBOTLASER1")  # the first words of its lines
+BEGINNING = 1 << 18  # bytes in which a laser log under another name, such as .log.gz, has a scan
 
 SUFFIXES = (".g2o", ".toro", ".graph", *CARMEN)  # endings of such files
+
+
+def is_carmen(path: Path) -> bool:
+    """Tells if the path is that of a CARMEN log, by its ending or else by the lines at its beginning."""
+    if path.name.lower().endswith(CARMEN):
+        return not path.is_dir()
+    try:
+        if not path.is_file():
+            return False
+        with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as file:
+            lines = file.read(BEGINNING).split(b"\n")
+    except (OSError, EOFError, zlib.error):
+        return False
+    return any(line.split(None, 1)[:1] == [word] for line in lines for word in SCANS)
 
 
 def format_of(path: Path) -> str:

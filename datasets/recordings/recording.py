@@ -25,13 +25,17 @@ from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.wheels.motion import Motion, Poses, Ticks, Track, Wheels
+from ..bags.bag import Bag, is_bag
 from ..bags.camera_info import of_images
+from ..bags.topics import found as found_topics
+from ..bags.topics import plain
 from ..depth.open import build as build_depth
 from ..depth.open import open_depth
 from ..prior import assumed
 from ..readings import ODOMETRY, TICKS
 from ..registry import Source
 from ..robot_files import ROBOT, robot_beside
+from ..scans.bag_scans import SCAN
 from ..scans.open import ScanTopics, open_scans
 from ..scans.open import build as build_scans
 from ..truth import with_truth
@@ -96,7 +100,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
     if robot is None:
         found = None if is_live(path) else robot_beside(path)
         if found is None:
-            raise InputError(f"{path}: found no {ROBOT}, expected one, or --robot FILE.")
+            raise InputError(f"{path}: found no {ROBOT}, expected one, or --robot FILE{_bare(path)}.")
         robot = read_robot(found)
     streams = read_streams(path, robot, seconds)
     camera = robot.camera
@@ -129,6 +133,14 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         remarks=streams.remarks,
     )
     return Opened(recording, streams.truth, streams.length, robot.prior is not None)
+
+
+def _bare(path: Path) -> str:
+    """What else a bag without a robot.toml would have to have, and what it has."""
+    if is_live(path) or not is_bag(path):
+        return ""
+    listed = found_topics(Bag(path).listed()).removesuffix(".")
+    return f"; without one a bag is of a laser scanner ({plain(SCAN)}) or a depth camera (images of depth); {listed}"
 
 
 def _contradicted(given: Camera, recorded: Camera, path: Path) -> Iterator[str]:

@@ -16,7 +16,7 @@ from ..bags.bag import Bag, is_bag
 from ..bags.siblings import read_alone
 from ..formats import relations
 from ..formats.carmen import Reading, read_scans
-from ..formats.file_kind import CARMEN
+from ..formats.file_kind import is_carmen
 from ..grid_file import localised
 from ..robot_files import ROBOT, recording_in, robot_beside
 from ..truth import read_truth, with_truth
@@ -88,11 +88,6 @@ def build(opened: OpenedScans) -> Dataset:
     if opened.truth is None:
         return made
     return with_truth(made.log, opened.truth, first_scan(made.log), opened.start_given)
-
-
-def is_carmen(path: Path) -> bool:
-    """Tells if the path is that of a CARMEN log, by its ending."""
-    return path.name.lower().endswith(CARMEN) and not path.is_dir()
 
 
 def _carmen(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:

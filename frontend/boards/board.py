@@ -103,9 +103,10 @@ def find_corners(board: Board, name: str, image: Image) -> View | str:
     corners, ids, markers = _detect(board, image)
     found = len(ids)
     if found == 0 and markers:
-        other = replace(board, legacy=not board.legacy)
-        if len(_detect(other, image)[1]):
-            return f"only fits a board with legacy={str(other.legacy).lower()}"
+        turned = replace(board, columns=board.rows, rows=board.columns)
+        for other in (replace(board, legacy=not board.legacy), turned, replace(turned, legacy=not board.legacy)):
+            if len(_detect(other, image)[1]):
+                return f"only fits a board with {_difference(board, other)}"
         return f"{markers} of the dictionary's markers but no corner between them"
     if found == 0:
         return f"no marker of {board.dictionary}"
@@ -117,6 +118,13 @@ def find_corners(board: Board, name: str, image: Image) -> View | str:
     if np.linalg.matrix_rank(points[:, :2] - points[0, :2]) < 2:
         return "all corners are collinear"
     return View(name, numbers, corners[order], points)
+
+
+def _difference(board: Board, other: Board) -> str:
+    """The options of another board that are not those of `board`."""
+    named = {"columns": other.columns, "rows": other.rows} if board.columns != other.columns else {}
+    named |= {"legacy": str(other.legacy).lower()} if board.legacy != other.legacy else {}
+    return ",".join(f"{name}={value}" for name, value in named.items())
 
 
 def _detect(board: Board, image: Image) -> tuple[Array, Ints, int]:

@@ -8,10 +8,13 @@ from typing import Any
 
 import pytest
 
+from carmen_files import flaser, robotlaser, written
+from floor_drives import floor_drive
 from slamduel.bench.plan.plan import Plan
 from slamduel.bench.plan.spec import backend_variants, dataset_at, dataset_variants, describe, read_options
 from slamduel.core.errors import InputError
 from slamduel.core.options import option
+from slamduel.datasets.scans.open import open_scans
 
 
 @dataclass(frozen=True)
@@ -123,6 +126,49 @@ def test_quotes_stand_round_a_whole_name(tmp_path: Any) -> None:
         assert (variant.name, variant.options.path) == ("log", f"{tmp_path}/{name}")
     (variant,) = backend_variants('"fastslam"[particles=7]')
     assert variant.label == "fastslam[particles=7]"
+
+
+def test_what_is_there_under_a_name_with_brackets_or_commas_is_a_path(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("a[1]", "a,b", "x", "c[1,2]/log", "open[", "d, e", "circle[steps=100]"):
+        (tmp_path / name).mkdir(parents=True)
+    for name in ("a[1]", "a,b", "c[1,2]/log", "open[", "d, e", f"{tmp_path}/a[1]", f"{tmp_path}/a,b"):
+        (variant,) = dataset_variants(name)
+        assert (variant.name, variant.options.path) == ("log", name)
+    found = dataset_variants("x,a[1],a,b,c[1,2]/log")
+    assert [one.options.path for one in found] == ["x", "a[1]", "a,b", "c[1,2]/log"]
+    assert dataset_variants("circle[steps=100],x")[0].name == "circle"
+    for name in ("b[1]", "b[1]/log", "open[1"):
+        with pytest.raises(InputError):
+            dataset_variants(name)
+
+
+@pytest.mark.parametrize("name", ["a.log", "a.log.gz", "a.txt", "a.clf", "a"])
+@pytest.mark.parametrize("line", [flaser, robotlaser])
+def test_a_laser_log_is_known_by_its_lines(tmp_path: Any, name: str, line: Any) -> None:
+    recording = floor_drive(laps=0.02)
+    path = written(tmp_path / name, recording, line)
+    (variant,) = dataset_variants(str(path))
+    assert (variant.name, variant.options.path) == ("carmen", str(path))
+    found = open_scans(path)
+    assert found is not None
+    assert len(found.recording.t) == len(recording.t)
+    (tmp_path / "robot.toml").write_text("[laser]\n")
+    assert dataset_variants(str(path))[0].name == "recording"
+    inside = open_scans(tmp_path)
+    assert inside is not None
+    assert len(inside.recording.t) == len(recording.t)
+
+
+def test_another_text_is_no_laser_log(tmp_path: Any) -> None:
+    (tmp_path / "a.log").write_text("# FLASER\nPARAM laser_front_laser_resolution 1.0\nlaser FLASER 3\n")
+    (tmp_path / "b.log.gz").write_bytes(b"no gzip")
+    (tmp_path / "c.log").write_bytes(bytes(range(256)) * 99)
+    for name in ("a.log", "b.log.gz", "c.log"):
+        assert dataset_variants(str(tmp_path / name))[0].name == "recording"
+        assert open_scans(tmp_path / name) is None
 
 
 def test_an_option_at_its_default_is_the_plain_backend() -> None:

@@ -13,7 +13,7 @@ import pytest
 
 import slamduel
 from random_logs import random_log
-from slamduel.bench.run.benchmark import new_folder
+from slamduel.bench.run.benchmark import folder_for
 from slamduel.bench.run.result import Result
 from slamduel.core.factors import Dataset
 from slamduel.datasets.formats import log_folder
@@ -43,11 +43,24 @@ def test_a_log_in_python_is_run_as_it_is(world: Dataset, result: Result) -> None
 def test_runs_of_the_same_second_have_a_folder_each(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(time, "strftime", lambda _: "20260102-030405")
-    folders = []
-    for _ in range(3):
-        folders.append(new_folder())
-        folders[-1].mkdir(parents=True)
-    assert [folder.name for folder in folders] == ["20260102-030405", "20260102-030405-2", "20260102-030405-3"]
+    with folder_for(None) as one, folder_for(None) as two, folder_for(None) as three:  # at once
+        folders = [one, two, three]
+        assert [folder.name for folder in folders] == ["20260102-030405", "20260102-030405-2", "20260102-030405-3"]
+        (two / "a file").touch()
+    assert [folder.exists() for folder in folders] == [False, True, False]
+    with folder_for(None) as again:
+        assert again == one
+    (two / "a file").unlink()
+    two.rmdir()
+    with folder_for(None):
+        pass
+    assert not Path("results").exists()
+    Path("results").touch()
+    with (
+        pytest.raises(slamduel.InputError, match=r"cannot be made \(Not a directory\); expected --out"),
+        folder_for(None),
+    ):
+        pass
 
 
 def test_paths_come_back_as_arrays(world: Dataset, result: Result) -> None:

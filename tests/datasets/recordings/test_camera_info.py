@@ -160,6 +160,15 @@ def test_p_alone_is_enough_for_rectified_images(tmp_path: Path) -> None:
     assert log.notes["camera"]["focal"] == FLAT.focal
 
 
+def test_a_bare_bag_of_other_sensors_is_told_what_it_has(tmp_path: Path) -> None:
+    path = bags.write(tmp_path, "ros2", [bags.counts(k, 1, 1, 1, 1) for k in (1, 2)])
+    refused(
+        r"found no robot\.toml, expected one, or --robot FILE; without one a bag is of a laser scanner "
+        r"\(sensor_msgs/LaserScan\) or a depth camera .*; found /encoder \(geometry_msgs/Quat.* 2 messages\)\.",
+        open_recording, path,
+    )  # fmt: skip
+
+
 EQUIDISTANT = {"distortion_model": "equidistant", "d": np.array([-0.3, 0.1, 0.0, 0.0])}
 
 

@@ -117,6 +117,9 @@ def test_views_without_the_board_say_why() -> None:
     assert find_corners(BOARD, "", np.full_like(image, 128)) == "no marker of 4X4_50"
     assert find_corners(replace(BOARD, dictionary="6X6_250"), "", image) == "no marker of 6X6_250"
     assert find_corners(replace(BOARD, legacy=True), "", image) == "only fits a board with legacy=false"
+    turned = replace(BOARD, columns=BOARD.rows, rows=BOARD.columns)
+    said = f"only fits a board with columns={BOARD.columns},rows={BOARD.rows}"
+    assert str(find_corners(turned, "", image)).startswith(said)
     assert "corners, fewer than 8" in str(find_corners(BOARD, "", image[90:190, 120:220]))
 
 
