@@ -145,7 +145,7 @@ class DepthFindings(Findings):
         if c["features"] < FEW * looked:
             said.append(
                 f"A keyframe has {c['features'] / looked:.0f} features with depth, expected hundreds: perhaps the "
-                "depth is not registered, near and far leave it out, or there is little texture."
+                f"depth is not registered, near and far leave it out{self._median}, or there is little texture."
             )
         refused = dict(self.turned_down).get("it contradicts the wheels", 0)
         if pairs and refused > MANY * pairs:
@@ -157,7 +157,13 @@ class DepthFindings(Findings):
             said.append(
                 f"{100 * (1 - c['pairs registered'] / pairs):.0f} % of the pairs of keyframes were turned down."
             )
-        return said
+        return [*said, *self.motions_by_truth()]
+
+    @property
+    def _median(self) -> str:
+        """The median depth, in the middle of a sentence; nothing in a log without it."""
+        median = self.notes.get("median")
+        return "" if median is None else f" (the median depth is {number(median)} m: [depth] units)"
 
     def numbers(self) -> dict[str, Any]:
         """Returns the counts of frames, features, steps, pairs and places."""

@@ -9,9 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...core.factors import Dataset, Log, Truth
+from ...core.truth_errors import odometry_errors
 from ...datasets.remarks import remarks
 from ..drawing.figure import ReportFigure
-from ..words.numerals import listed
+from ..measure.stated_noise import TYPICAL, noise_check
+from ..words.numerals import listed, number
+
+FEWEST_POSES = 10  # true poses from which errors of the motions are typical
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +49,21 @@ class Findings(ABC):
     @abstractmethod
     def advice(self) -> list[str]:
         """Says what looks wrong, in sentences."""
+
+    def motions_by_truth(self) -> list[str]:
+        """Says how large the errors of the log's motions are, where they are larger than stated."""
+        truth = self.truth
+        if truth is None or truth.kind != "truth" or len(truth.t) < FEWEST_POSES:
+            return []
+        errors = odometry_errors(self.log, truth)
+        found = noise_check(errors, self.log.delta_cov[errors.row])
+        if found is None or found.scale < TYPICAL:
+            return []
+        said = (
+            f"Against the truth, the errors of the motions are typically {number(found.scale)} times what is stated: "
+            "perhaps wheels are swapped or reversed, or their size, distance or noise is another."
+        )
+        return [said]
 
     @abstractmethod
     def numbers(self) -> dict[str, Any]:

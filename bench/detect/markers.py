@@ -82,7 +82,8 @@ class MarkerFindings(Findings):
 
     def advice(self) -> list[str]:
         """Says why so little was detected, and what else looks wrong."""
-        return [f"{one[:1].upper()}{one[1:].rstrip('.')}{'' if one.endswith('?') else '.'}" for one in self.causes]
+        said = [f"{one[:1].upper()}{one[1:].rstrip('.')}{'' if one.endswith('?') else '.'}" for one in self.causes]
+        return [*said, *self.motions_by_truth()]
 
     def numbers(self) -> dict[str, Any]:
         """Returns the counts of frames, sightings and markers."""

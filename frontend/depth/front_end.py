@@ -29,6 +29,7 @@ from .surfaces import Coarse
 from .tracks import Tracks
 from .ways import Ways
 
+SPARSE = 8  # px between the depths whose median is taken
 APART = 3  # steps back to the keyframe that a new one's features are matched with, beside the last one's
 
 DENIED = "steps whose wheels the frames deny"
@@ -66,6 +67,7 @@ class FrontEnd:
     def __init__(self, camera: Camera, settings: Settings, motion: Motion | None) -> None:
         self.settings, self.camera = settings, camera
         self.t = list[float]()  # s, of the frames
+        self.depths = list[float]()  # m, the median of each frame looked at, where it has any
         self.steps: list[FrameStep] = []
         self.loops: list[FrameLoop] = []
         self.clouds = Spool()  # of the steps
@@ -123,6 +125,8 @@ class FrontEnd:
                     f"pixels, expected {size[1]} x {size[0]} as the camera's calibration says."
                 )
         self.counts["frames looked at"] += 1
+        some = frame.depth[::SPARSE, ::SPARSE]
+        self.depths += [float(np.median(some[some > 0]))] if (some > 0).any() else []
         features, level = self._features(frame), self._level(frame)
         self.counts["frames without a floor"] += not level.found
         self.counts["features"] += len(features)

@@ -15,6 +15,9 @@ from .front_end import DENIED, FrontEnd
 from .recording import DepthRecording
 from .settings import Settings
 
+OFF, BEYOND = 4.0, 2.0
+"""A median depth of less than `near` over the first, or more than `far` times the second, is in another unit."""
+
 MANY = 0.1
 """Share of the steps above which frames that contradict the wheels are a remark: things that move do so at fewer."""
 
@@ -97,12 +100,19 @@ def _notes(recording: DepthRecording, front_end: FrontEnd) -> dict[str, Any]:
                 "has the difference"
             )
         remarks += outside(recording.name, lost, counts["frames"], "frame", clock)
+    depth = float(np.median(front_end.depths)) if front_end.depths else None
+    if depth is not None and not settings.near / OFF < depth < settings.far * BEYOND:
+        remarks.append(
+            f"{recording.name}: the median depth is {depth:.3g} m, and only depths from {settings.near:g} to "
+            f"{settings.far:g} m are used (near, far): perhaps a metre has other [depth] units, or floats are no metres"
+        )
     return {
         **recording.notes,
         **longest_pause(steps[0].t, steps[-1].t, front_end.t, () if motion is None else motion.t),
         **(motion.settings if motion is not None else {}),
         "camera": camera.settings,
         "depth": {
+            "median": depth,
             "counts": {**counts, **recording.left_out},
             "turned_down": dict(front_end.turned_down),
             "loops": {

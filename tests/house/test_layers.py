@@ -80,7 +80,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "logs": {"drawing", "plan", "measure", "words"},
         "noise": {"drawing", "plan", "measure", "words"},
         "camera": {"drawing", "words"},
-        "detect": {"drawing", "words"},
+        "detect": {"drawing", "measure", "words"},
         "replay": {"engine", "workers", "plan", "record", "measure", "drawing", "words"},
         "verify": {"engine", "workers", "verdict", "plan", "record", "measure", "words"},
         "suite": {

@@ -22,7 +22,7 @@ from slamduel.datasets.formats import log_folder
 from slamduel.datasets.recordings.write_depth import FORMATS, write_depth
 from slamduel.datasets.worlds.depth_room import Drive, record, shots_of
 from slamduel.frontend.depth.front_end import FrameFindings, FrontEnd
-from slamduel.frontend.depth.log import looked_at
+from slamduel.frontend.depth.log import build_log, looked_at
 from slamduel.frontend.depth.pairs import Pairs
 from slamduel.frontend.depth.recording import DepthRecording
 from slamduel.frontend.depth.settings import Settings
@@ -164,6 +164,18 @@ def replace_clouds(found: DepthFindings) -> DepthFindings:
     for _ in range(len(found.log)):
         spool.add(NOTHING)
     return replace(found, log=replace(found.log, clouds=spool.clouds(found.recording.camera)))
+
+
+@pytest.mark.parametrize(("scale", "told"), [(1.0, 0), (10.0, 1), (1000.0, 1), (1e-3, 1)])
+def test_depth_in_another_unit_is_a_remark(drive: tuple[DepthRecording, Truth, Any], scale: float, told: int) -> None:
+    recording, _, _ = drive
+    frames = [one._replace(depth=one.depth * np.float32(scale)) for one in recording.in_order()]
+    log = build_log(replace(recording, frames=frames), Settings())
+    median = log.notes["depth"]["median"]
+    assert 0.5 * scale < median < 5.0 * scale
+    found = [one for one in log.remarks if f"the median depth is {median:.3g} m, and only depths from 0.4 to" in one]
+    assert len(found) == told
+    assert told or not log.remarks
 
 
 def test_what_looks_wrong_is_said() -> None:

@@ -1,6 +1,7 @@
 """`bench detect`: a log that runs as it is, whole or not at all, and what is told of what was found."""
 
 import json
+import re
 import tomllib
 from collections.abc import Iterator
 from dataclasses import replace
@@ -28,6 +29,7 @@ from slamduel.frontend.markers.aruco import Rejections
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from slamduel.frontend.markers.pipeline import Frame, Recording, build_log, see
+from slamduel.frontend.wheels.motion import Track
 from small_recording import CAMERA, FLOOR, K, picture, sighting, small_recording
 
 
@@ -158,6 +160,20 @@ def test_a_recording_without_a_marker_is_a_log_and_advice(tmp_path: Path, monkey
 
 
 @pytest.mark.usefixtures("no_figures")
+def test_motions_that_the_truth_contradicts_are_noticed(tmp_path: Path) -> None:
+    def mirrored() -> Recording:
+        recording = small()[0]
+        motion = recording.motion
+        assert isinstance(motion, Track)
+        return replace(recording, motion=replace(motion, poses=motion.poses * [1.0, -1.0, -1.0]))
+
+    recording, truth = small()
+    assert run(tmp_path / "right", recording, truth).advice() == []
+    (said,) = run(tmp_path / "mirrored", mirrored(), truth).advice()
+    assert re.match(r"Against the truth, the errors of the motions are typically [0-9.]+ times what is stated: ", said)
+    assert run(tmp_path / "unknown", mirrored(), None).advice() == []
+
+
 def test_a_side_in_other_units_is_noticed(tmp_path: Path) -> None:
     recording, _ = small()
     told: Any = recording.detector
