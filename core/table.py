@@ -23,6 +23,9 @@ MOST = 2**53  # the largest integer up to which all are exact as doubles
 LARGEST = 1e9
 """m, rad or their squares: beyond any robot, and its square is still far from overflow."""
 
+HUGE = 1e30
+"""Beyond any measure in any unit, and its eighth power is still far from overflow."""
+
 CHUNK = 100_000  # lines parsed at once, and again one by one if any of them is invalid
 
 
@@ -80,11 +83,13 @@ class Table(NamedTuple):
         return self if broken is self.broken else self._replace(broken=broken)
 
     def scan_finite(self) -> Scan["Table"]:
-        """Yields a fault for each number that is not finite; returns itself."""
-        bad = ~np.isfinite(self.rows)
+        """Yields a fault for each number that is not finite, or beyond HUGE; returns itself."""
+        bad = ~(np.abs(self.rows) <= HUGE)
         bad[self.broken] = False
         for row, column in np.argwhere(bad):
-            yield self.fault(row, f"{self.columns[column]} is {self.rows[row, column]!s}, expected a finite number")
+            found = self.rows[row, column]
+            size = f", not beyond {HUGE:g}" if np.isfinite(found) else ""
+            yield self.fault(row, f"{self.columns[column]} is {found!s}, expected a finite number{size}")
         return self._replace(broken=np.union1d(self.broken, np.flatnonzero(bad.any(axis=1))))
 
     def sound(self) -> "Table":

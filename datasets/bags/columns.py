@@ -7,6 +7,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.se2 import Array
+from ...core.table import HUGE
 from ...frontend.wheels.motion import Poses
 from .bag import Bag, Topic
 
@@ -33,7 +34,8 @@ def poses(bag: Bag, topic: Topic, remarks: list[str], back: float = np.inf) -> P
 def planar(where: str, t: Array, found: Array) -> Poses:
     """Poses (m, 3) of the rows x, y, qx, qy, qz, qw (m, 6) at `t` (m,), s; InputError, after `where`, as in `poses`."""
     x, y, z, w = found[:, 2:].T
-    norm = np.linalg.norm(found[:, 2:], axis=1)
+    with np.errstate(over="ignore"):
+        norm = np.linalg.norm(found[:, 2:], axis=1)
     for one in np.flatnonzero(np.abs(norm - 1) > 1e-2):
         raise InputError(f"{where} at {t[one]} s: the orientation's quaternion has length {norm[one]:.3g}, expected 1.")
     upright = (w**2 + z**2 - x**2 - y**2) / norm**2
@@ -69,7 +71,7 @@ def columns(
     remarks += of_untimed(bag, topic, untimed)
     rows = np.array([at[time] for time in sorted(at)], float)
     t = np.array([time / 10**9 for time in sorted(at)])
-    for one in np.flatnonzero(~np.isfinite(rows).all(axis=1)):
+    for one in np.flatnonzero(~(np.abs(rows) <= HUGE).all(axis=1)):
         raise InputError(f"{bag.path}: topic {topic.name} at {t[one]} s: found {rows[one]}, expected finite numbers.")
     return t, rows
 

@@ -14,6 +14,8 @@ from ...frontend.wheels.motion import Poses
 from .bag import TRANSFORMS, Bag, Topic
 from .columns import BACK, planar
 
+FARTHEST = 100.0  # m between two parts of a robot
+
 STILL = 1e-6
 """m, and in parts of a quaternion, by which a fixed transform may differ between messages."""
 
@@ -60,7 +62,8 @@ class Transforms:
             t = sorted(by_time)
             rows = np.array([by_time[stamp] for stamp in t], float)
             where = f"{bag.path}: topic {topic.name}: the transform from {parent} to {child}"
-            norm = np.linalg.norm(rows[:, 3:], axis=1)
+            with np.errstate(over="ignore"):
+                norm = np.linalg.norm(rows[:, 3:], axis=1)
             for row in np.flatnonzero(~(np.isfinite(rows).all(axis=1) & (np.abs(norm - 1) < 1e-2)))[:1]:
                 self._odd[child] = (
                     f"{where} at {t[row] / 1e9} s is {rows[row]}, expected finite numbers and a quaternion of length 1."
@@ -107,13 +110,24 @@ class Transforms:
         return any(frame.strip("/") in pair for pair in self._moves)
 
     def fixed(self, frame: str, other: str) -> Array | None:
-        """The pose (4, 4) of `other` in `frame` by fixed transforms; None if these do not connect them."""
+        """The pose (4, 4) of `other` in `frame` by fixed transforms; None if these do not connect them.
+
+        InputError for two that are too far apart to be of one robot.
+        """
         (root, one), (same, two) = self._from_root(frame.strip("/")), self._from_root(other.strip("/"))
         if root != same:
             return None
         back = np.eye(4)
-        back[:3, :3], back[:3, 3] = one[:3, :3].T, -one[:3, :3].T @ one[:3, 3]
-        return back @ two
+        with np.errstate(over="ignore", invalid="ignore"):
+            back[:3, :3], back[:3, 3] = one[:3, :3].T, -one[:3, :3].T @ one[:3, 3]
+            pose = back @ two
+            away = float(np.abs(pose[:3, 3]).max())
+        if not away <= FARTHEST:
+            raise InputError(
+                f"{self._where}: tf has {other} {away:.3g} m from {frame}, expected at most {FARTHEST:g} m between "
+                "parts of one robot."
+            )
+        return pose
 
     def _check(self, frame: str) -> None:
         if frame in self._odd:

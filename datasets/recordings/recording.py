@@ -136,7 +136,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
 
 
 def _bare(path: Path) -> str:
-    """What else a bag without a robot.toml would have to have, and what it has."""
+    """Says at the end of a sentence what a bag without a robot.toml has to have, and what it has."""
     if is_live(path) or not is_bag(path):
         return ""
     listed = found_topics(Bag(path).listed()).removesuffix(".")

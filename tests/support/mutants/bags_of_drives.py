@@ -4,7 +4,6 @@ Frames are small and hold their number; the detector returns the sightings of th
 """
 
 import tempfile
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,7 +20,7 @@ from slamduel.datasets.recordings.robot import Robot
 from slamduel.datasets.truth import write_truth
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.shutter import CameraMotion
-from slamduel.frontend.markers.aruco import Detector, Image, Sighting
+from slamduel.frontend.markers.aruco import Detector, Image, Rejections, Sighting
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import ProportionalNoise
 from slamduel.frontend.wheels.encoder import Floors
@@ -73,12 +72,12 @@ class Numbered(Detector):
 
     told: tuple[list[Sighting], ...] = ()
 
-    def detect(self, image: Image, motion: CameraMotion | None = None) -> tuple[list[Sighting], Counter[str]]:
+    def detect(self, image: Image, motion: CameraMotion | None = None) -> tuple[list[Sighting], Rejections]:
         """The sightings of the frame, none where its number cannot be read."""
         rows = image[:, :2].reshape(-1, 2)
         number = 256 * int(rows[0, 0]) + int(rows[0, 1])
         known = bool((rows == rows[0]).all()) and number < len(self.told)
-        return (self.told[number] if known else []), Counter()
+        return (self.told[number] if known else []), Rejections()
 
 
 Messages = list[Message]
