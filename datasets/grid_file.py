@@ -25,6 +25,7 @@ from ..frontend.maps.occupancy import FREE, UNKNOWN, WALL, Occupancy, of_states
 NAME = "grid.npz"
 
 SMALLEST, LARGEST = 0.005, 1.0  # m of a cell
+FARTHEST = 1e8  # m of a grid's corner from its origin: UTM coordinates have 7 digits
 OCCUPIED, FREE_BELOW = 0.65, 0.196  # map_server's thresholds, where the file has none
 
 
@@ -85,6 +86,8 @@ def _of_cells(path: Path) -> Occupancy:
         if found[name].shape != wanted or found[name].dtype.kind != "f" or not np.isfinite(found[name]).all():
             kind = f"{found[name].dtype} of the shape {found[name].shape}"
             raise InputError(f"{path}: {name} is {kind}, expected finite numbers of {wanted}.")
+    if np.abs(found["origin"]).max() > FARTHEST:
+        raise InputError(f"{path}: origin is {found['origin'].tolist()}, expected metres, at most {FARTHEST:g}.")
     if len(shape) != 2 or not SMALLEST <= found["size"] <= LARGEST or (found["hits"] < 0).any():
         size = f"{found['size']:g} m"
         raise InputError(
@@ -101,6 +104,8 @@ def _of_ros(path: Path) -> Occupancy:
     origin = _there(path, words, "origin")
     if not isinstance(origin, list) or len(origin) != 3 or not all(_is_number(one) for one in origin):
         raise InputError(f"{path}: origin is {origin!r}, expected [x, y, yaw] in m and rad.")
+    if max(abs(one) for one in origin[:2]) > FARTHEST:
+        raise InputError(f"{path}: origin is {origin!r}, expected metres, at most {FARTHEST:g}.")
     if origin[2] != 0:
         raise InputError(f"{path}: origin is turned by {origin[2]!r} rad, expected a map that is not.")
     mode = words.get("mode", "trinary")

@@ -1,8 +1,8 @@
 """Reads ROS 2 bags whose metadata.yaml differs from their files in what does not matter for their messages.
 
-rosbags asks for a storage, which `ros2 bag reindex` of ROS humble leaves empty (rosbag2 2175), and pairs the topics of
-metadata.yaml with those of the files by their quality of service, too, which is edited by hand where a newer ROS wrote
-it (rosbag2 656).
+rosbags asks for a known storage, which `ros2 bag reindex` of ROS humble leaves empty (rosbag2 2175), and pairs the topics
+of metadata.yaml with those of the files by their quality of service, too, which is edited by hand where a newer ROS
+wrote it (rosbag2 656).
 """
 
 from collections.abc import Collection, Generator
@@ -14,15 +14,25 @@ from rosbags.rosbag2.reader import DirectoryReader
 
 
 def _by_suffix(path: Any) -> Any:
-    """The storage of a file whose metadata.yaml does not name it."""
+    """The storage of a file whose metadata.yaml does not name a known one."""
     plugin = AnyReader.STORAGE_PLUGINS.get(path.suffix)
     if plugin is None:
-        raise ReaderError(f"{path.name} is neither .mcap nor .db3, and metadata.yaml names no storage_identifier")
+        raise ReaderError(f"{path.name} is neither .mcap nor .db3, and metadata.yaml names no known storage_identifier")
     return plugin(path)
 
 
+class _Storages(dict[str | None, Any]):
+    """The storages by name; any other name stands for that of the file's suffix."""
+
+    def __contains__(self, key: object) -> bool:
+        return True
+
+    def __missing__(self, key: str | None) -> Any:
+        return _by_suffix
+
+
 class _Folder(DirectoryReader):
-    STORAGE_PLUGINS: ClassVar[Any] = {**DirectoryReader.STORAGE_PLUGINS, "": _by_suffix}
+    STORAGE_PLUGINS: ClassVar[Any] = _Storages({**DirectoryReader.STORAGE_PLUGINS})  # ty: ignore[incompatible-attribute-override]
 
     def open(self) -> None:
         super().open()
@@ -50,4 +60,4 @@ class _Folder(DirectoryReader):
 class Reader(AnyReader):
     """A reader of a folder or a file."""
 
-    STORAGE_PLUGINS: ClassVar[Any] = {**AnyReader.STORAGE_PLUGINS, "dir": _Folder}
+    STORAGE_PLUGINS: ClassVar[Any] = {**AnyReader.STORAGE_PLUGINS, "dir": _Folder}  # ty: ignore[incompatible-attribute-override]

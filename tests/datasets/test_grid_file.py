@@ -87,6 +87,7 @@ def test_cells_that_cannot_be_used_are_named(grid: Occupancy, tmp_path: Path) ->
     other("expected origin, size, hits, through, x, y", hits=np.zeros(0))
     other("through is float64 of the shape (3, 3), expected finite numbers of (31, 17)", through=np.zeros((3, 3)))
     other("x is float64 of the shape (31, 17), expected finite", x=np.full((31, 17), np.nan))
+    other("origin is [1e+99, 0.0], expected metres, at most 1e+08", origin=np.array([1e99, 0.0]))
     other("found cells of 7 m, expected two-dimensional ones of 0.005 to 1 m", size=np.array(7.0))
     other("has no wall, expected a map to localise on", hits=np.zeros((31, 17)))
     write_grid(tmp_path, grid)

@@ -413,6 +413,8 @@ def edited(path: Path, old: str, new: str) -> None:
     ("old", "new"),
     [
         ("storage_identifier: .*", "storage_identifier: ''"),
+        ("storage_identifier: .*", "storage_identifier:"),
+        ("storage_identifier: .*", "storage_identifier: unknown"),
         (r"type_description_hash:\s+\S+", "type_description_hash: RIHS01_" + "0" * 64),
     ],
 )
