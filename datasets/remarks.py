@@ -138,8 +138,10 @@ def _motions(log: Log) -> Iterator[str]:
     if len(rates) >= FEW and np.median(rates) > SPINNING:
         rate = float(np.median(rates))
         yield f"the median turning rate while turning is {rate:.3g} rad/s: perhaps it was in degrees a second"
+    between = np.diff(log.t)
+    slower = np.minimum(np.median(between) / between, 1.0)  # a long motion in a long time is no jump
     for name, motion in (("dx", log.delta[1:, 0]), ("dy", log.delta[1:, 1]), ("dtheta", log.delta[1:, 2])):
-        jumps = np.flatnonzero((_score(motion) > JUMP) & (_score(motion / np.diff(log.t)) > JUMP))  # of the speed, too
+        jumps = np.flatnonzero((_score(motion) > JUMP) & (_score(motion * slower) > JUMP))
         if len(jumps):
             first = int(jumps[0])
             yield (

@@ -1,8 +1,8 @@
 """Reads ROS 2 bags whose metadata.yaml differs from their files in what does not matter for their messages.
 
-rosbags asks for a known storage, which `ros2 bag reindex` of ROS humble leaves empty (rosbag2 2175), and pairs the topics
-of metadata.yaml with those of the files by their quality of service, too, which is edited by hand where a newer ROS
-wrote it (rosbag2 656).
+rosbags asks for a known storage, which `ros2 bag reindex` of ROS humble leaves empty (rosbag2 2175), and pairs the
+topics of metadata.yaml with those of the files by their quality of service, too, which is edited by hand where a newer
+ROS wrote it (rosbag2 656).
 """
 
 from collections.abc import Collection, Generator

@@ -1,4 +1,5 @@
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -261,9 +262,11 @@ def test_an_option_or_a_column_without_effect_is_remarked(files: dict[str, Any])
 
 def test_positions_and_headings_beyond_any_robot_are_refused(files: dict[str, Any]) -> None:
     t, poses = drive()
-    poses[7, 2] = 1e308
-    csv(Path(files["odometry"]), "t,x,y,heading", np.column_stack((t, poses)))
-    refused(r"odometry\.csv, line 9: heading is 1e\+308, expected -1e\+09 to 1e\+09", made, files)
+    for huge, expected in ((1e20, r"-1e\+09 to 1e\+09"), (1e308, r"a finite number, not beyond 1e\+30")):
+        poses[7, 2] = huge
+        csv(Path(files["odometry"]), "t,x,y,heading", np.column_stack((t, poses)))
+        found = re.escape(str(huge))
+        refused(rf"odometry\.csv, line 9: heading is {found}, expected {expected}", made, files)
 
 
 def test_a_pipe_or_a_device_is_refused_at_once(files: dict[str, Any], tmp_path: Path) -> None:
