@@ -9,7 +9,7 @@ of the Freiburg benchmark (Kuemmerle et al., Autonomous Robots 27(4), 2009) are 
 microseconds apart are different scans. Where most stamps are alike (0 in every row, or rounded to six digits, as some
 published logs have them), the scans are taken in the order of their rows. NAME.relations beside NAME.clf is the ground
 truth. In FLASER, 180 or 360 beams start at -90 degrees and stop a step before +90, and an odd number takes in both
-ends.
+ends; each scan counts at the angles of its own number of beams, and scans without any are left out.
 """
 
 import gzip
@@ -28,7 +28,7 @@ from ...core.factors import Dataset
 from ...core.options import option
 from ...core.se2 import Array
 from ...frontend.laser.recording import FARTHEST, LaserRecording, jump
-from ...frontend.laser.scanner import CODES, Scanner, evenly, without_codes
+from ...frontend.laser.scanner import CODES, Fan, Scanner, evenly, padded, spread, without_codes
 from ...frontend.laser.settings import Settings
 from ..false_loops import FalseLoops
 from ..grid_file import grid_files, localised
@@ -107,6 +107,13 @@ class Line(NamedTuple):
     angles: tuple[float, float] | None  # rad, the first and the step; None: those of FLASER
     ranges: Array  # (b,)
 
+    @property
+    def fan(self) -> Fan:
+        """Its beams; those of FLASER as in `evenly`."""
+        n = len(self.ranges)
+        first, step = self.angles or (-np.pi / 2, np.pi / (n - n % 2) if n > 1 else np.pi)
+        return Fan(n, first, step)
+
     def is_repeated(self, other: "Line") -> bool:
         """Tells if the other row has the same scan, with the same odometry."""
         return self.odometry == other.odometry and np.array_equal(self.ranges, other.ranges, equal_nan=True)
@@ -122,17 +129,17 @@ def read_scans(path: Path, given: Reading) -> tuple[LaserRecording, list[str]]:
 
     The log starts where the odometry does.
     """
-    lines = list(_lines(path))
+    logged = list(_lines(path))
+    lines = [line for line in logged if len(line.ranges)]
     if len(lines) < 2:
         raise InputError(f"{path}: found {len(lines)} scans (FLASER or ROBOTLASER1), expected at least 2.")
     first = lines[0]
-    for line in lines:
-        if len(line.ranges) != len(first.ranges) or line.angles != first.angles:
-            raise InputError(
-                f"{path}, line {line.number}: found a scan of {len(line.ranges)} beams, expected {len(first.ranges)} "
-                f"at the same angles, as in line {first.number}."
-            )
+    alike = all(len(line.ranges) == len(first.ranges) and line.angles == first.angles for line in lines)
     kept, remarks = _in_order(lines)
+    if len(lines) < len(logged):
+        remarks.append(f"{len(logged) - len(lines)} of {len(logged)} scans are empty and are left out")
+    if not alike:
+        remarks.append(spread([line.fan for line in kept]))
     odometry = np.array([line.odometry for line in kept])
     moves = bool((odometry != odometry[0]).any())
     if given.odometry == "wheels" and not moves:
@@ -159,7 +166,7 @@ def read_scans(path: Path, given: Reading) -> tuple[LaserRecording, list[str]]:
         else first.angles[0] + first.angles[1] * np.arange(count, dtype=np.float64)
     )
     scanner = Scanner(angles, given.pose, given.least, given.most)
-    ranges = np.array([line.ranges for line in kept])
+    ranges = padded([line.ranges for line in kept])
     if given.most > CODES[0]:
         ranges = without_codes(ranges)
     if not ((ranges > given.least) & (ranges < given.most)).any():
@@ -172,6 +179,7 @@ def read_scans(path: Path, given: Reading) -> tuple[LaserRecording, list[str]]:
         odometry if moves and given.odometry != "none" else None,
         assumed(odometry[0]),
         {"source": path.name.encode("utf-8", "replace").decode()},
+        fans=None if alike else [line.fan for line in kept],
     ), remarks
 
 

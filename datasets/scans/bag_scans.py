@@ -6,6 +6,7 @@ nav_msgs/Odometry or else of tf, is interpolated to that time.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,9 +15,10 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.se2 import Array
 from ...frontend.laser.recording import FARTHEST, LaserRecording, jump
-from ...frontend.laser.scanner import CODES, Scanner, without_codes
+from ...frontend.laser.scanner import CODES, Fan, Scanner, padded, spread, without_codes
 from ..bags.bag import Bag, Topic
 from ..bags.columns import check_clock, of_untimed
+from ..bags.left_out import LeftOut
 from ..bags.topics import choose, found, plain
 from ..bags.transforms import Transforms
 from ..prior import assumed
@@ -27,35 +29,27 @@ from .robot import LaserRobot
 SCAN = "sensor_msgs/msg/LaserScan"
 
 APART = 1000  # ns; stamps that are closer are of the same scan
-SAME = 1e-3  # rad by which the beams of two scans may differ
+SAME = 1e-3  # rad by which the beams of two scans may differ and count as the first's
+USUAL = 4  # times the median number of beams that a scan may have
 SWEEP = 1.0  # s; a sweep that lasts longer is a `time_increment` in other units
 
 SNAPSHOT = "a scan counts as taken at once, in the middle of its sweep; its beams are not corrected for the motion"
 
 
-class Fan(NamedTuple):
-    """The beams of a scan."""
+class Swept(NamedTuple):
+    """A scan of a bag."""
 
-    beams: int
-    first: float  # rad
-    step: float  # rad
-
-    @property
-    def last(self) -> float:
-        """The direction of the last beam, rad."""
-        return self.first + (self.beams - 1) * self.step
-
-    def is_like(self, other: "Fan") -> bool:
-        """Tells if all beams point the same way as another's."""
-        return self.beams == other.beams and max(abs(self.first - other.first), abs(self.last - other.last)) <= SAME
+    stamp: int  # ns, the middle of its sweep
+    fan: Fan
+    ranges: Array  # (b,) m
 
 
 class Scans(NamedTuple):
     """The scans of a topic in the order of time."""
 
     t: Array  # (n,) s, the middle of each sweep, strictly increasing
-    ranges: Array  # (n, b) m
-    fan: Fan
+    ranges: list[Array]  # (b,) m of each scan
+    fans: list[Fan]
     limits: tuple[float, float]  # m, the least and the largest range of a return as the scanner states them
     frame: str
 
@@ -63,8 +57,8 @@ class Scans(NamedTuple):
 def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     """The scans of the bag at `path` with their odometry, and remarks.
 
-    InputError for a bag that is damaged, topics that are missing or ambiguous, scans of different beams, a clock that
-    goes back, a scanner or robot that is not level, and scans without odometry where the bag has some.
+    InputError for a bag that is damaged, topics that are missing or ambiguous, a clock that goes back, a scanner or
+    robot that is not level, and scans without odometry where the bag has some.
     """
     bag = Bag(path)
     listed = bag.listed()
@@ -78,14 +72,26 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     transforms = Transforms(bag, listed)
     read = read_odometry(bag, listed, transforms, robot, remarks)
     mounted = placed(str(path), transforms, scans.frame, None if read is None else read.base, robot.pose, remarks)
-    angles = scans.fan.first + scans.fan.step * np.arange(scans.fan.beams, dtype=np.float64)
-    ranges = scans.ranges
+    ranges, fans = scans.ranges, scans.fans
+    alike = all(is_like(fan, fans[0]) for fan in fans)
+    if alike:
+        fans = fans[:1] * len(fans)
+    else:
+        remarks.append(f"{path}: topic {topic.name}: {spread(fans)}")
     if mounted.upside_down:
-        angles = -angles
-    if angles[0] > angles[-1]:
-        angles, ranges = angles[::-1].copy(), ranges[:, ::-1].copy()
+        fans = [Fan(fan.beams, -fan.first, -fan.step) for fan in fans]
+    clockwise = [fan.step < 0 for fan in fans]
+    ranges = [row[::-1] if turned else row for row, turned in zip(ranges, clockwise, strict=True)]
+    angles = fans[0].angles(fans[0].beams)
     least, most = scans.limits
-    scanner = Scanner(angles, mounted.pose, max(robot.min_range, least), min(robot.max_range, most))
+    scanner = Scanner(
+        angles[::-1].copy() if clockwise[0] else angles,
+        mounted.pose,
+        max(robot.min_range, least),
+        min(robot.max_range, most),
+    )
+    fans = [Fan(fan.beams, fan.last, -fan.step) if turned else fan for fan, turned in zip(fans, clockwise, strict=True)]
+    ranges = padded(ranges)
     if scanner.most > CODES[0]:
         ranges = without_codes(ranges)
     if not ((ranges > scanner.least) & (ranges < scanner.most)).any():
@@ -106,61 +112,79 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     }
     prior = robot.prior or assumed(None if here.poses is None else here.poses[0])
     name = robot.name or path.name.partition(".")[0]
-    return LaserRecording(name, scanner, scans.t[here.rows], ranges[here.rows], here.poses, prior, notes), remarks
+    recording = LaserRecording(name, scanner, scans.t, ranges, None, prior, notes, fans=None if alike else fans)
+    return replace(recording.taken(here.rows), odometry=here.poses), remarks
 
 
 def _scans(bag: Bag, topic: Topic, remarks: list[str]) -> Scans:
     """All scans of a topic; `remarks` grows by what is odd."""
-    first: Fan | None = None
-    example: Any = None  # the first scan
+    example: Any = None  # the first scan that can be used
     latest = 0
-    number = unreadable = untimed = slow = 0
-    taken = list[tuple[int, Array]]()
+    number = unreadable = untimed = slow = empty = 0
+    taken, wrong = list[Swept](), LeftOut(str(bag.path), f"scans of topic {topic.name}")
     for number, message in enumerate(bag.messages(topic.name), start=1):
         scan, stamp = message.content, message.nanoseconds
         if scan is None:
             unreadable += 1
             continue
         fan = Fan(len(scan.ranges), float(scan.angle_min), float(scan.angle_increment))
-        where = f"{bag.path}: message {number} of topic {topic.name}"
-        if first is None:
-            first, example, latest = fan, scan, stamp
-            _check_fan(where, fan)
-        if not fan.is_like(first):
-            raise InputError(f"{where}: found a scan of {_shown(fan)}, expected {_shown(first)}, as before.")
+        if not fan.beams:
+            empty += 1
+            continue
+        if fault := _fault(fan):
+            wrong.add(f"message {number} is a scan of {_shown(fan)}, expected {fault}")
+            continue
+        example, latest = (scan, stamp) if example is None else (example, latest)
         check_clock(bag, topic, number, stamp, latest)
         latest, untimed = stamp, untimed + message.untimed
         sweep = (fan.beams - 1) * float(scan.time_increment)
         slow += not 0 <= sweep <= SWEEP
-        taken.append((stamp + round(0.5e9 * sweep if 0 <= sweep <= SWEEP else 0.0), np.asarray(scan.ranges, float)))
-    if first is None:
+        middle = stamp + round(0.5e9 * sweep if 0 <= sweep <= SWEEP else 0.0)
+        taken.append(Swept(middle, fan, np.asarray(scan.ranges, float)))
+    if unreadable == number:
         raise InputError(f"{bag.path}: none of the {number} messages of topic {topic.name} can be read.")
-    taken.sort(key=lambda one: one[0])
-    kept = [taken[0]]
+    if empty + unreadable == number:
+        raise InputError(f"{bag.path}: all {empty} scans of topic {topic.name} are empty, expected ranges.")
+    usual = USUAL * float(np.median([one.fan.beams for one in taken])) if taken else 0
+    for one in taken:
+        if one.fan.beams > usual:
+            wrong.add(f"one is of {one.fan.beams} beams, expected at most {USUAL} times the median")
+    remarks += wrong.remarks(number - empty - unreadable)
+    taken = sorted((one for one in taken if one.fan.beams <= usual), key=lambda one: one.stamp)
+    kept = taken[:1]
     for one in taken[1:]:
-        if one[0] - kept[-1][0] > APART:
+        if one.stamp - kept[-1].stamp > APART:
             kept.append(one)
     if len(kept) < 2:
         raise InputError(f"{bag.path}: found {len(kept)} scans in topic {topic.name}, expected at least 2.")
+    if empty:
+        remarks.append(f"{bag.path}: {empty} of {number} scans of topic {topic.name} are empty and are left out")
     remarks += of_untimed(bag, topic, untimed)
-    remarks += list(_odd(bag, topic, example, first, unreadable, len(taken) - len(kept), slow))
+    remarks += list(_odd(bag, topic, example, unreadable, len(taken) - len(kept), slow))
     least, most = float(example.range_min), float(example.range_max)
     stated = (least, most) if 0 <= least < most else (0.0, np.inf)  # an unset limit is 0 or not a number
-    t = np.array([stamp / 10**9 for stamp, _ in kept])
-    return Scans(t, np.array([ranges for _, ranges in kept]), first, stated, example.header.frame_id)
+    t = np.array([one.stamp / 10**9 for one in kept])
+    ranges, fans = [one.ranges for one in kept], [one.fan for one in kept]
+    return Scans(t, ranges, fans, stated, example.header.frame_id)
 
 
-def _check_fan(where: str, fan: Fan) -> None:
-    """Raises InputError for beams that point nowhere."""
+def _fault(fan: Fan) -> str:
+    """The expectation that beams do not meet; "" for sound ones."""
     if fan.beams < 2 or not np.isfinite([fan.first, fan.step]).all() or not 0 < abs(fan.step) < np.pi:
-        raise InputError(f"{where}: found a scan of {_shown(fan)}, expected at least 2 beams at steps of an angle.")
+        return "at least 2 beams at steps of an angle"
     if abs(fan.last - fan.first) > 2 * np.pi + SAME + abs(fan.step):
-        raise InputError(f"{where}: found a scan of {_shown(fan)}, expected at most a full turn, in radians.")
+        return "at most a full turn, in radians"
+    return ""
 
 
-def _odd(bag: Bag, topic: Topic, scan: Any, fan: Fan, unreadable: int, twice: int, slow: int) -> Sequence[str]:
-    """Remarks on scans that are legal yet odd."""
-    said = list[str]()
+def is_like(fan: Fan, other: Fan) -> bool:
+    """Tells if all beams point the same way as another's."""
+    return fan.beams == other.beams and max(abs(fan.first - other.first), abs(fan.last - other.last)) <= SAME
+
+
+def _odd(bag: Bag, topic: Topic, scan: Any, unreadable: int, twice: int, slow: int) -> Sequence[str]:
+    """Remarks on scans that are legal yet odd; `scan` is the first."""
+    fan, said = Fan(len(scan.ranges), float(scan.angle_min), float(scan.angle_increment)), list[str]()
     if unreadable:
         said.append(f"{bag.path}: {unreadable} of {topic.messages} scans of topic {topic.name} cannot be read")
     if twice:
