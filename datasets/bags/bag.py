@@ -57,6 +57,7 @@ class Message(NamedTuple):
     nanoseconds: int
     content: Any  # None: unreadable
     untimed: bool = False
+    received: int = 0  # ns
 
 
 @dataclass(frozen=True)
@@ -81,17 +82,21 @@ class Bag:
                 unsaid = content is not None and not stamp and first is not None
                 if unsaid and not begun and abs(at) < BEGINNING:
                     at, unsaid = 0, False
-                yield Message(at, content, unsaid)
+                yield Message(at, content, unsaid, received)
 
     def contents(self, topic: str) -> Iterator[Any]:
         """The contents of the messages of `topic`, which need no header; None for one that is unreadable."""
+        return (content for _, content in self.received(topic))
+
+    def received(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """Times of reception, ns, and `contents`."""
         with self._open() as (reader, decode):
-            for connection, _, content in reader.messages(reader.topics[topic].connections):
+            for connection, received, content in reader.messages(reader.topics[topic].connections):
                 try:
                     message = decode(content, connection.msgtype)
                 except Exception:  # a damaged message may raise anything
                     message = None
-                yield message
+                yield received, message
 
     @contextmanager
     def _open(self) -> Generator[tuple[Any, Callable[[bytes, str], Any]]]:

@@ -17,19 +17,24 @@ class LeftOut:
     """Those of one topic, or transform, and what is wrong with the first."""
 
     where: str  # the bag
-    what: str  # as in "messages of topic /odom"
+    noun: str  # of one
+    of: str  # as in "of topic /odom"
     count: int = 0
-    first: str = ""
+    number: int = 0  # of the first, from 1 on
+    why: str = ""
 
-    def add(self, why: str) -> None:
-        """Counts one."""
-        self.count, self.first = self.count + 1, self.first or why
+    def add(self, number: int, why: str) -> None:
+        """Counts message `number`."""
+        if not self.count or number < self.number:
+            self.number, self.why = number, why
+        self.count += 1
 
     def remarks(self, total: int) -> list[str]:
         """The remark on those of `total`; none for none. InputError where they are more than MOST."""
         if not self.count:
             return []
-        found = f"{self.where}: {self.count} of {total} {self.what} cannot be used"
+        found = f"{self.where}: {self.count} of {total} {self.noun}s {self.of} cannot be used"
+        first = f"the first, {self.noun} {self.number}, {self.why}"
         if self.count > MOST * total:
-            raise InputError(f"{found}, expected at most half of them; the first: {self.first}.")
-        return [f"{found} and are left out, the first: {self.first}"]
+            raise InputError(f"{found}, expected most of them to be sound; {first}.")
+        return [f"{found} and are left out; {first}"]

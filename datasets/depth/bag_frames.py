@@ -68,10 +68,11 @@ def read_bag(path: Path, robot: DepthRobot) -> Sources:
             f"{path}: tf has no transform from {robot.truth_frame!r} that moves {image.frame}, expected the camera's "
             "true poses."
         )
+    remarks += transforms.remarks
     used = {"image": image.topic.name, "depth": depth.topic.name}
     return Sources(
-        images=lambda: shots(bag, image.topic, picture(image.topic)),
-        depths=lambda: shots(bag, depth.topic, measured(depth.topic, robot.units)),
+        images=lambda: shots(bag, image.topic, picture(image.topic), remarks),
+        depths=lambda: shots(bag, depth.topic, measured(depth.topic, robot.units), remarks),
         camera=camera,
         registration=registration,
         readings=readings,

@@ -16,6 +16,7 @@ from ...core.errors import InputError
 from ..bags import images
 from ..bags.bag import Bag, Topic
 from ..bags.cameras import COMPRESSED, IMAGE, in_order
+from ..bags.left_out import LeftOut
 from ..bags.topics import found, shown
 from ..quiet_decoders import silenced
 from .folder import MM
@@ -58,15 +59,17 @@ def frame_of(bag: Bag, topic: Topic) -> str:
     return "" if message is None else message.header.frame_id.strip("/")
 
 
-def shots(bag: Bag, topic: Topic, load: Callable[[Any], Pixels | Flaw]) -> Iterator[Shot]:
-    """The images of a topic in the order of time, decoded by `load`."""
-    latest = None
-    for number, message in enumerate(in_order(bag.messages(topic.name)), start=1):
+def shots(bag: Bag, topic: Topic, load: Callable[[Any], Pixels | Flaw], remarks: list[str]) -> Iterator[Shot]:
+    """The images of a topic in the order of time, decoded by `load`; `remarks` grows at the end."""
+    latest, number = None, 0
+    left_out = LeftOut(str(bag.path), "image", f"of topic {topic.name}")
+    for number, message in enumerate(in_order(bag.messages(topic.name), left_out), start=1):
         if message.nanoseconds == latest:
             continue  # of two images at one time, the first
         latest = message.nanoseconds
         name = f"message {number} of topic {topic.name}"
         yield Shot(message.nanoseconds / 10**9, name, lambda content=message.content: load(content))
+    remarks += [one for one in left_out.remarks(number + left_out.count) if one not in remarks]
 
 
 def picture(topic: Topic) -> Callable[[Any], Pixels | Flaw]:

@@ -21,6 +21,7 @@ from ..bags import images
 from ..bags.bag import Bag, Topic
 from ..bags.cameras import COMPRESSED, IMAGE, camera_of, in_order, info_beside
 from ..bags.columns import columns, of_untimed, poses
+from ..bags.left_out import LeftOut
 from ..bags.odometry import ODOMETRY
 from ..bags.topics import choose, found, plain, shown
 from .streams import Streams
@@ -74,11 +75,13 @@ class _Images:
     def __iter__(self) -> Iterator[Frame]:
         decode = images.raw if self.topic.type == IMAGE else images.compressed
         count, untimed, decoded, example = 0, 0, False, None
-        for message in in_order(self.bag.messages(self.topic.name)):
+        left_out = LeftOut(str(self.bag.path), "image", f"of topic {self.topic.name}")
+        for message in in_order(self.bag.messages(self.topic.name), left_out):
             image = None if message.content is None else decode(message.content)
             untimed += message.untimed
             count, decoded, example = count + 1, decoded or image is not None, example or message.content
             yield Frame(message.nanoseconds / 10**9, image)
+        self.remarks.extend(left_out.remarks(count + left_out.count))
         self.remarks.extend(of_untimed(self.bag, self.topic, untimed))
         if count and not decoded:
             kind = getattr(example, "encoding", getattr(example, "format", "of unknown layout"))

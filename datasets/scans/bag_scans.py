@@ -17,7 +17,8 @@ from ...core.se2 import Array
 from ...frontend.laser.recording import FARTHEST, LaserRecording, jump
 from ...frontend.laser.scanner import CODES, Fan, Scanner, padded, spread, without_codes
 from ..bags.bag import Bag, Topic
-from ..bags.columns import check_clock, of_untimed
+from ..bags.clock import astray, check_clock
+from ..bags.columns import of_untimed
 from ..bags.left_out import LeftOut
 from ..bags.topics import choose, found, plain
 from ..bags.transforms import Transforms
@@ -39,7 +40,10 @@ SNAPSHOT = "a scan counts as taken at once, in the middle of its sweep; its beam
 class Swept(NamedTuple):
     """A scan of a bag."""
 
-    stamp: int  # ns, the middle of its sweep
+    number: int  # of its message
+    stamp: int  # ns
+    received: int  # ns
+    middle: int  # ns, of its sweep
     fan: Fan
     ranges: Array  # (b,) m
 
@@ -72,6 +76,7 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     transforms = Transforms(bag, listed)
     read = read_odometry(bag, listed, transforms, robot, remarks)
     mounted = placed(str(path), transforms, scans.frame, None if read is None else read.base, robot.pose, remarks)
+    remarks += transforms.remarks
     ranges, fans = scans.ranges, scans.fans
     alike = all(is_like(fan, fans[0]) for fan in fans)
     if alike:
@@ -119,9 +124,8 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
 def _scans(bag: Bag, topic: Topic, remarks: list[str]) -> Scans:
     """All scans of a topic; `remarks` grows by what is odd."""
     example: Any = None  # the first scan that can be used
-    latest = 0
     number = unreadable = untimed = slow = empty = 0
-    taken, wrong = list[Swept](), LeftOut(str(bag.path), f"scans of topic {topic.name}")
+    taken, left_out = list[Swept](), LeftOut(str(bag.path), "scan", f"of topic {topic.name}")
     for number, message in enumerate(bag.messages(topic.name), start=1):
         scan, stamp = message.content, message.nanoseconds
         if scan is None:
@@ -132,38 +136,48 @@ def _scans(bag: Bag, topic: Topic, remarks: list[str]) -> Scans:
             empty += 1
             continue
         if fault := _fault(fan):
-            wrong.add(f"message {number} is a scan of {_shown(fan)}, expected {fault}")
+            left_out.add(number, f"has {_shown(fan)}, expected {fault}")
             continue
-        example, latest = (scan, stamp) if example is None else (example, latest)
-        check_clock(bag, topic, number, stamp, latest)
-        latest, untimed = stamp, untimed + message.untimed
+        example, untimed = example or scan, untimed + message.untimed
         sweep = (fan.beams - 1) * float(scan.time_increment)
         slow += not 0 <= sweep <= SWEEP
         middle = stamp + round(0.5e9 * sweep if 0 <= sweep <= SWEEP else 0.0)
-        taken.append(Swept(middle, fan, np.asarray(scan.ranges, float)))
+        taken.append(Swept(number, stamp, message.received, middle, fan, np.asarray(scan.ranges, float)))
     if unreadable == number:
         raise InputError(f"{bag.path}: none of the {number} messages of topic {topic.name} can be read.")
     if empty + unreadable == number:
         raise InputError(f"{bag.path}: all {empty} scans of topic {topic.name} are empty, expected ranges.")
     usual = USUAL * float(np.median([one.fan.beams for one in taken])) if taken else 0
-    for one in taken:
-        if one.fan.beams > usual:
-            wrong.add(f"one is of {one.fan.beams} beams, expected at most {USUAL} times the median")
-    remarks += wrong.remarks(number - empty - unreadable)
-    taken = sorted((one for one in taken if one.fan.beams <= usual), key=lambda one: one.stamp)
+    wrong = {
+        row: f"has {one.fan.beams} beams, expected at most {usual:.0f}, {USUAL} times the median"
+        for row, one in enumerate(taken)
+        if one.fan.beams > usual
+    } | astray([one.stamp for one in taken], [one.received for one in taken])
+    for row, why in wrong.items():
+        left_out.add(taken[row].number, why)
+    remarks += left_out.remarks(number - empty - unreadable)
+    taken = [one for row, one in enumerate(taken) if row not in wrong]
+    check_clock(bag, topic, [one.number for one in taken], [one.stamp for one in taken])
+    some = [one for one in taken if not np.isnan(one.ranges).all()]
+    if some:  # else the ranges are refused
+        empty, taken = empty + len(taken) - len(some), some
+    taken.sort(key=lambda one: one.middle)
     kept = taken[:1]
     for one in taken[1:]:
-        if one.stamp - kept[-1].stamp > APART:
+        if one.middle - kept[-1].middle > APART:
             kept.append(one)
     if len(kept) < 2:
         raise InputError(f"{bag.path}: found {len(kept)} scans in topic {topic.name}, expected at least 2.")
     if empty:
-        remarks.append(f"{bag.path}: {empty} of {number} scans of topic {topic.name} are empty and are left out")
+        remarks.append(
+            f"{bag.path}: {empty} of {number} scans of topic {topic.name} are empty, or NaN in every beam, and are "
+            "left out"
+        )
     remarks += of_untimed(bag, topic, untimed)
     remarks += list(_odd(bag, topic, example, unreadable, len(taken) - len(kept), slow))
     least, most = float(example.range_min), float(example.range_max)
     stated = (least, most) if 0 <= least < most else (0.0, np.inf)  # an unset limit is 0 or not a number
-    t = np.array([one.stamp / 10**9 for one in kept])
+    t = np.array([one.middle / 10**9 for one in kept])
     ranges, fans = [one.ranges for one in kept], [one.fan for one in kept]
     return Scans(t, ranges, fans, stated, example.header.frame_id)
 

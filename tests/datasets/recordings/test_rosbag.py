@@ -323,10 +323,13 @@ def test_a_camera_that_was_never_calibrated_is_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("said", "message"),
     [
-        ([bags.odometry(4 * MS, 0, 0, (0, 0, 0, 0))], "/odom at 0.004 s: the orientation's quaternion has length 0"),
-        ([bags.odometry(4 * MS, 0, 0, (0.6, 0, 0, 0.8))], "/odom at 0.004 s: the robot is tilted by 74 degrees"),
-        ([bags.odometry(4 * MS, np.nan, 0, (0, 0, 0, 1))], "/odom at 0.004 s: found .*nan.* expected finite numbers"),
-        ([bags.counts(4 * MS, 1, np.inf, 0, 0)], "/encoder at 0.004 s: found .*inf.* expected finite numbers"),
+        (
+            [bags.odometry(4 * MS, 0, 0, (0, 0, 0, 0))],
+            "/odom cannot be .* 0.004 s, has an orientation whose quat.* length 0",
+        ),
+        ([bags.odometry(4 * MS, 0, 0, (0.6, 0, 0, 0.8))], "/odom cannot be used.* is tilted by 74 degrees"),
+        ([bags.odometry(4 * MS, np.nan, 0, (0, 0, 0, 1))], "/odom cannot be used.* has .nan, .*, expected metres"),
+        ([bags.counts(4 * MS, 1, np.inf, 0, 0)], "/encoder cannot be used.* at 0.004 s, has .*inf.* expected counts"),
         ([bags.counts(k, 0, 0.6, 0.8, 0) for k in (1, 2)], "/encoder holds orientations, expected the wheels'"),
         ([bags.counts(7, k, k, k, k) for k in (1, 2, 3)], "3 messages of topic /encoder have only 1 distinct times"),
         ([bags.image(2, picture(1), encoding="32FC1", topic="/d")], r"none of the 1 images of topic /d .*'32FC1'"),
@@ -337,6 +340,36 @@ def test_readings_that_cannot_be(tmp_path: Path, said: list[bags.Said], message:
     images = [one for one in said if "image" in one.type.lower()]
     path = bags.write(tmp_path, "mcap", said if images else [bags.image(1, picture(0)), *said])
     refused(f"{re.escape(str(path))}: .*{message}", lambda: frames(read(path, NAMELESS)))
+
+
+def test_single_bad_messages_are_left_out_and_counted(tmp_path: Path) -> None:
+    """Counts that are no numbers, and images at absurd times: before all others, between them, and after them."""
+    said = drive(12)
+    counts = [one for one in said if one.topic == "/encoder"]
+    shots = [one for one in said if one.topic == "/image"]
+    counts[3] = bags.counts(counts[3].stamp, 1e256, 1, 1, 1)
+    counts[7] = bags.counts(counts[7].stamp, np.nan, 1, 1, 1)
+    for row, stamp in ((0, 7), (9, shots[9].stamp - 500 * MS), (5, shots[5].stamp + 10**9 * 10**9)):
+        shots[row] = shots[row]._replace(stamp=stamp + 10**18, received=shots[row].stamp)
+    shots = [one if one.stamp > 10**17 else one._replace(stamp=one.stamp + 10**18, received=one.stamp) for one in shots]
+    shots[0] = shots[0]._replace(stamp=7)
+    streams = read(bags.write(tmp_path, "ros1", in_order_of_reception(counts, shots)), NAMELESS)
+    found = frames(streams)
+    for (t, image), k in zip(found, (1, 2, 3, 4, 6, 7, 8, 10, 11), strict=True):
+        assert abs(t - (10**9 + 0.04 * (k + 1))) < 1e-6
+        np.testing.assert_array_equal(image, picture(k))
+    assert isinstance(streams.readings, Ticks)
+    assert len(streams.readings.t) == len(counts) - 2
+    of_counts, of_images = streams.remarks
+    assert "2 of 11 messages of topic /encoder cannot be used and are left out; the first, message 4, at 0.08 s" in (
+        of_counts
+    )
+    assert "3 of 12 images of topic /image cannot be used and are left out; the first, image 1, is stamped" in of_images
+
+
+def in_order_of_reception(*streams: list[bags.Said]) -> list[bags.Said]:
+    said = [one for stream in streams for one in stream]
+    return sorted(said, key=lambda one: one.stamp if one.received is None else one.received)
 
 
 # --- bags that are none -----------------------------------------------------------------------------------------------
