@@ -14,6 +14,7 @@ from ...backends.api import NoOptions
 from ...backends.association import options as association
 from ...core.errors import InputError, nearest
 from ...datasets import registry as datasets
+from ...datasets.bags.bag import is_bag
 from ...datasets.formats import file_kind
 from . import many
 from .variant import BackendVariant, DatasetVariant, Variant, text_of
@@ -109,7 +110,7 @@ def _kind(path: str) -> str:
         beside = os.path.join(os.path.dirname(path), "robot.toml")
         return "recording" if kind == "carmen" and os.path.isfile(beside) else kind
     inside = (os.path.join(path, name) for name in ("robot.toml", "metadata.yaml"))
-    return "recording" if os.path.isfile(path) or any(map(os.path.isfile, inside)) else "log"
+    return "recording" if any(map(os.path.isfile, (path, *inside))) or is_bag(Path(path)) else "log"
 
 
 def read_options(cls: type[Any], given: Sequence[tuple[str, str]], where: str) -> Any:

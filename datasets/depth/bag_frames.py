@@ -46,7 +46,7 @@ def read_bag(path: Path, robot: DepthRobot) -> Sources:
     listed = bag.listed()
     if not any(topic.messages for topic in listed):
         raise InputError(f"{path}: contains no messages, expected a recording.")
-    topics, remarks = robot.topics, list[str]()
+    topics, remarks = robot.topics, bag.remarks()
     image, depth = (_Seen(topic, frame_of(bag, topic)) for topic in chosen(bag, listed, topics.image, topics.depth))
     transforms = Transforms(bag, listed)
     odometry = find_odometry(bag, listed, transforms, topics.odometry, robot.odom_frame, remarks)

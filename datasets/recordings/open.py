@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ...core.errors import InputError
 from ...core.files import check_regular
-from ..bags.bag import is_bag
+from ..bags.bag import is_bag, is_whole
 from ..readings import ODOMETRY, TICKS, read_readings
 from ..robot_files import ROBOT, recording_in
 from ..truth import PLACES, POSES, read_truth
@@ -50,9 +50,9 @@ def is_live(path: Path) -> bool:
 
 def _frames_of(path: Path, robot: Robot) -> Path:
     """The bag, video or folder of pictures that `path` is or contains; of several the one named by robot.toml."""
-    if not path.is_dir() or is_bag(path):
-        return path
     source = robot.frames.source
+    if not path.is_dir() or is_whole(path, source):
+        return path
     found = sorted(
         one
         for one in path.iterdir()

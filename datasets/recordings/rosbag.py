@@ -53,7 +53,7 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
     if image is None:
         raise InputError(f"{path}: has no topic with images ({plain(IMAGE)} or CompressedImage); {found(listed)}")
     info = info_beside(path, listed, topics.camera_info, "[topics] camera_info", image)
-    remarks = list[str]()
+    remarks = bag.remarks()
     return Streams(
         frames=_Images(bag, image, remarks),
         length=image.messages,

@@ -71,7 +71,7 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     topic = choose(path, listed, robot.topic, "[laser] topic or the option scan", (SCAN,))
     if topic is None:
         raise InputError(f"{path}: has no topic with scans ({plain(SCAN)}); {found(listed)}")
-    remarks = list[str]()
+    remarks = bag.remarks()
     scans = _scans(bag, topic, remarks)
     transforms = Transforms(bag, listed)
     read = read_odometry(bag, listed, transforms, robot, remarks)

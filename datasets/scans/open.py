@@ -12,7 +12,7 @@ from ...core.files import check_regular
 from ...frontend.laser.log import first_scan
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.settings import Settings
-from ..bags.bag import Bag, is_bag
+from ..bags.bag import Bag, is_bag, is_whole
 from ..formats import relations
 from ..formats.carmen import Reading, read_scans
 from ..formats.file_kind import CARMEN
@@ -106,7 +106,7 @@ def _carmen(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
 
 def _source(path: Path, robot: LaserRobot) -> Path:
     """The bag or log that `path` is or contains; of several the one that robot.toml names."""
-    if not path.is_dir() or is_bag(path):
+    if not path.is_dir() or is_whole(path, robot.source):
         return path
     inside = sorted(one for one in path.iterdir() if is_bag(one) or is_carmen(one))
     return recording_in(path, "laser", robot.source, inside, _KINDS)
