@@ -66,7 +66,9 @@ class Options:
     start_x: float | None = option(None, "initial x, m; not given: from the ground truth, else 0")
     start_y: float | None = option(None, "initial y, m")
     start_heading: float | None = option(None, "initial heading, rad", minimum=-np.pi, maximum=np.pi)
-    start_sd: float = option(1e-3, "standard deviation of the initial pose, m and rad", minimum=1e-9, maximum=1e3)
+    start_sd: float | tuple[float, float] = option(
+        1e-3, "standard deviation of the initial pose: of m and rad alike, or of m;rad", minimum=1e-9, maximum=1e3
+    )
 
 
 class Detections(NamedTuple):
@@ -257,7 +259,10 @@ def _prior(options: Options, truth: Truth | None, start: float) -> Prior:
     for k, given in enumerate((options.start_x, options.start_y, options.start_heading)):
         if given is not None:
             pose[k] = given
-    return Prior(pose, options.start_sd**2 * np.eye(3))
+    if not isinstance(options.start_sd, tuple):
+        return Prior(pose, options.start_sd**2 * np.eye(3))
+    position, heading = options.start_sd
+    return Prior(pose, np.diag([position**2, position**2, heading**2]))
 
 
 def _notes(options: Options, seen: Detections) -> dict[str, Any]:

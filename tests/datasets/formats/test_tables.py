@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drawn_errors import run
 from fuzzing import survivors
 from refusals import refusal, refused
 from slamduel.core.check import problems
@@ -129,6 +130,28 @@ def test_where_the_robot_starts(files: dict[str, Any]) -> None:
     alone = made(without).truth  # the landmarks are known, the path is not
     assert alone.map is not None
     assert len(alone.t) == 0
+
+
+def test_position_and_heading_of_the_start_may_be_known_apart(files: dict[str, Any]) -> None:
+    cov = made(files | {"start_sd": (100.0, 0.05)}).log.prior.cov
+    np.testing.assert_allclose(cov, np.diag([1e4, 1e4, 0.0025]), rtol=1e-12)
+
+
+def test_a_start_somewhere_in_a_large_frame_is_estimated_consistently(files: dict[str, Any], tmp_path: Path) -> None:
+    """UTM: the position is off by 100 m, the heading by 0.05 rad, which no single number says."""
+    scores = list[tuple[float, float]]()
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        t, poses = drive()
+        poses = poses + np.array([5e5, 5e6, 0.0])
+        write_tum(tmp_path / "truth.tum", t, poses)
+        x, y, heading = (poses[0] + rng.normal(0, [100, 100, 0.05])).tolist()
+        start = {"start_x": x, "start_y": y, "start_heading": heading, "truth": str(tmp_path / "truth.tum")}
+        apart, alike = (run("ekf", made(files | start | {"start_sd": sd}))[1] for sd in ((100.0, 0.05), 0.05))
+        scores.append((float(apart.mean()) / 3, float(alike.mean()) / 3))
+    apart, alike = np.mean(scores, axis=0)
+    assert 0.1 < apart < 3
+    assert alike > 100
 
 
 def test_detections_without_odometry_are_left_out_and_counted(files: dict[str, Any]) -> None:
