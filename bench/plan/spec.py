@@ -187,7 +187,7 @@ def _parts(field: Field[Any], annotation: Any, text: str, where: str) -> tuple[A
 
 
 def _several(kinds: Sequence[Any]) -> int:
-    """How many values an option may have in place of one; 0 where it has one."""
+    """The number of values that an option may have in place of one; 0 where it has one."""
     return next((len(typing.get_args(kind)) for kind in kinds if typing.get_origin(kind) is tuple), 0)
 
 

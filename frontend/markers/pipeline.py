@@ -15,7 +15,7 @@ from ...core.se2 import Array
 from ..camera.shutter import CameraMotion, carried
 from ..wheels.holes import outside
 from ..wheels.motion import Motion
-from .aruco import TWICE, Detector, Image, Sighting
+from .aruco import IGNORED, TWICE, Detector, Image, Sighting
 from .noise import Noise
 
 SPAN = 0.2
@@ -120,6 +120,11 @@ def _remarks(recording: Recording, counts: Counter[str], start: float, end: floa
     return [
         *recording.remarks,
         *([twice] if counts[TWICE] else []),
+        *(
+            f"{recording.name}: [markers] ignore has id {one}, which no frame has"
+            for one in recording.detector.markers.ignore
+            if not counts[IGNORED.format(one)]
+        ),
         *recording.motion.remarks(start, end),
         *outside(recording.name, lost, counts["frames"], "frame", clock),
     ]
@@ -155,7 +160,13 @@ def _settings(recording: Recording) -> dict[str, Any]:
         **recording.motion.settings,
         "noise": recording.noise.settings,
         "camera": camera.settings,
-        "markers": {"dictionary": markers.dictionary, "side": markers.side, **sizes, "max_range": recording.max_range},
+        "markers": {
+            "dictionary": markers.dictionary,
+            "side": markers.side,
+            **sizes,
+            **({"ignore": list(markers.ignore)} if markers.ignore else {}),
+            "max_range": recording.max_range,
+        },
     }
 
 
