@@ -98,6 +98,28 @@ def test_compressed_depth_of_millimetres(tmp_path: Path) -> None:
         assert_all(frames_of(opened(tmp_path / form[-3:], in_order(said + given))))
 
 
+@pytest.mark.parametrize("form", ["png", "16UC1; png compressed ", "mono16; png compressed"])
+def test_depth_may_be_a_plain_png_file(form: str, tmp_path: Path) -> None:
+    topic = f"{DEPTH}/compressed"
+    said = [one for one in drive() if one.topic != DEPTH]
+    given = [views.compressed_depth(k, topic, png(depth_at(k)), form) for k in range(6)]
+    given[2] = views.compressed_depth(2, topic, png(depth_at(2))[:-30], form)
+    given[4] = views.compressed_depth(4, topic, png((depth_at(4) // 256).astype(np.uint8)), form)
+    found = opened(tmp_path, in_order(said + given))
+    assert [frame.seconds for frame in frames_of(found)] == pytest.approx([START + k / RATE for k in (0, 1, 3, 5)])
+    np.testing.assert_array_equal(frames_of(found)[0].depth, (depth_at(0) / 1000).astype(np.float32))
+    assert found.recording.left_out["depth images that cannot be decoded"] == 1
+    assert found.recording.left_out["depth images of 8 bits"] == 1
+
+
+def test_compressed_images_of_8_bits_are_no_depth(tmp_path: Path) -> None:
+    """Beside depth there are grey and coloured ones."""
+    said = [one for one in drive() if one.topic != IMAGE]
+    topic = f"{IMAGE}/compressed"
+    given = [views.compressed_depth(k, topic, png(grey_at(k)), "mono8; png compressed ") for k in range(6)]
+    assert_all(frames_of(opened(tmp_path, in_order(said + given))))
+
+
 def test_compressed_depth_of_inverse_depths(tmp_path: Path) -> None:
     """As ROS's transport quantises metres: the value of a depth z is a / z + b, rounded; 0 is none."""
     topic, a, b = f"{DEPTH}/compressedDepth", 40_000.0, 12.0

@@ -107,6 +107,35 @@ def test_yuv(encoding: str, order: str) -> None:
     np.testing.assert_allclose(image.reshape(-1, 3), np.tile([blue, green, red], (24, 1)), atol=1.5)
 
 
+@pytest.mark.parametrize("encoding", ["nv21", "nv12", "NV12"])
+@pytest.mark.parametrize("form", ["rows of the image", "rows of both planes", "padded", "a step of both planes"])
+def test_images_of_two_planes(encoding: str, form: str) -> None:
+    """Each of four parts of the picture has its colour, whatever a driver takes for its rows."""
+    parts = np.array([[[120, 90, 170], [200, 128, 128]], [[60, 140, 120], [90, 110, 160]]])  # y, u, v
+    yuv = parts.repeat(2, axis=0).repeat(4, axis=1)
+    colours = yuv[::2, ::2, 1:] if encoding.lower() == "nv12" else yuv[::2, ::2, :0:-1]
+    planes = np.vstack((yuv[:, :, 0], colours.reshape(2, 8))).astype(np.uint8)
+    if form == "padded":
+        planes = np.pad(planes, ((0, 0), (0, 8)))
+    content = {"height": 4, "width": 8, "encoding": encoding, "step": planes.shape[1], "data": planes.ravel()}
+    content |= {"height": 6} if form == "rows of both planes" else {}
+    content |= {"step": 12} if form == "a step of both planes" else {}
+    image = images.raw(SimpleNamespace(**content, is_bigendian=0))
+    assert image is not None
+    assert image.shape == (4, 8, 3)
+    y, u, v = (yuv[..., k].astype(float) for k in range(3))
+    red, blue = (1.164 * (y - 16) + by * (colour - 128) for by, colour in ((1.596, v), (2.018, u)))
+    green = 1.164 * (y - 16) - 0.813 * (v - 128) - 0.391 * (u - 128)
+    np.testing.assert_allclose(image, np.stack((blue, green, red), axis=-1), atol=2)
+
+
+def test_planes_of_the_wrong_size_are_no_image() -> None:
+    good = {"height": 4, "width": 8, "encoding": "nv12", "step": 8, "is_bigendian": 0, "data": np.zeros(48, np.uint8)}
+    assert images.raw(SimpleNamespace(**good)) is not None
+    for fault in ({"data": np.zeros(47, np.uint8)}, {"width": 7}, {"height": 3}, {"height": 0}, {"height": 2**31}):
+        assert images.raw(SimpleNamespace(**(good | fault))) is None
+
+
 @pytest.mark.parametrize(
     "fault",
     [
