@@ -1,5 +1,6 @@
 """Reads sensor_msgs/LaserScan and odometry of a ROS bag for the laser front end.
 
+Of MultiEchoLaserScan, which is read where a bag has no LaserScan or robot.toml names it, the first echo counts.
 The front end takes a scan as a snapshot. Its stamp is that of its first beam, so the scan counts as taken in the middle
 of its sweep, (n - 1) / 2 of `time_increment` later; single beams are not moved to where the robot was. The odometry, of
 nav_msgs/Odometry or else of tf, is interpolated to that time.
@@ -27,12 +28,14 @@ from .mounted import placed
 from .odometry import Covered, covered, read_odometry
 from .robot import LaserRobot
 
-SCAN = "sensor_msgs/msg/LaserScan"
+SCAN, ECHOES = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/MultiEchoLaserScan"
 
 APART = 1000  # ns; stamps that are closer are of the same scan
 SAME = 1e-3  # rad by which the beams of two scans may differ and count as the first's
 USUAL = 4  # times the median number of beams that a scan may have
 SWEEP = 1.0  # s; a sweep that lasts longer is a `time_increment` in other units
+
+FIRST = "of several echoes of a beam, the first"
 
 SNAPSHOT = "a scan counts as taken at once, in the middle of its sweep; its beams are not corrected for the motion"
 
@@ -68,7 +71,9 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     listed = bag.listed()
     if not any(topic.messages for topic in listed):
         raise InputError(f"{path}: contains no messages, expected a recording.")
-    topic = choose(path, listed, robot.topic, "[laser] topic or the option scan", (SCAN,))
+    single = any(one.type == SCAN and one.messages for one in listed)
+    types = (SCAN, ECHOES) if robot.topic is not None else (SCAN,) if single else (ECHOES,)
+    topic = choose(path, listed, robot.topic, "[laser] topic or the option scan", types)
     if topic is None:
         raise InputError(f"{path}: has no topic with scans ({plain(SCAN)}); {found(listed)}")
     remarks = bag.remarks()
@@ -115,6 +120,8 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
         "time": SNAPSHOT,
         "topics": {"scan": topic.name, "odometry": "none" if here.poses is None or read is None else read.source},
     }
+    if topic.type == ECHOES:
+        notes["echo"] = FIRST
     prior = robot.prior or assumed(None if here.poses is None else here.poses[0])
     name = robot.name or path.name.partition(".")[0]
     recording = LaserRecording(name, scanner, scans.t, ranges, None, prior, notes, fans=None if alike else fans)
@@ -142,7 +149,8 @@ def _scans(bag: Bag, topic: Topic, remarks: list[str]) -> Scans:
         sweep = (fan.beams - 1) * float(scan.time_increment)
         slow += not 0 <= sweep <= SWEEP
         middle = stamp + round(0.5e9 * sweep if 0 <= sweep <= SWEEP else 0.0)
-        taken.append(Swept(number, stamp, message.received, middle, fan, np.asarray(scan.ranges, float)))
+        ranges = [_first(echo.echoes) for echo in scan.ranges] if topic.type == ECHOES else scan.ranges
+        taken.append(Swept(number, stamp, message.received, middle, fan, np.asarray(ranges, float)))
     if unreadable == number:
         raise InputError(f"{bag.path}: none of the {number} messages of topic {topic.name} can be read.")
     if empty + unreadable == number:
@@ -180,6 +188,11 @@ def _scans(bag: Bag, topic: Topic, remarks: list[str]) -> Scans:
     t = np.array([one.middle / 10**9 for one in kept])
     ranges, fans = [one.ranges for one in kept], [one.fan for one in kept]
     return Scans(t, ranges, fans, stated, example.header.frame_id)
+
+
+def _first(echoes: Array) -> float:
+    """The nearest echo of a beam, which scanners say first; NaN for none."""
+    return float(echoes[0]) if len(echoes) else np.nan
 
 
 def _fault(fan: Fan) -> str:

@@ -19,7 +19,7 @@ from ..formats.file_kind import CARMEN
 from ..grid_file import localised
 from ..robot_files import ROBOT, recording_in, robot_beside
 from ..truth import read_truth, with_truth
-from .bag_scans import SCAN, read_bag
+from .bag_scans import ECHOES, SCAN, read_bag
 from .robot import LaserRobot, read_laser_robot
 
 _KINDS = "a ROS bag (.bag, .mcap, or a folder with metadata.yaml) or a CARMEN log (.clf)"
@@ -58,7 +58,7 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
             raise InputError(f"{file}: has no [laser], expected it where a topic of scans or their odometry is named.")
         return None
     if robot is None:
-        scans = is_bag(path) and path.exists() and any(one.type == SCAN and one.messages for one in Bag(path).listed())
+        scans = is_bag(path) and path.exists() and _has_scans(path)
         if not (scans or is_carmen(path)):
             return None
         robot = LaserRobot()
@@ -102,6 +102,10 @@ def _carmen(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     recording, remarks = read_scans(path, Reading(pose, robot.min_range, robot.max_range, robot.odometry))
     recording = replace(recording, name=robot.name or recording.name, prior=robot.prior or recording.prior)
     return recording, remarks
+
+
+def _has_scans(path: Path) -> bool:
+    return any(one.type in (SCAN, ECHOES) and one.messages for one in Bag(path).listed())
 
 
 def _source(path: Path, robot: LaserRobot) -> Path:

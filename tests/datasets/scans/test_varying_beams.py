@@ -16,7 +16,7 @@ from slamduel.bench.plan.load import load
 from slamduel.core.se2 import Array
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.formats.carmen import Options, read
-from slamduel.datasets.scans.open import build, open_scans
+from slamduel.datasets.scans.open import ScanTopics, build, open_scans
 from slamduel.frontend.laser.recording import LaserRecording
 from slamduel.frontend.laser.scanner import Scanner
 from tiers import first_quick
@@ -154,6 +154,31 @@ def test_empty_scans_and_single_odd_ones_are_left_out_and_counted(tmp_path: Path
     assert f"3 of {total - 10} scans of topic /scan cannot be used and are left out; the first, scan 15, has 181" in odd
     assert f"10 of {total} scans of topic /scan are empty, or NaN in every beam, and are left out" in empty
     assert len(build(opened).log) > 20
+
+
+@pytest.mark.parametrize("kind", first_quick(bags.KINDS, 2))
+def test_of_several_echoes_the_first_counts(kind: str, tmp_path: Path) -> None:
+    few = drive().taken(np.arange(len(drive().t)) < 6)
+    plain = floor.scans(few)
+    said = list[bags.Said]()
+    for one, ranges in zip(plain, few.ranges, strict=True):
+        beams = [[] if r > 20 else [r] if k % 2 else [r, r + 1, r + 2] for k, r in enumerate(ranges.tolist())]
+        said.append(bags.echoes(one, beams))
+    opened = open_scans(floor.bag(tmp_path / "echoes", kind, said, floor.odometry(few), floor.mounting()))
+    single = open_scans(floor.bag(tmp_path / "single", kind, plain, floor.odometry(few), floor.mounting()))
+    assert opened is not None
+    assert single is not None
+    assert opened.remarks == []
+    assert opened.recording.notes["echo"] == "of several echoes of a beam, the first"
+    assert "echo" not in single.recording.notes
+    for k in range(6):
+        np.testing.assert_array_equal(opened.recording.points(k), single.recording.points(k))
+    other = [bags.echoes(one, [[9.0]] * 181, "/echoes") for one in plain]
+    both = floor.bag(tmp_path / "both", kind, plain, other, floor.odometry(few), floor.mounting())
+    assert open_scans(both).recording.notes["topics"]["scan"] == "/scan"  # pyright: ignore[reportOptionalMemberAccess]
+    named = open_scans(both, None, ScanTopics("/echoes"))
+    assert named is not None
+    assert (named.recording.ranges == 9).all()
 
 
 def test_a_carmen_log_may_have_scans_of_any_number_of_beams(tmp_path: Path) -> None:
