@@ -1,9 +1,10 @@
 """The cameras of a bag: their images in the order of time, and their calibration."""
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ...core.errors import InputError
 from ...frontend.camera.camera import Camera
 from .bag import Bag, Message, Topic
 from .clock import DAY, SINGLE
+from .images import compressed
 from .left_out import LeftOut
 from .topics import beside, choose
 
@@ -46,10 +48,11 @@ def info_beside(path: Path, listed: Sequence[Topic], named: str | None, setting:
     return choose(path, listed, named, setting, (CAMERA_INFO,))
 
 
-def camera_of(bag: Bag, topic: Topic, rectified: bool = False) -> Camera | None:
-    """The camera, mounted at the robot's origin; None if the messages are of an uncalibrated one.
+def camera_of(bag: Bag, topic: Topic, images: Topic, rectified: bool = False) -> Camera | None:
+    """The camera of `images`, mounted at the robot's origin; None if the messages are of an uncalibrated one.
 
     Of `rectified` images: without distortion, and with the focal lengths and the centre that they were rectified to.
+    Where the images are not of the whole size, they are of the message's region of interest, binned.
     """
     from ...frontend.camera.calibration import from_camera_info
 
@@ -65,7 +68,42 @@ def camera_of(bag: Bag, topic: Topic, rectified: bool = False) -> Camera | None:
         return None
     model = "plumb_bob" if rectified else message.distortion_model
     where = f"{bag.path}: topic {topic.name}"
-    return from_camera_info(where, message.width, message.height, model, matrix, coefficients, np.eye(4))
+    camera = from_camera_info(where, message.width, message.height, model, matrix, coefficients, np.eye(4))
+    return _windowed(where, camera, message, lambda: _size_of(bag, images))
+
+
+def _size_of(bag: Bag, topic: Topic) -> tuple[int, int] | None:
+    """Width and height of the first image that can be read, px; None if there is none."""
+    for message in bag.contents(topic.name):
+        if message is None:
+            continue
+        if topic.type == IMAGE:
+            return message.width, message.height
+        image = compressed(message)
+        if image is not None:
+            return image.shape[1], image.shape[0]
+    return None
+
+
+def _windowed(where: str, camera: Camera, message: Any, sent: Callable[[], tuple[int, int] | None]) -> Camera:
+    """The camera of the pixels that a camera_info says are `sent`: its region of interest, binned; of 0 all.
+
+    Some drivers say so of images that its numbers are of already: these have its whole size.
+    """
+    roi, whole = message.roi, (camera.width, camera.height)
+    corner, size = (roi.x_offset, roi.y_offset), (roi.width or whole[0], roi.height or whole[1])
+    binning = message.binning_x or 1, message.binning_y or 1
+    if (corner, size, binning) == ((0, 0), whole, (1, 1)) or sent() == whole:
+        return camera
+    ends = [start + length for start, length in zip(corner, size, strict=True)]
+    if any(end > side for end, side in zip(ends, whole, strict=True)) or any(
+        part > length for part, length in zip(binning, size, strict=True)
+    ):
+        raise InputError(
+            f"{where}: found a region of interest of {size[0]}x{size[1]} pixels from {corner[0]}, {corner[1]} on, "
+            f"binned by {binning[0]}x{binning[1]}, expected a part of the {whole[0]}x{whole[1]} of its camera."
+        )
+    return camera.window(corner, size, binning)
 
 
 def _of_the_day(messages: Iterator[Message], left_out: LeftOut) -> Iterator[tuple[int, Message]]:

@@ -97,7 +97,7 @@ def _camera(bag: Bag, listed: Sequence[Topic], named: str | None, key: str, imag
             f"{bag.path}: has no topic of {plain(CAMERA_INFO)} for {images.name}, expected one, or "
             f"[{'camera' if key == 'camera_info' else 'depth'}] calibration in {ROBOT}; {found(listed)}"
         )
-    camera = camera_of(bag, info, rectified="image_rect" in images.name)
+    camera = camera_of(bag, info, images, rectified="image_rect" in images.name)
     if camera is None:
         raise InputError(f"{bag.path}: topic {info.name} is of an uncalibrated camera, expected its focal length.")
     return camera

@@ -58,7 +58,7 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
         frames=_Images(bag, image, remarks),
         length=image.messages,
         readings=_readings(bag, listed, topics, counter_bits, remarks),
-        camera=None if info is None else camera_of(bag, info),
+        camera=None if info is None else camera_of(bag, info, image),
         truth=None,
         remarks=remarks,
     )

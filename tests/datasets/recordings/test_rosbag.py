@@ -17,6 +17,7 @@ from refusals import refused
 from slamduel.datasets.bags import images
 from slamduel.datasets.recordings.rosbag import Topics, read
 from slamduel.datasets.recordings.streams import Streams
+from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.wheels.motion import Poses, Ticks
 from tiers import first_quick
 
@@ -342,6 +343,61 @@ def test_of_two_calibrations_apart_from_the_images_one_has_to_be_named(tmp_path:
     path = bags.write(tmp_path, "ros2", said)
     refused(r"\[topics\] camera_info", read, path, NAMELESS)
     assert read(path, Topics(camera_info="/a/i")).camera is not None
+
+
+WINDOWS = {
+    "whole": ((0, 0), (0, 0), (0, 0), (640, 480)),
+    "said in full": ((0, 0), (640, 480), (1, 1), (640, 480)),
+    "binned": ((0, 0), (0, 0), (2, 2), (320, 240)),
+    "binned across": ((0, 0), (640, 480), (4, 1), (160, 480)),
+    "a part": ((100, 60), (200, 120), (0, 0), (200, 120)),
+    "a part, binned": ((100, 60), (200, 120), (2, 4), (100, 30)),
+    "binned, and the calibration is of it": ((0, 0), (0, 0), (2, 2), (640, 480)),
+}
+
+
+@pytest.mark.parametrize("kind", first_quick(bags.KINDS))
+@pytest.mark.parametrize("form", ["raw", "png"])
+@pytest.mark.parametrize("which", WINDOWS)
+def test_images_may_be_a_part_of_the_camera_or_binned(which: str, form: str, kind: str, tmp_path: Path) -> None:
+    """A pixel of the images is where the mean of its pixels is in the whole camera."""
+    corner, part, binning, size = WINDOWS[which]
+    k, d = [500.0, 0, 321.5, 0, 510.0, 239.5, 0, 0, 1], [-0.2, 0.05, 1e-3, -2e-3, 0.01]
+    info = bags.camera_info(5 * MS, k, d)
+
+    def changed(new: Any) -> dict[str, Any]:
+        roi = new("sensor_msgs/msg/RegionOfInterest", *corner, *part[::-1], False)
+        return info.build(new) | {"roi": roi, "binning_x": binning[0], "binning_y": binning[1]}
+
+    pixels = np.zeros(size[::-1], np.uint8)
+    sent = bags.image(5 * MS, pixels)
+    if form == "png":
+        sent = bags.compressed(5 * MS, cv2.imencode(".png", pixels)[1].tobytes(), "png", "/image")
+    camera = read(bags.write(tmp_path, kind, [info._replace(build=changed), sent]), NAMELESS).camera
+    assert camera is not None
+    assert (camera.width, camera.height) == size
+    whole = Camera(640, 480, (500.0, 510.0), (321.5, 239.5), tuple(d), np.eye(4))
+    if size == (640, 480):
+        assert (camera.focal, camera.centre) == (whole.focal, whole.centre)
+        return
+    for u, v in ((0, 0), (size[0] - 1, size[1] - 1), (31, 22)):
+        across, down = (start + by * at + np.arange(by) for start, by, at in zip(
+            corner, (max(one, 1) for one in binning), (u, v), strict=True
+        ))  # fmt: skip
+        ray = whole.undistort(np.array([[across.mean(), down.mean()]]))
+        np.testing.assert_allclose(camera.undistort(np.array([[float(u), float(v)]])), ray, atol=1e-9)
+
+
+@pytest.mark.parametrize(("corner", "part", "binning"), [((600, 0), (200, 100), (1, 1)), ((0, 0), (0, 0), (700, 1))])
+def test_a_part_that_is_not_of_the_camera_is_refused(corner: Any, part: Any, binning: Any, tmp_path: Path) -> None:
+    info = bags.camera_info(5 * MS, [500.0, 0, 320, 0, 500, 240, 0, 0, 1], [0.0] * 5)
+
+    def changed(new: Any) -> dict[str, Any]:
+        roi = new("sensor_msgs/msg/RegionOfInterest", *corner, *part[::-1], False)
+        return info.build(new) | {"roi": roi, "binning_x": binning[0], "binning_y": binning[1]}
+
+    path = bags.write(tmp_path, "ros2", [info._replace(build=changed), bags.image(5 * MS, picture(0))])
+    refused("topic /camera_info: found a region of interest of .*expected a part of the 640x480", read, path, NAMELESS)
 
 
 def test_a_camera_that_was_never_calibrated_is_none(tmp_path: Path) -> None:
