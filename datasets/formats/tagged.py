@@ -13,6 +13,7 @@ from ...core.csv_values import no_number, number, shortened
 from ...core.errors import InputError
 from ...core.se2 import Array
 from ...core.table import LARGEST, Table, text
+from .symbols import has_symbols, without_symbols
 
 LIST = ("id",)  # the columns of rows with a variable number of ids: each becomes a row of its own
 LENGTHS = ("x", "y", "dx", "dy", "range")  # columns in m, limited to LARGEST
@@ -42,6 +43,16 @@ def read_tagged(
         else:
             rest[kind].append(found)
             lines[kind].append(line)
+    tables = _tables(path, lines, rest, columns)
+    if has_symbols(tables):
+        tables = _tables(path, lines, without_symbols(path, rest, lines, columns), columns)
+    return tables
+
+
+def _tables(
+    path: Path, lines: Mapping[str, list[int]], rest: Mapping[str, list[str]], columns: Mapping[str, Sequence[str]]
+) -> dict[str, Table]:
+    """The rows of each kind as numbers."""
     return {
         kind: Table(path, tuple(names), _numbers(path, lines[kind], rest[kind], names), np.array(lines[kind], np.int64))
         .finite()
