@@ -11,7 +11,7 @@ from typing import NamedTuple
 from ...core.errors import InputError
 from ...core.table import Table
 
-BITS = 56  # of a symbol's number
+BITS, LARGEST = 56, 2.0**64  # of a symbol's number, and above all symbols
 
 _POSE, _POINT, _EITHER = "poses", "points", "either"
 
@@ -29,7 +29,7 @@ class _Place(NamedTuple):
 def has_symbols(tables: Mapping[str, Table]) -> bool:
     """Tells if a file has ids as large as symbols."""
     return any(
-        (table.column(name) >= 2.0**BITS).any()
+        ((table.column(name) >= 2.0**BITS) & (table.column(name) < LARGEST)).any()
         for table in tables.values()
         for name, role in zip(table.columns, _roles(table.columns), strict=True)
         if role
@@ -66,7 +66,7 @@ def _places(rows: Mapping[str, Sequence[str]], columns: Mapping[str, Sequence[st
         roles = _roles(columns[kind])
         for row, text in enumerate(content):
             for word, (role, found) in enumerate(zip(roles, text.split(None, len(roles)), strict=False)):
-                if role and found.isdigit():
+                if role and found.isascii() and found.isdigit() and int(found) < LARGEST:
                     yield _Place(kind, row, word, role, int(found))
 
 

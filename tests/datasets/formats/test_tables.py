@@ -154,6 +154,34 @@ def test_a_start_somewhere_in_a_large_frame_is_estimated_consistently(files: dic
     assert alike > 100
 
 
+def test_a_repeated_true_pose_is_read_once_in_either_format(files: dict[str, Any], tmp_path: Path) -> None:
+    t, poses = drive()
+    rows = np.column_stack((t, poses))
+    expected = made(files).truth
+    as_csv = csv(tmp_path / "truth.csv", "t,x,y,heading", np.concatenate((rows[:9], rows[8:9], rows[8:])))
+    lines = Path(files["truth"]).read_text().splitlines()
+    (tmp_path / "twice.tum").write_text("\n".join([*lines[:9], lines[8], *lines[9:]]))
+    for path in (as_csv, str(tmp_path / "twice.tum")):
+        truth = made(files | {"truth": path}).truth
+        assert truth is not None
+        assert expected is not None
+        np.testing.assert_array_equal(truth.t, expected.t)
+        np.testing.assert_allclose(truth.poses, expected.poses, atol=1e-12)
+    other = np.concatenate((rows[:9], rows[8:9] + np.eye(4)[1], rows[9:]))
+    path = csv(tmp_path / "truth.csv", "t,x,y,heading", other)
+    refused("t is 0.8, expected later than 0.8", made, files | {"truth": path})
+
+
+@pytest.mark.parametrize("header", ["t,x,y,heading", "t,dx,dy,dtheta", "t,v,omega"])
+def test_digits_that_g_has_lost_in_times_are_named(header: str, files: dict[str, Any], tmp_path: Path) -> None:
+    rows = (f"{1.7e9 + 0.1 * k:g}," + ",".join([f"{0.01 * k:g}"] * header.count(",")) for k in range(300))
+    (tmp_path / "odo.csv").write_text(header + "\n" + "\n".join(rows) + "\n")
+    refused(
+        r"odo\.csv, line 3: t is .*as in the row before.*; all times have six digits or fewer: perhaps %g wrote them",
+        made, files | {"odometry": str(tmp_path / "odo.csv")},
+    )  # fmt: skip
+
+
 def test_detections_without_odometry_are_left_out_and_counted(files: dict[str, Any]) -> None:
     path = Path(files["detections"])
     path.write_text(path.read_text() + "99.0,0,1.0,0.1\n")
