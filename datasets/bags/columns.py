@@ -13,8 +13,12 @@ from .bag import Bag, Topic
 from .clock import astray, check_clock
 from .left_out import LeftOut
 
-FARTHEST = 50.0
-"""m from the message before and from the one after it, if these are nearer to each other: no robot was there."""
+LEAST, LEAPS = 1.0, 50.0
+"""m, and times the median step, from the message before and from the one after it: no robot was there and back."""
+
+LEAST_COUNTS = 50.0  # of a counter, likewise
+
+FARTHEST = 50.0  # m from the first message to the next, or from the last to the one before it
 
 FEW = 4  # places, of which none is far from the others
 
@@ -62,15 +66,29 @@ def no_poses(found: Array) -> dict[int, str]:
         for row in _rows(upright < LEVEL):
             tilt = np.rad2deg(np.arccos(np.clip(upright[row], -1, 1)))
             faults.setdefault(row, f"is tilted by {tilt:.0f} degrees, expected a robot that drives on a floor")
+    for wrong in (lambda places: _elsewhere(places, LEAST), _ends_elsewhere):
+        rest = np.array([row for row in range(len(found)) if row not in faults], np.int64)
+        for row in wrong(found[rest, :2]):
+            place = found[rest[row], :2].tolist()
+            faults[int(rest[row])] = f"has the place {place}, m, far from those before and after it"
+    return faults
+
+
+def no_counts(found: Array) -> dict[int, str]:
+    """The rows of (m, k) that are no counts, or all 0 as none before and after them is, and why."""
+    faults = no_numbers(found)
     rest = np.array([row for row in range(len(found)) if row not in faults], np.int64)
-    return faults | {int(rest[row]): why for row, why in _elsewhere(found[rest, :2]).items()}
+    for row in _elsewhere(found[rest], LEAST_COUNTS):
+        if not found[rest[row]].any():  # else a counter may have wrapped forth and back
+            faults[int(rest[row])] = "has counts of 0, far from those before and after it"
+    return faults
 
 
 def no_numbers(found: Array, most: float = COUNTS, unit: str = "counts") -> dict[int, str]:
     """The rows of (m, k) that are not finite or beyond `most`, and why."""
     with np.errstate(invalid="ignore"):
         wrong = ~(np.abs(found) <= most).all(axis=1)
-    return {row: f"has {found[row].tolist()}, expected {unit}, at most {most:.4g}" for row in _rows(wrong)}
+    return {row: f"has {found[row].tolist()}, expected finite {unit}, at most {most:.4g}" for row in _rows(wrong)}
 
 
 def columns(
@@ -79,7 +97,7 @@ def columns(
     row: Callable[[Any], tuple[float, ...]],
     remarks: list[str],
     back: float = np.inf,
-    faults: Callable[[Array], dict[int, str]] = no_numbers,
+    faults: Callable[[Array], dict[int, str]] = no_counts,
 ) -> tuple[Array, Array]:
     """Times (m,), s, strictly increasing, and the `row` (m, k) of each message; of equal times the last counts.
 
@@ -124,17 +142,25 @@ def of_untimed(bag: Bag, topic: Topic, untimed: int) -> list[str]:
     return [f"{bag.path}: {found}: theirs is that of their reception, less the others' delay"]
 
 
-def _elsewhere(places: Array) -> dict[int, str]:
-    """The rows of (m, 2), m, that are far from both neighbours while these are near each other; ends, from the rest."""
-    far = np.zeros(len(places), np.bool_)
-    if len(places) > FEW:
-        way, over = (np.hypot(*(places[k:] - places[:-k]).T) for k in (1, 2))
-        far[1:-1] = (way[:-1] > FARTHEST) & (way[1:] > FARTHEST) & (over < FARTHEST)
-        rest = np.flatnonzero(~far)
-        way = np.hypot(*np.diff(places[rest], axis=0).T)
-        far[rest[0]] = way[0] > max(FARTHEST, 10 * way[1:].max(initial=0))
-        far[rest[-1]] = way[-1] > max(FARTHEST, 10 * way[:-1].max(initial=0))
-    return {row: f"has the place {places[row].tolist()}, m, far from those before and after it" for row in _rows(far)}
+def _elsewhere(places: Array, least: float) -> list[int]:
+    """The rows of (m, k) that are far from both neighbours while these are near each other.
+
+    Far is beyond `least` and LEAPS times the median of all steps that are any.
+    """
+    if len(places) <= FEW:
+        return []
+    way, over = (np.linalg.norm(places[k:] - places[:-k], axis=1) for k in (1, 2))
+    far = max(least, LEAPS * float(np.median(way[way > 0]))) if (way > 0).any() else least
+    return (np.flatnonzero((way[:-1] > far) & (way[1:] > far) & (over < far)) + 1).tolist()
+
+
+def _ends_elsewhere(places: Array) -> list[int]:
+    """The first or the last row of (m, 2), m, if all others are far from it and near each other."""
+    if len(places) <= FEW:
+        return []
+    way = np.hypot(*np.diff(places, axis=0).T)
+    first, last = way[0] > max(FARTHEST, 10 * way[1:].max()), way[-1] > max(FARTHEST, 10 * way[:-1].max())
+    return [0] * bool(first) + [len(places) - 1] * bool(last)
 
 
 def _rows(wrong: Any) -> list[int]:

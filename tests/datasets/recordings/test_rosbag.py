@@ -413,8 +413,14 @@ def test_a_camera_that_was_never_calibrated_is_none(tmp_path: Path) -> None:
             "/odom cannot be .* 0.004 s, has an orientation whose quat.* length 0",
         ),
         ([bags.odometry(4 * MS, 0, 0, (0.6, 0, 0, 0.8))], "/odom cannot be used.* is tilted by 74 degrees"),
-        ([bags.odometry(4 * MS, np.nan, 0, (0, 0, 0, 1))], "/odom cannot be used.* has .nan, .*, expected metres"),
-        ([bags.counts(4 * MS, 1, np.inf, 0, 0)], "/encoder cannot be used.* at 0.004 s, has .*inf.* expected counts"),
+        (
+            [bags.odometry(4 * MS, np.nan, 0, (0, 0, 0, 1))],
+            "/odom cannot be used.* has .nan, .*, expected finite metres",
+        ),
+        (
+            [bags.counts(4 * MS, 1, np.inf, 0, 0)],
+            "/encoder cannot be used.* at 0.004 s, has .*inf.* expected finite counts",
+        ),
         ([bags.counts(k, 0, 0.6, 0.8, 0) for k in (1, 2)], "/encoder holds orientations, expected the wheels'"),
         ([bags.counts(7, k, k, k, k) for k in (1, 2, 3)], "3 messages of topic /encoder have only 1 distinct times"),
         ([bags.image(2, picture(1), encoding="32FC1", topic="/d")], r"none of the 1 images of topic /d .*'32FC1'"),
@@ -450,6 +456,22 @@ def test_single_bad_messages_are_left_out_and_counted(tmp_path: Path) -> None:
         of_counts
     )
     assert "3 of 12 images of topic /image cannot be used and are left out; the first, image 1, is stamped" in of_images
+
+
+def test_counts_of_zero_in_the_middle_of_a_drive_are_left_out(tmp_path: Path) -> None:
+    """A counter that wraps forth and back is none of them, nor is one that begins again."""
+    said = [bags.counts(20 * MS * k, *(1000.0 + 10 * k for _ in range(4))) for k in range(40)]
+    shots = [bags.image(40 * MS * (k + 1), picture(k)) for k in range(3)]
+    wrapped = [bags.counts(20 * MS * k, *[float((k % 2) * 65530)] * 4) for k in range(40)]
+    restarted = [*said[:20], *(bags.counts(20 * MS * k, *[10.0 * (k - 20)] * 4) for k in range(20, 40))]
+    spoilt = [*said[:13], bags.counts(said[13].stamp, 0, 0, 0, 0), *said[14:]]
+    for number, (counts, lost) in enumerate(((spoilt, 1), (wrapped, 0), (restarted, 0))):
+        (tmp_path / str(number)).mkdir()
+        bag = bags.write(tmp_path / str(number), "ros1", in_order_of_reception(counts, shots))
+        streams = read(bag, NAMELESS)
+        assert isinstance(streams.readings, Ticks)
+        assert len(streams.readings.t) == 40 - lost
+        assert len(streams.remarks) == lost
 
 
 def in_order_of_reception(*streams: list[bags.Said]) -> list[bags.Said]:

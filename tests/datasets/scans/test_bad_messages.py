@@ -49,6 +49,7 @@ BAD: dict[str, Callable[[bags.Said], bags.Said]] = {
     "NaN": lambda one: bags.odometry(one.stamp, np.nan, 0.0, UPRIGHT),
     "infinite": lambda one: bags.odometry(one.stamp, 0.0, -np.inf, UPRIGHT),
     "1e256": lambda one: bags.odometry(one.stamp, 1e256, 1e256, UPRIGHT),
+    "at the origin": lambda one: bags.odometry(one.stamp, -30.0, -20.0, UPRIGHT),
     "a million": lambda one: bags.odometry(one.stamp, 1e6, 0.0, UPRIGHT),
     "no quaternion": lambda one: bags.odometry(one.stamp, 1.0, 0.0, (0.0, 0.0, 0.0, 0.0)),
     "NaN quaternion": lambda one: bags.odometry(one.stamp, 1.0, 0.0, (0.0, 0.0, np.nan, 1.0)),
@@ -66,7 +67,8 @@ BAD: dict[str, Callable[[bags.Said], bags.Said]] = {
 def test_bad_odometry_is_left_out_and_counted(bad: str, by_tf: bool, kind: str, tmp_path: Path) -> None:
     """Wherever it is: the others are interpolated to the scans' times as if it had not been sent."""
     whole = floor.by_tf(drive()) if by_tf else floor.odometry(drive())
-    rows = (5, 30) if bad in ("1970", "a minute earlier") else (0, 5, 30)  # before the others it is possible
+    possible = ("1970", "a minute earlier", "at the origin")  # where it is the first
+    rows = (5, 30) if bad in possible else (0, 5, 30)
     spoilt = list(whole)
     for row in rows:
         one = BAD[bad](whole[row])
