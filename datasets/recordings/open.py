@@ -51,13 +51,15 @@ def is_live(path: Path) -> bool:
 def _frames_of(path: Path, robot: Robot) -> Path:
     """The bag, video or folder of pictures that `path` is or contains; of several the one named by robot.toml."""
     source = robot.frames.source
-    if not path.is_dir() or is_whole(path, source):
+    if not path.is_dir():
         return path
     found = sorted(
         one
         for one in path.iterdir()
         if is_bag(one) or one.suffix.lower() in VIDEOS or (one.is_dir() and one.name == "frames")
     )
+    if is_whole(path, source) and ((path / "metadata.yaml").is_file() or all(is_bag(one) for one in found)):
+        return path
     if not found and pictures(path) and (source is None or not (path / source).exists()):
         return path
     below = sorted(one for one in path.glob("*/*") if is_bag(one) or one.suffix.lower() in VIDEOS)

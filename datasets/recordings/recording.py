@@ -98,7 +98,9 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
             raise InputError(f"{path}: found no {ROBOT}, expected one, or --robot FILE.")
         robot = read_robot(found)
     streams = read_streams(path, robot, seconds)
-    camera = robot.camera
+    camera, window = robot.camera, streams.window
+    if camera is not None and window is not None and (camera.width, camera.height) == window.whole:
+        camera = window.of(camera)
     if camera is not None and streams.camera is not None:
         streams.remarks.extend(_contradicted(camera, streams.camera, path))
     if camera is None and streams.camera is not None:

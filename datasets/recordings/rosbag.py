@@ -19,7 +19,7 @@ from ...frontend.wheels.counters import unwrap
 from ...frontend.wheels.motion import Poses, Ticks
 from ..bags import images
 from ..bags.bag import Bag, Topic
-from ..bags.cameras import COMPRESSED, IMAGE, camera_of, in_order, info_beside
+from ..bags.cameras import COMPRESSED, IMAGE, camera_of, in_order, info_beside, window_of
 from ..bags.columns import columns, of_untimed, poses
 from ..bags.left_out import LeftOut
 from ..bags.odometry import ODOMETRY
@@ -61,6 +61,7 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
         camera=None if info is None else camera_of(bag, info, image),
         truth=None,
         remarks=remarks,
+        window=None if info is None else window_of(bag, info, image),
     )
 
 

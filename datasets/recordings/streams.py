@@ -7,6 +7,7 @@ from ...core.factors import Truth
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.pipeline import Frame
 from ...frontend.wheels.motion import Poses, Ticks
+from ..bags.cameras import Window
 
 
 class Streams(NamedTuple):
@@ -18,3 +19,4 @@ class Streams(NamedTuple):
     camera: Camera | None  # from the recording itself, mounted at the robot's origin
     truth: Truth | None
     remarks: list[str]  # what is legal yet odd; grows while the frames are read
+    window: Window | None = None  # the part of the camera that the frames are of; None: all of it
