@@ -4,7 +4,6 @@ import heapq
 from collections.abc import Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from ...core.errors import InputError
 from ...frontend.camera.camera import Camera
 from .bag import Bag, Message, Topic
 from .clock import DAY, SINGLE
-from .images import compressed
 from .left_out import LeftOut
 from .topics import beside, choose
 
@@ -20,19 +18,6 @@ IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 
 WAITING = 4  # most images held back for one received late
-
-
-class Window(NamedTuple):
-    """The part of a camera's pixels that its images have, as a camera_info says."""
-
-    whole: tuple[int, int]  # px, width and height of the camera
-    corner: tuple[int, int]  # px, of its region of interest
-    size: tuple[int, int]  # px
-    binning: tuple[int, int]  # pixels that are combined, across and down
-
-    def of(self, camera: Camera) -> Camera:
-        """That part of a camera of the whole size."""
-        return camera.window(self.corner, self.size, self.binning)
 
 
 def in_order(messages: Iterator[Message], left_out: LeftOut) -> Iterator[Message]:
@@ -61,11 +46,10 @@ def info_beside(path: Path, listed: Sequence[Topic], named: str | None, setting:
     return choose(path, listed, named, setting, (CAMERA_INFO,))
 
 
-def camera_of(bag: Bag, topic: Topic, images: Topic, rectified: bool = False) -> Camera | None:
-    """The camera of `images`, mounted at the robot's origin; None if the messages are of an uncalibrated one.
+def camera_of(bag: Bag, topic: Topic, rectified: bool = False) -> Camera | None:
+    """The camera, mounted at the robot's origin; None if the messages are of an uncalibrated one.
 
     Of `rectified` images: without distortion, and with the focal lengths and the centre that they were rectified to.
-    Where the images are not of the whole size, they are of the message's region of interest, binned.
     """
     from ...frontend.camera.calibration import from_camera_info
 
@@ -81,48 +65,7 @@ def camera_of(bag: Bag, topic: Topic, images: Topic, rectified: bool = False) ->
         return None
     model = "plumb_bob" if rectified else message.distortion_model
     where = f"{bag.path}: topic {topic.name}"
-    camera = from_camera_info(where, message.width, message.height, model, matrix, coefficients, np.eye(4))
-    window = window_of(bag, topic, images)
-    return camera if window is None else window.of(camera)
-
-
-def window_of(bag: Bag, topic: Topic, images: Topic) -> Window | None:
-    """The part of the camera whose camera_info is `topic` that the `images` are of; None for all of it.
-
-    Some drivers say so of images that the numbers of camera_info are of already: these have its whole size. InputError
-    for a part that is not of the camera.
-    """
-    message = next(bag.contents(topic.name))
-    if message is None:
-        return None
-    roi, whole = message.roi, (message.width, message.height)
-    corner, size = (roi.x_offset, roi.y_offset), (roi.width or whole[0], roi.height or whole[1])
-    binning = message.binning_x or 1, message.binning_y or 1
-    if not all(whole) or (corner, size, binning) == ((0, 0), whole, (1, 1)) or _size_of(bag, images) == whole:
-        return None
-    ends = [start + length for start, length in zip(corner, size, strict=True)]
-    if any(end > side for end, side in zip(ends, whole, strict=True)) or any(
-        part > length for part, length in zip(binning, size, strict=True)
-    ):
-        raise InputError(
-            f"{bag.path}: topic {topic.name}: found a region of interest of {size[0]}x{size[1]} pixels from "
-            f"{corner[0]}, {corner[1]} on, binned by {binning[0]}x{binning[1]}, expected a part of the "
-            f"{whole[0]}x{whole[1]} of its camera."
-        )
-    return Window(whole, corner, size, binning)
-
-
-def _size_of(bag: Bag, topic: Topic) -> tuple[int, int] | None:
-    """Width and height of the first image that can be read, px; None if there is none."""
-    for message in bag.contents(topic.name):
-        if message is None:
-            continue
-        if topic.type == IMAGE:
-            return message.width, message.height
-        image = compressed(message)
-        if image is not None:
-            return image.shape[1], image.shape[0]
-    return None
+    return from_camera_info(where, message.width, message.height, model, matrix, coefficients, np.eye(4))
 
 
 def _of_the_day(messages: Iterator[Message], left_out: LeftOut) -> Iterator[tuple[int, Message]]:

@@ -16,6 +16,7 @@ from ..bags.cameras import CAMERA_INFO, camera_of, info_beside
 from ..bags.odometry import find_odometry
 from ..bags.topics import found, plain
 from ..bags.transforms import Transforms
+from ..bags.window import window_of
 from ..robot_files import ROBOT
 from .bag_images import chosen, frame_of, measured, picture, shots
 from .folder import robot_truth
@@ -97,10 +98,11 @@ def _camera(bag: Bag, listed: Sequence[Topic], named: str | None, key: str, imag
             f"{bag.path}: has no topic of {plain(CAMERA_INFO)} for {images.name}, expected one, or "
             f"[{'camera' if key == 'camera_info' else 'depth'}] calibration in {ROBOT}; {found(listed)}"
         )
-    camera = camera_of(bag, info, images, rectified="image_rect" in images.name)
+    camera = camera_of(bag, info, rectified="image_rect" in images.name)
     if camera is None:
         raise InputError(f"{bag.path}: topic {info.name} is of an uncalibrated camera, expected its focal length.")
-    return camera
+    window = window_of(bag, info, images)
+    return camera if window is None else window.of(camera)
 
 
 def _mounting(

@@ -25,6 +25,7 @@ from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.wheels.motion import Motion, Poses, Ticks, Track, Wheels
+from ..bags.window import Window
 from ..depth.open import build as build_depth
 from ..depth.open import open_depth
 from ..prior import assumed
@@ -98,11 +99,9 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
             raise InputError(f"{path}: found no {ROBOT}, expected one, or --robot FILE.")
         robot = read_robot(found)
     streams = read_streams(path, robot, seconds)
-    camera, window = robot.camera, streams.window
-    if camera is not None and window is not None and (camera.width, camera.height) == window.whole:
-        camera = window.of(camera)
+    camera = robot.camera
     if camera is not None and streams.camera is not None:
-        streams.remarks.extend(_contradicted(camera, streams.camera, path))
+        streams.remarks.extend(_contradicted(camera, _alike(streams.camera, camera, streams.window), path))
     if camera is None and streams.camera is not None:
         camera = replace(streams.camera, mounting=robot.mounting, readout=robot.readout)
     if camera is None:
@@ -110,6 +109,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
             f"{path}: the camera's calibration is unknown, expected {ROBOT} to name its file: "
             '[camera] calibration = "calibration.yaml".'
         )
+    camera = _of_frames(camera, streams.window)
     motion = _motion(streams.readings, robot, path)
     recording = Recording(
         name=robot.name,
@@ -127,6 +127,17 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         remarks=streams.remarks,
     )
     return Opened(recording, streams.truth, streams.length, robot.prior is not None)
+
+
+def _of_frames(camera: Camera, window: Window | None) -> Camera:
+    """The camera of the frames, which may be a part of those of a whole one."""
+    return camera if window is None or (camera.width, camera.height) != window.whole else window.of(camera)
+
+
+def _alike(recorded: Camera, given: Camera, window: Window | None) -> Camera:
+    """The recorded camera or, where the given one is of the frames' part, that part."""
+    same = (recorded.width, recorded.height) == (given.width, given.height)
+    return recorded if same else _of_frames(recorded, window)
 
 
 def _contradicted(given: Camera, recorded: Camera, path: Path) -> Iterator[str]:

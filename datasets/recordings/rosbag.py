@@ -19,11 +19,12 @@ from ...frontend.wheels.counters import unwrap
 from ...frontend.wheels.motion import Poses, Ticks
 from ..bags import images
 from ..bags.bag import Bag, Topic
-from ..bags.cameras import COMPRESSED, IMAGE, camera_of, in_order, info_beside, window_of
+from ..bags.cameras import COMPRESSED, IMAGE, camera_of, in_order, info_beside
 from ..bags.columns import columns, of_untimed, poses
 from ..bags.left_out import LeftOut
 from ..bags.odometry import ODOMETRY
 from ..bags.topics import choose, found, plain, shown
+from ..bags.window import window_of
 from .streams import Streams
 
 ENCODER = "geometry_msgs/msg/QuaternionStamped"
@@ -58,7 +59,7 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
         frames=_Images(bag, image, remarks),
         length=image.messages,
         readings=_readings(bag, listed, topics, counter_bits, remarks),
-        camera=None if info is None else camera_of(bag, info, image),
+        camera=None if info is None else camera_of(bag, info),
         truth=None,
         remarks=remarks,
         window=None if info is None else window_of(bag, info, image),

@@ -7,7 +7,7 @@ from ...core.factors import Truth
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.pipeline import Frame
 from ...frontend.wheels.motion import Poses, Ticks
-from ..bags.cameras import Window
+from ..bags.window import Window
 
 
 class Streams(NamedTuple):

@@ -373,8 +373,9 @@ def test_images_may_be_a_part_of_the_camera_or_binned(which: str, form: str, kin
     sent = bags.image(5 * MS, pixels)
     if form == "png":
         sent = bags.compressed(5 * MS, cv2.imencode(".png", pixels)[1].tobytes(), "png", "/image")
-    camera = read(bags.write(tmp_path, kind, [info._replace(build=changed), sent]), NAMELESS).camera
-    assert camera is not None
+    streams = read(bags.write(tmp_path, kind, [info._replace(build=changed), sent]), NAMELESS)
+    assert streams.camera is not None
+    camera = streams.camera if streams.window is None else streams.window.of(streams.camera)
     assert (camera.width, camera.height) == size
     whole = Camera(640, 480, (500.0, 510.0), (321.5, 239.5), tuple(d), np.eye(4))
     if size == (640, 480):
