@@ -22,7 +22,7 @@ FARTHEST = 50.0  # m from the first message to the next, or from the last to the
 
 FEW = 4  # places, of which none is far from the others
 
-COUNTS = 2.0**53  # a counter beyond is no whole number any more
+COUNTS, METRES = 2.0**53, "metres"  # a counter beyond is no whole number any more
 
 LEVEL = np.cos(np.deg2rad(30))
 """Cosine of the largest angle between the robot's z axis and the world's on a level floor."""
@@ -54,7 +54,7 @@ def no_poses(found: Array) -> dict[int, str]:
         size = np.linalg.norm(found[:, 2:], axis=1)
         x, y, z, w = found[:, 2:].T
         upright = (w**2 + z**2 - x**2 - y**2) / size**2
-        faults = no_numbers(found[:, :2], LARGEST, "metres")
+        faults = no_numbers(found[:, :2], LARGEST, METRES)
         faults |= {
             row: f"has the orientation {found[row, 2:].tolist()}, expected numbers"
             for row in _rows(~np.isfinite(found[:, 2:]).all(axis=1))
@@ -84,11 +84,12 @@ def no_counts(found: Array) -> dict[int, str]:
     return faults
 
 
-def no_numbers(found: Array, most: float = COUNTS, unit: str = "counts") -> dict[int, str]:
+def no_numbers(found: Array, most: float = COUNTS, unit: str = "whole numbers") -> dict[int, str]:
     """The rows of (m, k) that are not finite or beyond `most`, and why."""
     with np.errstate(invalid="ignore"):
         wrong = ~(np.abs(found) <= most).all(axis=1)
-    return {row: f"has {found[row].tolist()}, expected finite {unit}, at most {most:.4g}" for row in _rows(wrong)}
+    what = "the place" if unit == METRES else "the counts"
+    return {row: f"has {what} {found[row].tolist()}, expected {unit}, at most {most:.4g}" for row in _rows(wrong)}
 
 
 def columns(

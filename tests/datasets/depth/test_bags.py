@@ -253,6 +253,23 @@ def test_rectified_images_have_no_distortion(tmp_path: Path) -> None:
     assert (camera.focal, camera.centre) == ((150.0, 151.0), (80.0, 60.0))
 
 
+def test_the_images_may_be_a_part_of_the_camera_binned(tmp_path: Path) -> None:
+    """Of a camera of twice the resolution, from 30 and 10 pixels on."""
+    width, height = 2 * SIZE[0], 2 * SIZE[1]
+    whole = replace(CAMERA, width=width + 50, height=height + 20, focal=(300.0, 300.0), centre=(190.0, 125.0))
+
+    def windowed(new: Any) -> dict[str, Any]:
+        roi = new("sensor_msgs/msg/RegionOfInterest", 30, 10, height, width, False)
+        return views.info_message(INFO, whole).build(new) | {"binning_x": 2, "binning_y": 2, "roi": roi}
+
+    said = [one._replace(build=windowed) if one.topic == INFO else one for one in drive()]
+    found = opened(tmp_path, said)
+    camera = found.recording.camera
+    assert (camera.width, camera.height) == SIZE
+    np.testing.assert_allclose([*camera.focal, *camera.centre], [150, 150, 79.75, 57.25])
+    assert_all(frames_of(found))
+
+
 def test_several_topics_of_a_kind_have_to_be_chosen(tmp_path: Path) -> None:
     extra = [views.image_message(k, "/left/image_raw") for k in range(6)]
     said = in_order([*drive(), *extra])

@@ -416,11 +416,11 @@ def test_a_camera_that_was_never_calibrated_is_none(tmp_path: Path) -> None:
         ([bags.odometry(4 * MS, 0, 0, (0.6, 0, 0, 0.8))], "/odom cannot be used.* is tilted by 74 degrees"),
         (
             [bags.odometry(4 * MS, np.nan, 0, (0, 0, 0, 1))],
-            "/odom cannot be used.* has .nan, .*, expected finite metres",
+            "/odom cannot be used.* has the place .nan, .*, expected metres",
         ),
         (
             [bags.counts(4 * MS, 1, np.inf, 0, 0)],
-            "/encoder cannot be used.* at 0.004 s, has .*inf.* expected finite counts",
+            "/encoder cannot be used.* at 0.004 s, has the counts .*inf.* expected whole",
         ),
         ([bags.counts(k, 0, 0.6, 0.8, 0) for k in (1, 2)], "/encoder holds orientations, expected the wheels'"),
         ([bags.counts(7, k, k, k, k) for k in (1, 2, 3)], "3 messages of topic /encoder have only 1 distinct times"),
