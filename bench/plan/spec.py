@@ -112,7 +112,8 @@ def _kind(path: str) -> str:
         beside = os.path.join(os.path.dirname(path), "robot.toml")
         return "recording" if kind == "carmen" and os.path.isfile(beside) else kind
     inside = (os.path.join(path, name) for name in ("robot.toml", "metadata.yaml"))
-    return "recording" if any(map(os.path.isfile, (path, *inside))) or is_bag(Path(path)) else "log"
+    parts = os.path.isdir(path) and is_bag(Path(path))
+    return "recording" if any(map(os.path.isfile, (path, *inside))) or parts else "log"
 
 
 def read_options(cls: type[Any], given: Sequence[tuple[str, str]], where: str) -> Any:

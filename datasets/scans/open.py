@@ -19,8 +19,9 @@ from ..formats.file_kind import CARMEN
 from ..grid_file import localised
 from ..robot_files import ROBOT, recording_in, robot_beside
 from ..truth import read_truth, with_truth
-from .bag_scans import ECHOES, SCAN, read_bag
+from .bag_scans import read_bag
 from .robot import LaserRobot, read_laser_robot
+from .scan_messages import ECHOES, SCAN
 
 _KINDS = "a ROS bag (.bag, .mcap, or a folder with metadata.yaml) or a CARMEN log (.clf)"
 

@@ -124,6 +124,20 @@ def test_scans_at_absurd_times_or_without_a_number_are_left_out(tmp_path: Path) 
     assert f"1 of {total} scans of topic /scan are empty, or NaN in every beam, and are left out" in second
 
 
+def test_scans_of_another_scanner_in_the_same_topic_are_left_out(tmp_path: Path) -> None:
+    """Their place on the robot, and most of their beams, are others."""
+    front = floor.scans(drive())
+    rear = [one._replace(frame="rear", stamp=one.stamp + 10**7) for one in front[::2]]
+    said = sorted([*front, *rear], key=lambda one: one.stamp)
+    found = opened(recorded(tmp_path / "bag", "mcap", said, floor.odometry(drive()), floor.mounting()))
+    np.testing.assert_allclose(found.recording.t, BEGIN + drive().t, atol=1e-9)
+    (remark,) = found.remarks
+    assert (
+        f"{len(rear)} of {len(said)} scans of topic /scan cannot be used and are left out; the first, scan 2" in remark
+    )
+    assert "is of the frame 'rear', most are of 'laser'" in remark
+
+
 def test_the_scanners_place_is_that_of_the_sound_transforms(tmp_path: Path) -> None:
     said = [bags.transforms(one.stamp, floor.LASER_ON_BASE) for one in floor.odometry(drive())]
     said[9] = bags.transforms(said[9].stamp, floor.LASER_ON_BASE._replace(place=(np.nan, 0.0, 0.0)))
