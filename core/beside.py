@@ -32,17 +32,19 @@ class Scans(NamedTuple):
 
     at: Anchors  # (k,) where they were taken
     ranges: Ranges  # (k, b) m; NaN where there is no return
-    angles: Array  # (b,) rad, counter-clockwise from straight ahead of the scanner
+    angles: Array  # (b,) rad, counter-clockwise from straight ahead of the scanner; (k, b) where they vary
     scanner: Array  # (3,) its pose on the robot
 
     def taken(self, rows: NDArray[np.bool] | Ints) -> "Scans":
         """Some of them."""
-        return self._replace(at=self.at.taken(rows), ranges=self.ranges[rows])
+        angles = self.angles[rows] if self.angles.ndim == 2 else self.angles
+        return self._replace(at=self.at.taken(rows), ranges=self.ranges[rows], angles=angles)
 
     def points(self, k: int) -> Array:
         """The returns of scan k (m, 2), m, in the robot's frame, in the order of the beams."""
         ranges = self.ranges[k].astype(np.float64)
-        return returns(ranges, self.angles, self.scanner, np.isfinite(ranges))
+        angles = self.angles[k] if self.angles.ndim == 2 else self.angles
+        return returns(ranges, angles, self.scanner, np.isfinite(ranges))
 
     def beams(self, k: int) -> Beams:
         """The beams of scan k that returned, from the scanner on."""
@@ -52,8 +54,13 @@ class Scans(NamedTuple):
     @staticmethod
     def forms(columns: Columns) -> dict[str, Form]:
         """The expected forms of its arrays that are not those of `Anchors`."""
-        k, b = np.size(columns["step"]), np.size(columns["angles"])
-        return {"ranges": ((k, b), "f"), "angles": ((b,), "f"), "scanner": ((3,), "f")}
+        k, angles = np.size(columns["step"]), columns["angles"]
+        b = np.shape(angles)[-1] if np.ndim(angles) else 0
+        return {
+            "ranges": ((k, b), "f"),
+            "angles": ((k, b) if np.ndim(angles) == 2 else (b,), "f"),
+            "scanner": ((3,), "f"),
+        }
 
     @staticmethod
     def problem(columns: Columns) -> str:  # noqa: ARG004 - any arrays of these forms are scans

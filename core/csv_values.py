@@ -5,6 +5,7 @@ from math import isfinite
 
 SHOWN = 40  # characters of a value that a message quotes
 SHOWN_IN_ALL = 200  # characters of a header that a message quotes
+SIX_DIGITS = 1e5  # s, from which on six digits are whole seconds or less
 
 _SEPARATORS = {";": "found ; between the columns", "\t": "found tabs between the columns"}
 
@@ -23,6 +24,12 @@ def finite(cell: str) -> float | None:
     """Parses a finite number; None if it is not one."""
     found = number(cell)
     return found if found is not None and isfinite(found) else None
+
+
+def digits_lost(times: Sequence[float]) -> str:
+    """A hint for times of which several are alike, at the end of a sentence, where %g has left six digits of each."""
+    lost = max(map(abs, times), default=0.0) >= SIX_DIGITS and all(float(f"{t:.6g}") == t for t in times)
+    return "; all times have six digits or fewer: perhaps %g wrote them, where %.9f keeps the others" if lost else ""
 
 
 def no_number(cell: str) -> str:

@@ -28,8 +28,8 @@ def option(
     """Declares an option as a dataclass field with its help text `summary` (with its unit) and range or choices.
 
     `minimum` and `maximum` are inclusive. The field's annotation determines its parser: int, float, bool or str, or one
-    of these `| None`, where None stands for "not given". A dataset's option has no effect without that
-    named `beside`, and is refused where the other one is not given.
+    of these `| None`, where None stands for "not given"; of `float | tuple[float, float]` a number or two, as in 1;2. A
+    dataset's option has no effect without that named `beside`, and is refused where the other one is not given.
     """
     metadata = {"summary": summary, "minimum": minimum, "maximum": maximum, "choices": choices, "beside": beside}
     return field(default=default, metadata=metadata)

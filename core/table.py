@@ -136,9 +136,12 @@ def read_spaced(path: Path, columns: Sequence[str]) -> Table:
 
 
 def scan_spaced(path: Path, columns: Sequence[str]) -> Scan[Table]:
-    """Scans as `read_spaced` reads; broken rows as in `scan_csv`."""
+    """Scans as `read_spaced` reads; broken rows as in `scan_csv`. Commas may stand in place of blanks."""
     lines = text(path).split("\n")
     first = next((k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), len(lines))
+    cells = lines[first].split(",") if first < len(lines) else []
+    if len(cells) == len(columns) and all(len(cell.split()) == 1 for cell in cells):  # else a decimal comma
+        lines = [line if line.lstrip().startswith("#") else line.replace(",", " ") for line in lines]
     return (yield from _scan_rows(path, lines, first, tuple(columns), None, []))
 
 

@@ -1,5 +1,7 @@
 """Reads and writes paths in the TUM format, lines of `t x y z qx qy qz qw`, as evo and most trajectory tools do.
 
+Commas may stand between the numbers, and a line may be repeated.
+
 A planar pose has z = qx = qy = 0. All values, headings included, read back bit for bit.
 """
 
@@ -9,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .csv_values import digits_lost
 from .elementary import arctan2, sincos
 from .scan import Scan, strict
 from .se2 import Array
@@ -53,11 +56,16 @@ def scan_tum(path: Path, times: Array | None = None) -> Scan[tuple[Array, Array]
             ~np.isin(t, times), lambda row: f"t is {t[row]!s}, expected a time in odometry.csv"
         )
     table = table.sound()
+    repeated = np.append(False, (np.diff(table.rows, axis=0) == 0).all(axis=1))[: len(table.rows)]
+    table = table.take(np.flatnonzero(~repeated))
     t, qz, qw = table.column("t"), table.column("qz"), table.column("qw")
     back = np.append(False, np.diff(t) <= 0)[: len(t)]
-    table = yield from table.refuse(back, lambda row: f"t is {t[row]!s}, expected later than {t[row - 1]!s}")
-    table = yield from table.refuse((qz == 0) & (qw == 0), lambda _: "qz and qw are both 0, expected a turn about z")
-    table = yield from _scan_level(table.sound())
+    lost, order = digits_lost(t.tolist()) if back.any() else "", _other_order(table)
+    table = yield from table.refuse(back, lambda row: f"t is {t[row]!s}, expected later than {t[row - 1]!s}{lost}")
+    table = yield from table.refuse(
+        (qz == 0) & (qw == 0), lambda _: f"qz and qw are both 0, expected a turn about z{order}"
+    )
+    table = yield from _scan_level(table.sound(), order)
     table = table.sound()
     heading = _heading(table.column("qz"), table.column("qw"))
     return table.column("t"), np.stack((table.column("x"), table.column("y"), heading), axis=-1)
@@ -67,8 +75,19 @@ def _words(table: Table, name: str, expected: str) -> Callable[[int], str]:
     return lambda row: f"{name} is {table.column(name)[row]!s}, {expected}"
 
 
-def _scan_level(table: Table) -> Scan[Table]:
-    """Yields a fault for each quaternion that is not of unit length, or of a pose that is not level."""
+def _other_order(table: Table) -> str:
+    """A hint, at the end of a sentence, where the poses are all level only if the quaternion begins with qw."""
+    squares = table.rows[:, 4:] ** 2
+    signs = np.array([[-1, -1, 1, 1], [1, -1, -1, 1]])  # of qx qy qz qw, and of qw qx qy qz
+    as_it_is, other = (squares @ signs.T > np.cos(np.deg2rad(LEVEL)) * squares.sum(axis=1)[:, None]).T
+    return "; the columns are perhaps qw qx qy qz, expected qx qy qz qw" if other.all() and not as_it_is.all() else ""
+
+
+def _scan_level(table: Table, order: str) -> Scan[Table]:
+    """Yields a fault for each quaternion that is not of unit length, or of a pose that is not level.
+
+    Its sentence ends in the hint `order`.
+    """
     x, y, z, w = table.rows[:, 4:].T
     norm = np.sqrt(x**2 + y**2 + z**2 + w**2)
     table = yield from table.refuse(
@@ -78,7 +97,7 @@ def _scan_level(table: Table) -> Scan[Table]:
     tilt = np.rad2deg(np.arccos(np.clip(upright, -1, 1)))
     return (
         yield from table.refuse(
-            tilt > LEVEL, lambda row: f"the pose is tilted by {tilt[row]:.0f} degrees, expected one on a floor"
+            tilt > LEVEL, lambda row: f"the pose is tilted by {tilt[row]:.0f} degrees, expected one on a floor{order}"
         )
     )
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core.csv_values import digits_lost
 from ..core.errors import InputError
 from ..core.table import Table, read_csv
 from ..frontend.wheels.counters import unwrap
@@ -43,5 +44,5 @@ def _in_order(table: Table) -> Table:
     if not len(t):
         raise InputError(f"{table.path}: found no rows, expected at least one.")
     for row in np.flatnonzero(~(np.diff(t) > 0)) + 1:
-        raise table.fault(row, f"t is {t[row]!s}, expected later than {t[row - 1]!s}")
+        raise table.fault(row, f"t is {t[row]!s}, expected later than {t[row - 1]!s}{digits_lost(t.tolist())}")
     return table

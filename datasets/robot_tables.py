@@ -46,13 +46,15 @@ def calibrated(camera: TomlTable, mounting: Array) -> Camera | None:
     """The camera of the file that `calibration` names, beside robot.toml; None without it."""
     if not camera.has("calibration"):
         return None
-    file = Path(camera.file).parent / camera.text("calibration")
+    named, home = camera.text("calibration"), Path(camera.file).parent
+    name, _, which = (named, "", "") if (home / named).is_file() else named.partition("#")
+    file = home / name
     if not file.is_file():
         raise camera.refused("calibration", f"there is no file {file}, expected a camera's calibration.")
     size = camera.numbers("size", 2) if camera.has("size") else None
     if size is not None and not all(side >= 1 and side == int(side) for side in size):
         raise camera.fault("size", "width and height in whole px")
-    return read(file, mounting, None if size is None else (int(size[0]), int(size[1])))
+    return read(file, mounting, None if size is None else (int(size[0]), int(size[1])), which or None)
 
 
 def track_noise(odometry: TomlTable) -> TrackNoise:

@@ -1,7 +1,7 @@
 """Makes an opened recording of laser scans into a log with a report: `bench detect` of scans."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -49,7 +49,8 @@ class LaserFindings(Findings):
     def headline(self) -> list[str]:
         """Summarises in sentences: scans and steps, lost scans, loops."""
         n, c = len(self.recording.t), self.counts
-        scans, beams = counted(n, "scan"), counted(len(self.recording.scanner.angles), "beam")
+        least, most = self.recording.beams
+        scans, beams = counted(n, "scan"), f"{least:,} to " * (least < most) + counted(most, "beam")
         wheels = "with wheels" if c["wheels"] else "without wheels"
         steps, loops = counted(len(self.log), "step"), counted(len(self.log.loop_to), "loop closure")
         said = [
@@ -100,7 +101,7 @@ class LaserFindings(Findings):
         """Returns the counts of scans, steps, loops and searches."""
         return {
             "scans": len(self.recording.t),
-            "beams": len(self.recording.scanner.angles),
+            "beams": self.recording.beams[1],
             "seconds": self.seconds,
             "wheels": self.counts["wheels"],
             "steps": len(self.log),
@@ -175,6 +176,4 @@ def detect(opened: OpenedScans, request: Request, advance: Callable[[int], None]
 
 def first_seconds(recording: LaserRecording, seconds: float) -> LaserRecording:
     """The recording's scans of its first `seconds`."""
-    rows = recording.t - recording.t[0] <= seconds
-    odometry = None if recording.odometry is None else recording.odometry[rows]
-    return replace(recording, t=recording.t[rows], ranges=recording.ranges[rows], odometry=odometry)
+    return recording.taken(recording.t - recording.t[0] <= seconds)

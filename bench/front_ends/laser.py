@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -165,10 +165,7 @@ class LaserStudy:
             return None
         recording, _ = carmen.read(path, carmen.Options())
         n = self.extent.scans
-        odometry = None if recording.odometry is None else recording.odometry[:n]
-        return _driven(
-            replace(recording, t=recording.t[:n], ranges=recording.ranges[:n], odometry=odometry), None, progress
-        )
+        return _driven(recording.taken(np.arange(len(recording.t)) < n), None, progress)
 
     @cached_property
     def recorded_log(self) -> Path | None:
@@ -245,7 +242,7 @@ def _driven(recording: LaserRecording, truth: Truth | None, progress: Callable[[
 
 def _scan(drive: LaserDrive, k: int) -> Scan:
     front_end, recording = drive.front_end, drive.recording
-    return Scan(recording.scanner.points(recording.ranges[k]), front_end.settings.spacing)
+    return Scan(recording.points(k), front_end.settings.spacing)
 
 
 def search_case(drive: LaserDrive, rng: np.random.Generator) -> tuple[Submap, Search]:

@@ -14,11 +14,14 @@ from ...backends.api import NoOptions
 from ...backends.association import options as association
 from ...core.errors import InputError, nearest
 from ...datasets import registry as datasets
+from ...datasets.bags.bag import is_bag
 from ...datasets.formats import file_kind
 from . import many
-from .variant import BackendVariant, DatasetVariant, Variant, text_of
+from .variant import PARTED, BackendVariant, DatasetVariant, Variant, text_of
 
 V = TypeVar("V", bound=Variant)
+
+_LETTERS = "ABC"
 
 
 def backend_variants(text: str, asker: str = "--backend") -> list[BackendVariant]:
@@ -127,7 +130,8 @@ def _kind(path: str) -> str:
     if os.path.isfile(path) and file_kind.is_carmen(Path(path)):
         return _or_recording("carmen", path)
     inside = (os.path.join(path, name) for name in ("robot.toml", "metadata.yaml"))
-    return "recording" if os.path.isfile(path) or any(map(os.path.isfile, inside)) else "log"
+    parts = os.path.isdir(path) and is_bag(Path(path))
+    return "recording" if any(map(os.path.isfile, (path, *inside))) or parts else "log"
 
 
 def _or_recording(kind: str, path: str) -> str:
@@ -173,6 +177,8 @@ def _read(field: Field[Any], annotation: Any, text: str, where: str) -> Any:
     kinds = typing.get_args(annotation) if isinstance(annotation, types.UnionType) else (annotation,)
     if text == "none" and type(None) in kinds:
         return None
+    if _several(kinds) and PARTED in text:
+        return _parts(field, annotation, text, where)
     kind = next(k for k in kinds if k is not type(None))
     if str in kinds and text in (field.metadata.get("choices") or ()):
         return text
@@ -194,6 +200,22 @@ def _read(field: Field[Any], annotation: Any, text: str, where: str) -> Any:
     return value
 
 
+def _parts(field: Field[Any], annotation: Any, text: str, where: str) -> tuple[Any, ...]:
+    """The values of an option that may have several, parted by semicolons."""
+    count, parts = _several(typing.get_args(annotation)), text.split(PARTED)
+    if len(parts) != count:
+        kind = typing.get_args(annotation)[0]
+        raise InputError(
+            f"{where}: option {field.name}={text}: found {len(parts)} values, expected {_expected(field, kind)}."
+        )
+    return tuple(_read(field, float, part.strip(), where) for part in parts)
+
+
+def _several(kinds: Sequence[Any]) -> int:
+    """The number of values that an option may have in place of one; 0 where it has one."""
+    return next((len(typing.get_args(kind)) for kind in kinds if typing.get_origin(kind) is tuple), 0)
+
+
 _KINDS: dict[Any, tuple[Any, str]] = {
     bool: (lambda text: {"true": True, "false": False}[text.lower()], "true or false"),
     int: (lambda text: int(text.replace("_", "")), "a whole number"),
@@ -203,6 +225,11 @@ _KINDS: dict[Any, tuple[Any, str]] = {
 
 
 def _expected(field: Field[Any], kind: Any) -> str:
+    several = _several(typing.get_args(field.type))
+    return _one_expected(field, kind) + f", or {several} of them, {PARTED.join(_LETTERS[:several])}" * (several > 0)
+
+
+def _one_expected(field: Field[Any], kind: Any) -> str:
     low, high, choices = (field.metadata.get(key) for key in ("minimum", "maximum", "choices"))
     either = "one of " + ", ".join(choices or ())
     if choices and kind is str:

@@ -11,6 +11,9 @@ from ...core.errors import InputError
 from ...datasets import registry as datasets
 from ...datasets.registry import Member, Source
 
+PARTED = ";"
+"""Between the values of an option that has several: commas are between options."""
+
 
 @dataclass(frozen=True)
 class Variant:
@@ -101,4 +104,6 @@ class OneLog(NamedTuple):
 
 def text_of(value: Any) -> str:
     """Writes the value of an option as on the command line."""
+    if isinstance(value, tuple):
+        return PARTED.join(map(text_of, value))
     return "none" if value is None else str(value).lower() if isinstance(value, bool) else str(value)

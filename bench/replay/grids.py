@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.beside import Scans, returns
+from ...core.beside import Scans
 from ...core.se2 import Array, Ints, act, compose
 from ...frontend.maps.occupancy import CELL, extent, inserted
 from .course import Course, Revised, moments
@@ -72,6 +72,5 @@ def _states(scans: Scans, path: Array, last: int, cells: Raster) -> NDArray[np.u
 
 def _hits(scans: Scans, path: Array, k: int) -> Array:
     pose = compose(path[scans.at.step[k]], scans.at.since[k])
-    ranges = scans.ranges[k].astype(np.float64)
-    found = returns(ranges, scans.angles, scans.scanner, np.isfinite(ranges))
+    found = scans.points(k)
     return act(pose, found[:: max(-(-len(found) // DOTS), 1)])

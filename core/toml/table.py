@@ -132,6 +132,15 @@ class TomlTable:
             raise self.fault(key, expected)
         return np.array(found, float).reshape(shape)
 
+    def wholes(self, key: str) -> tuple[int, ...]:
+        """A list of whole numbers, at least 0, none twice."""
+        expected = "a list of different whole numbers, such as [5, 14]"
+        found = self.given(key, expected)
+        numbers = isinstance(found, list) and all(type(one) is int and one >= 0 for one in found)
+        if not numbers or len(set(found)) < len(found):
+            raise self.fault(key, expected)
+        return tuple(found)
+
     def names(self, key: str) -> list[str]:
         """A string or a list of strings, at least one."""
         found = self.given(key, "a text or a list of texts")

@@ -1,18 +1,20 @@
 """Reads the messages of a ROS bag: a ROS 1 .bag, a ROS 2 folder (sqlite3 or mcap), a single .mcap or .db3.
 
+A folder may have the parts of a recording that was split.
+
 Messages are parsed with ROS's own definitions, so it does not matter if the bag's definitions are unknown, or missing
 as in most ROS 2 bags.
 """
 
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...core.errors import InputError
-
-BAGS = (".bag", ".mcap", ".db3")  # endings of a bag's file
+from .parts import BAGS, Joined, check_parts, missing, parts_in
 
 REPAIRS = {
     ".bag": "`rosbag reindex` may repair an interrupted recording.",
@@ -34,8 +36,15 @@ BEGINNING = 10**9
 
 
 def is_bag(path: Path) -> bool:
-    """Tells if the path is that of a bag, by its ending or, of a folder, by its metadata.yaml."""
-    return (path / "metadata.yaml").is_file() if path.is_dir() else path.suffix.lower() in BAGS
+    """Tells if the path is that of a bag, by its ending or, of a folder, by its metadata.yaml or the parts in it."""
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file() or bool(parts_in(path))
+    return path.suffix.lower() in BAGS
+
+
+def is_whole(path: Path, source: str | None) -> bool:
+    """Tells if the folder at `path` is a bag that is read whole; else `source` in robot.toml may name a part of it."""
+    return is_bag(path) and (source is None or not (path / source).exists())
 
 
 class Topic(NamedTuple):
@@ -57,6 +66,7 @@ class Message(NamedTuple):
     nanoseconds: int
     content: Any  # None: unreadable
     untimed: bool = False
+    received: int = 0  # ns
 
 
 @dataclass(frozen=True)
@@ -64,6 +74,20 @@ class Bag:
     """The messages of a bag, read again on each access."""
 
     path: Path
+
+    @cached_property
+    def parts(self) -> list[Path]:
+        """The files that are read: the path itself, or those of a recording that was split."""
+        split = self.path.is_dir() and not (self.path / "metadata.yaml").is_file()
+        return parts_in(self.path) or [self.path] if split else [self.path]
+
+    def remarks(self) -> list[str]:
+        """Says which of its parts are missing; InputError if they are not of one recording."""
+        if len(self.parts) < 2:
+            return []
+        with self._open() as (reader, _):
+            check_parts(self.parts, reader.spans)
+        return [said] if (said := missing(self.parts)) else []
 
     def listed(self) -> list[Topic]:
         """The topics, by name."""
@@ -86,17 +110,21 @@ class Bag:
                 unsaid = content is not None and not stamp and first is not None
                 if unsaid and not begun and abs(at) < BEGINNING:
                     at, unsaid = 0, False
-                yield Message(at, content, unsaid)
+                yield Message(at, content, unsaid, received)
 
     def contents(self, topic: str) -> Iterator[Any]:
         """The contents of the messages of `topic`, which need no header; None for one that is unreadable."""
+        return (content for _, content in self.received(topic))
+
+    def received(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """Times of reception, ns, and `contents`."""
         with self._open() as (reader, decode):
-            for connection, _, content in reader.messages(reader.topics[topic].connections):
+            for connection, received, content in reader.messages(reader.topics[topic].connections):
                 try:
                     message = decode(content, connection.msgtype)
                 except Exception:  # a damaged message may raise anything
                     message = None
-                yield message
+                yield received, message
 
     @contextmanager
     def _open(self) -> Generator[tuple[Any, Callable[[bytes, str], Any]]]:
@@ -107,23 +135,29 @@ class Bag:
 
         if not self.path.exists():
             raise InputError(f"{self.path}: there is no such file or folder, expected a ROS bag.")
-        if self.path.is_dir() and not (self.path / "metadata.yaml").is_file():
+        if self.path.is_dir() and self.parts == [self.path] and not (self.path / "metadata.yaml").is_file():
             raise InputError(f"{self.path}: has no metadata.yaml, expected the folder of a ROS 2 bag. {REPAIRS['']}")
-        old = self.path.suffix == ".bag"
+        old = self.parts[0].suffix == ".bag"
         types = get_typestore(Stores.ROS1_NOETIC if old else Stores.LATEST)
         for name in TRANSFORMS if old else ():
             types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
+        part = self.path
         try:
-            with (Reader1 if old else Reader2)(self.path) as reader:
+            with ExitStack() as stack:
+                readers = list[Any]()
+                for part in self.parts:
+                    readers.append(stack.enter_context((Reader1 if old else Reader2)(part)))
+                part = self.parts[0] if len(readers) == 1 else self.path
+                reader = readers[0] if len(readers) == 1 else Joined(readers)
                 yield reader, types.deserialize_ros1 if old else types.deserialize_cdr
         except InputError:
             raise
         except PermissionError as error:
-            raise InputError(f"{self.path}: cannot be read ({error.strerror}).") from error
+            raise InputError(f"{part}: cannot be read ({error.strerror}).") from error
         except Exception as error:  # a damaged file may raise anything
-            repair = REPAIRS.get("" if self.path.is_dir() else self.path.suffix, "")
+            repair = REPAIRS.get("" if part.is_dir() else part.suffix, "")
             said = " ".join(str(error).split()).rstrip(".") or type(error).__name__
-            raise InputError(f"{self.path}: is damaged or not a ROS bag ({said}). {repair}".rstrip()) from error
+            raise InputError(f"{part}: is damaged or not a ROS bag ({said}). {repair}".rstrip()) from error
 
 
 def _stamped(reader: Any, decode: Callable[[bytes, str], Any], topic: str) -> Iterator[tuple[int, int, Any]]:

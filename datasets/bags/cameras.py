@@ -2,11 +2,14 @@
 
 import heapq
 from collections.abc import Iterator, Sequence
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
 
 from .bag import Message, Topic
+from .clock import DAY, SINGLE
+from .left_out import LeftOut
 from .topics import beside, choose
 
 IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
@@ -15,13 +18,22 @@ CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 WAITING = 4  # most images held back for one received late
 
 
-def in_order(messages: Iterator[Message]) -> Iterator[Message]:
-    """Sorts images by their own times, as long as each arrives before `WAITING` later ones; without repetitions."""
-    latest = None
-    for message in _sorted(messages):
+def in_order(messages: Iterator[Message], left_out: LeftOut) -> Iterator[Message]:
+    """Sorts images by their own times, as long as each arrives before `WAITING` later ones; without repetitions.
+
+    Single ones whose stamps are before the others', or a day away from them, are added to `left_out`.
+    """
+    latest: Message | None = None
+    back = 0
+    for number, message in _sorted(_of_the_day(messages, left_out)):
+        if latest is not None and message.nanoseconds < latest.nanoseconds and back < SINGLE:
+            back += 1
+            found = f"is stamped {message.nanoseconds / 1e9:.10g} s, after one of {latest.nanoseconds / 1e9:.10g} s"
+            left_out.add(number, found)
+            continue
         if latest is None or message.nanoseconds != latest.nanoseconds or not _alike(message, latest):
             yield message  # else recorded twice
-        latest = message
+        latest, back = message, 0
 
 
 def info_beside(path: Path, listed: Sequence[Topic], named: str | None, setting: str, image: Topic) -> Topic | None:
@@ -32,14 +44,27 @@ def info_beside(path: Path, listed: Sequence[Topic], named: str | None, setting:
     return choose(path, listed, named, setting, (CAMERA_INFO,))
 
 
-def _sorted(messages: Iterator[Message]) -> Iterator[Message]:
+def _of_the_day(messages: Iterator[Message], left_out: LeftOut) -> Iterator[tuple[int, Message]]:
+    """Messages with their numbers, from 1 on, without single ones a day before or after the others."""
+    first, away = list(islice(messages, WAITING + 1)), 0
+    latest = sorted(one.nanoseconds for one in first)[len(first) // 2] if first else 0
+    for number, message in enumerate(chain(first, messages), start=1):
+        if abs(message.nanoseconds - latest) > DAY and away < SINGLE:
+            away += 1
+            left_out.add(number, f"is stamped {message.nanoseconds / 1e9:.10g} s, beside one of {latest / 1e9:.10g} s")
+            continue
+        latest, away = message.nanoseconds, 0
+        yield number, message
+
+
+def _sorted(messages: Iterator[tuple[int, Message]]) -> Iterator[tuple[int, Message]]:
     waiting = list[tuple[int, int, Message]]()
-    for number, message in enumerate(messages):
+    for number, message in messages:
         heapq.heappush(waiting, (message.nanoseconds, number, message))
         if len(waiting) > WAITING:
-            yield heapq.heappop(waiting)[2]
+            yield heapq.heappop(waiting)[1:]
     while waiting:
-        yield heapq.heappop(waiting)[2]
+        yield heapq.heappop(waiting)[1:]
 
 
 def _alike(one: Message, other: Message) -> bool:

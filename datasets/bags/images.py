@@ -49,11 +49,16 @@ _LAYOUTS = {
     "yuyv": _Layout(1, 2, cv2.COLOR_YUV2BGR_YUY2),
 }
 
-ENCODINGS = tuple(_LAYOUTS)  # supported encodings of sensor_msgs/Image
+_PLANAR = {"nv21": cv2.COLOR_YUV2BGR_NV21, "nv12": cv2.COLOR_YUV2BGR_NV12}
+"""Encodings with a plane of brightness and below it one of colours, of half as many rows and columns."""
+
+ENCODINGS = (*_LAYOUTS, *_PLANAR)  # supported encodings of sensor_msgs/Image
 
 
 def raw(message: Any) -> Image | None:
     """The (height, width) grey or (height, width, 3) BGR image of a sensor_msgs/Image; None if undecodable."""
+    if message.encoding.lower() in _PLANAR:
+        return _planar(message, _PLANAR[message.encoding.lower()])
     layout = _LAYOUTS.get(message.encoding)
     height, width, content = message.height, message.width, message.data
     if layout is None or height == 0 or width == 0:
@@ -86,6 +91,22 @@ def compressed(message: Any) -> Image | None:
     pixels = pixels.reshape(*pixels.shape[:2], -1)
     conversion = {1: mosaic.conversion if mosaic else None, 4: cv2.COLOR_BGRA2BGR}.get(pixels.shape[2])
     return _frame(pixels, conversion)
+
+
+def _planar(message: Any, conversion: int) -> Image | None:
+    """The image of two planes; None if undecodable.
+
+    Drivers do not agree on what `step` and `height` mean: rows may be those of the image, or of both planes.
+    """
+    width, content = message.width, np.asarray(message.data, np.uint8)
+    for height in (message.height, message.height * 2 // 3):
+        if not width or not height or width % 2 or height % 2:
+            continue
+        for step in (message.step, width):
+            rows = height + height // 2
+            if step >= width and len(content) == step * rows:
+                return _frame(content.reshape(rows, step, 1)[:, :width], conversion)
+    return None
 
 
 def _frame(pixels: np.ndarray, conversion: int | None) -> Image | None:

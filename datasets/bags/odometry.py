@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 from ...frontend.wheels.motion import Poses
 from .bag import Bag, Topic
-from .columns import BACK, poses
+from .clock import BACK
+from .columns import poses
 from .topics import choose
 from .transforms import Transforms
 
@@ -32,7 +33,7 @@ def find_odometry(
     chosen = choose(bag.path, listed, topic, "[topics] odometry or the option odometry", (ODOMETRY,))
     if chosen is not None:
         readings = poses(bag, chosen, remarks, BACK)
-        base = next(bag.messages(chosen.name)).content.child_frame_id.strip("/") or None
-        return Odometry(chosen.name, base, readings)
+        frames = (one.child_frame_id.strip("/") for one in bag.contents(chosen.name) if one is not None)
+        return Odometry(chosen.name, next(frames, "") or None, readings)
     by_tf = transforms.odometry(frame)
     return None if by_tf is None else Odometry(f"tf from {frame} to {by_tf[0]}", *by_tf)

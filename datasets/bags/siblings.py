@@ -1,27 +1,21 @@
 """Tells that a bag's file is one part of a recording that was split, by the files beside it and their times."""
 
-import re
 from pathlib import Path
 
 from ...core.errors import InputError
 from .bag import Bag
-
-PAUSE, OVERLAP = 60.0, 1.0
-"""s from the end of a part to the beginning of the next one, and by which they may overlap: splitting takes no time."""
-
-_NUMBERED = re.compile(r"(?P<stem>.*?)(?P<date>_?\d{4}-\d\d-\d\d-\d\d-\d\d-\d\d)?_(?P<number>\d{1,6})", re.DOTALL)
-"""drive_0, drive_1 ...; of ROS 1 with the time at which a part was begun before its number."""
+from .parts import NUMBERED, OVERLAP, PAUSE
 
 
 def read_alone(path: Path) -> list[str]:
     """The remark on a file that is read without the recording's other parts beside it, if there are some."""
-    own = _NUMBERED.fullmatch(path.stem)
+    own = NUMBERED.fullmatch(path.stem)
     if own is None or not path.is_file():
         return []
     alike = [
         (found, one)
         for one in path.absolute().parent.glob(f"*{path.suffix}")
-        if (found := _NUMBERED.fullmatch(one.stem))
+        if (found := NUMBERED.fullmatch(one.stem))
     ]
     parts = {int(found["number"]): one for found, one in alike if found["stem"] == own["stem"]}
     number = int(own["number"])

@@ -10,9 +10,12 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.se2 import Array
+from ...core.table import LARGEST
 from ...frontend.wheels.motion import Poses
 from .bag import TRANSFORMS, Bag, Topic
-from .columns import BACK, planar
+from .clock import BACK, astray
+from .columns import no_poses, planar
+from .left_out import LeftOut
 
 FARTHEST = 100.0  # m between two parts of a robot
 
@@ -29,12 +32,22 @@ class Moves(NamedTuple):
     rows: Array  # (m, 7) x, y, z, qx, qy, qz, qw of the child in its parent's axes
 
 
+class _Given(NamedTuple):
+    """The transforms of one pair of frames, in the order of reception."""
+
+    stamps: list[int]  # ns
+    received: list[int]  # ns
+    rows: list[tuple[float, ...]]  # of seven numbers, as in `Moves`
+
+
 class Transforms:
     """The transforms of a bag."""
 
     def __init__(self, bag: Bag, listed: Sequence[Topic]) -> None:
-        """Reads them; InputError for a message that cannot be read."""
+        """Reads them; InputError where most messages of a topic cannot be read."""
         self._where = str(bag.path)
+        self.remarks = list[str]()  # grows by those that are left out of what is asked for
+        self._left_out: dict[str, list[str]] = {}  # child -> the remark
         self._moves: dict[Pair, Moves] = {}
         self._back: dict[Pair, tuple[int, int]] = {}  # a stamp, ns, and the one before it, where the clock went back
         self._odd: dict[str, str] = {}  # child -> what is wrong with a transform to it
@@ -45,33 +58,53 @@ class Transforms:
 
     def _add(self, bag: Bag, topic: Topic) -> None:
         """Takes the transforms of a topic; those that cannot be used are refused where they are asked for."""
-        found = dict[Pair, dict[int, tuple[float, ...]]]()
-        for number, message in enumerate(bag.contents(topic.name), start=1):
+        found, unreadable = dict[Pair, _Given](), LeftOut(self._where, "message", f"of topic {topic.name}")
+        number = 0
+        for number, (received, message) in enumerate(bag.received(topic.name), start=1):
             if message is None:
-                raise InputError(f"{bag.path}: message {number} of topic {topic.name} cannot be read.")
+                unreadable.add(number, "cannot be read")
+                continue
             for one in message.transforms:
                 pair = one.header.frame_id.strip("/"), one.child_frame_id.strip("/")
                 at, turn = one.transform.translation, one.transform.rotation
-                stamp = one.header.stamp.sec * 10**9 + one.header.stamp.nanosec
-                stamps = found.setdefault(pair, {})
-                before = next(reversed(stamps), stamp)
-                if before - stamp > BACK * 1e9:
+                given = found.setdefault(pair, _Given([], [], []))
+                given.stamps.append(one.header.stamp.sec * 10**9 + one.header.stamp.nanosec)
+                given.received.append(received)
+                given.rows.append((at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w))
+        self.remarks += unreadable.remarks(number)
+        for pair, given in found.items():
+            self._take(pair, given, topic)
+
+    def _take(self, pair: Pair, given: "_Given", topic: Topic) -> None:
+        """Takes all transforms between two frames."""
+        (parent, child), rows = pair, np.array(given.rows, float)
+        with np.errstate(all="ignore"):
+            norm = np.linalg.norm(rows[:, 3:], axis=1)
+            sound = (np.abs(rows) <= LARGEST).all(axis=1) & (np.abs(norm - 1) < 1e-2)
+        expected = "expected finite numbers and a quaternion of length 1"
+        wrong = astray(given.stamps, given.received) | {
+            int(row): f"at {given.stamps[row] / 1e9} s, is {rows[row]}, {expected}" for row in np.flatnonzero(~sound)
+        }
+        left_out = LeftOut(self._where, "transform", f"from {parent} to {child} in topic {topic.name}")
+        for row, why in wrong.items():
+            left_out.add(row + 1, why)
+        try:
+            self._left_out[child] = left_out.remarks(len(rows))
+        except InputError as error:
+            self._odd[child] = str(error)
+        by_time, before = dict[int, int](), None
+        for row, stamp in enumerate(given.stamps):
+            if row not in wrong or child in self._odd:
+                if before is not None and before - stamp > BACK * 1e9:
                     self._back.setdefault(pair, (stamp, before))
-                stamps[stamp] = (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
-        for (parent, child), by_time in found.items():
-            t = sorted(by_time)
-            rows = np.array([by_time[stamp] for stamp in t], float)
-            where = f"{bag.path}: topic {topic.name}: the transform from {parent} to {child}"
-            with np.errstate(over="ignore"):
-                norm = np.linalg.norm(rows[:, 3:], axis=1)
-            for row in np.flatnonzero(~(np.isfinite(rows).all(axis=1) & (np.abs(norm - 1) < 1e-2)))[:1]:
-                self._odd[child] = (
-                    f"{where} at {t[row] / 1e9} s is {rows[row]}, expected finite numbers and a quaternion of length 1."
-                )
-            static = topic.name.strip("/").endswith("tf_static")
-            if child not in self._odd and (static or (np.ptp(rows, axis=0) < STILL).all()):
-                self._fixed[child] = parent, matrix(rows[-1])
-            self._moves[parent, child] = Moves(np.array(t) / 1e9, rows)
+                by_time[stamp] = row
+                before = stamp
+        t = sorted(by_time)
+        rows = rows[[by_time[stamp] for stamp in t]]
+        static = topic.name.strip("/").endswith("tf_static")
+        if child not in self._odd and (static or (np.ptp(rows, axis=0) < STILL).all()):
+            self._fixed[child] = parent, matrix(rows[-1])
+        self._moves[pair] = Moves(np.array(t) / 1e9, rows)
 
     def odometry(self, frame: str) -> tuple[str, Poses] | None:
         """The frame in `frame`, which is the odometry's, and its poses there; None if there is none.
@@ -92,7 +125,14 @@ class Transforms:
         if pair in self._back:
             stamp, before = (at / 1e9 for at in self._back[pair])
             raise InputError(f"{where} is at {stamp} s after {before} s, expected one clock that goes forward.")
-        return pair[1], planar(where, t, rows[:, [0, 1, 3, 4, 5, 6]])
+        rows = rows[:, [0, 1, 3, 4, 5, 6]]
+        left_out = LeftOut(self._where, "transform", f"from {pair[0]} to {pair[1]}")
+        faults = no_poses(rows)
+        for row, why in faults.items():
+            left_out.add(row + 1, f"at {t[row]:.10g} s, {why}")
+        self.remarks += left_out.remarks(len(t))
+        kept = [row for row in range(len(t)) if row not in faults]
+        return pair[1], planar(t[kept], rows[kept])
 
     def tracked(self, frame: str, other: str) -> tuple[Array, Array] | None:
         """Times (m,), s, and poses (m, 4, 4) of `other` in `frame`, by one transform that moves and by fixed ones.
@@ -132,6 +172,7 @@ class Transforms:
     def _check(self, frame: str) -> None:
         if frame in self._odd:
             raise InputError(self._odd[frame])
+        self.remarks += self._left_out.pop(frame, [])
 
     def _from_root(self, frame: str) -> tuple[str, Array]:
         """The frame that `frame` hangs on at last, and its pose (4, 4) there."""

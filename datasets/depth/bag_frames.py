@@ -17,6 +17,7 @@ from ..bags.cameras import CAMERA_INFO, info_beside
 from ..bags.odometry import find_odometry
 from ..bags.topics import found, plain
 from ..bags.transforms import Transforms
+from ..bags.window import window_of
 from ..robot_files import ROBOT
 from .bag_images import chosen, frame_of, measured, picture, shots
 from .folder import robot_truth
@@ -47,7 +48,7 @@ def read_bag(path: Path, robot: DepthRobot) -> Sources:
     listed = bag.listed()
     if not any(topic.messages for topic in listed):
         raise InputError(f"{path}: contains no messages, expected a recording.")
-    topics, remarks = robot.topics, list[str]()
+    topics, remarks = robot.topics, bag.remarks()
     image, depth = (_Seen(topic, frame_of(bag, topic)) for topic in chosen(bag, listed, topics.image, topics.depth))
     transforms = Transforms(bag, listed)
     odometry = find_odometry(bag, listed, transforms, topics.odometry, robot.odom_frame, remarks)
@@ -72,10 +73,11 @@ def read_bag(path: Path, robot: DepthRobot) -> Sources:
             f"{path}: tf has no transform from {robot.truth_frame!r} that moves {image.frame}, expected the camera's "
             "true poses."
         )
+    remarks += transforms.remarks
     used = {"image": image.topic.name, "depth": depth.topic.name}
     return Sources(
-        images=lambda: shots(bag, image.topic, picture(image.topic)),
-        depths=lambda: shots(bag, depth.topic, measured(depth.topic, robot.units)),
+        images=lambda: shots(bag, image.topic, picture(image.topic), remarks),
+        depths=lambda: shots(bag, depth.topic, measured(depth.topic, robot.units), remarks),
         camera=camera,
         registration=registration,
         readings=readings,
@@ -105,7 +107,8 @@ def _camera(
     recorded = camera_of(bag, info, images, remarks)
     if recorded.camera is None:
         raise InputError(f"{bag.path}: {recorded.lacking}, expected its focal length.")
-    return recorded.camera
+    window = window_of(bag, info, images)
+    return recorded.camera if window is None else window.of(recorded.camera)
 
 
 def _mounting(

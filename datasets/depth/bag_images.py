@@ -1,7 +1,8 @@
 """Reads images and depth images of a ROS bag: sensor_msgs/Image and CompressedImage.
 
-Depth is 16UC1 or mono16, in millimetres, or 32FC1, in metres; or of the transport compressedDepth, whose PNG files
-follow a header of 12 bytes: a kind, and two numbers by which a 32FC1 depth was quantised as its inverse.
+Depth is 16UC1 or mono16, in millimetres, or 32FC1, in metres; compressed, a PNG file of 16 bits, or of the transport
+compressedDepth, whose PNG files follow a header of 12 bytes: a kind, and two numbers by which a 32FC1 depth was
+quantised as its inverse.
 """
 
 import struct
@@ -16,6 +17,7 @@ from ...core.errors import InputError
 from ..bags import images
 from ..bags.bag import Bag, Topic
 from ..bags.cameras import COMPRESSED, IMAGE, in_order
+from ..bags.left_out import LeftOut
 from ..bags.topics import found, shown
 from ..quiet_decoders import silenced
 from .folder import MM
@@ -25,6 +27,8 @@ ENCODINGS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 """Of depth images -> the type of a value. 8UC1 is no depth, whatever a topic is called."""
 
 TRANSPORT = "compressedDepth"
+
+PNG = b"\x89PNG\r\n\x1a\n"  # a file begins with it
 
 HEADER = struct.Struct("<iff")
 """A kind, which is of no use, and the quantisation of inverse depths: depth = a / (value - b)."""
@@ -46,9 +50,18 @@ def is_depth(bag: Bag, topic: Topic) -> bool:
     for message in bag.contents(topic.name):
         if message is not None:
             if topic.type == COMPRESSED:
-                return TRANSPORT in message.format or topic.name.endswith(f"/{TRANSPORT}")
+                by_name = TRANSPORT in message.format or topic.name.endswith(f"/{TRANSPORT}")
+                return by_name or _is_plain(message)
             return message.encoding in ENCODINGS
     return False
+
+
+def _is_plain(message: Any) -> bool:
+    """Tells if a compressed image is depth without the transport's header: by its format, or a grey PNG of 16 bits."""
+    content = bytes(message.data[: len(PNG) + 18])
+    bits, colour = content[len(PNG) + 16 : len(PNG) + 18].ljust(2)
+    grey = content.startswith(PNG) and (bits, colour) == (16, 0)
+    return grey or message.format.partition(";")[0].strip() in ENCODINGS
 
 
 def frame_of(bag: Bag, topic: Topic) -> str:
@@ -58,15 +71,17 @@ def frame_of(bag: Bag, topic: Topic) -> str:
     return "" if message is None else message.header.frame_id.strip("/")
 
 
-def shots(bag: Bag, topic: Topic, load: Callable[[Any], Pixels | Flaw]) -> Iterator[Shot]:
-    """The images of a topic in the order of time, decoded by `load`."""
-    latest = None
-    for number, message in enumerate(in_order(bag.messages(topic.name)), start=1):
+def shots(bag: Bag, topic: Topic, load: Callable[[Any], Pixels | Flaw], remarks: list[str]) -> Iterator[Shot]:
+    """The images of a topic in the order of time, decoded by `load`; `remarks` grows at the end."""
+    latest, number = None, 0
+    left_out = LeftOut(str(bag.path), "image", f"of topic {topic.name}")
+    for number, message in enumerate(in_order(bag.messages(topic.name), left_out), start=1):
         if message.nanoseconds == latest:
             continue  # of two images at one time, the first
         latest = message.nanoseconds
         name = f"message {number} of topic {topic.name}"
         yield Shot(message.nanoseconds / 10**9, name, lambda content=message.content: load(content))
+    remarks += [one for one in left_out.remarks(number + left_out.count) if one not in remarks]
 
 
 def picture(topic: Topic) -> Callable[[Any], Pixels | Flaw]:
@@ -129,19 +144,21 @@ def _raw(message: Any) -> Pixels | Flaw:
 
 def _compressed(message: Any) -> Pixels | Flaw:
     content = np.asarray(message.data, np.uint8)
-    pixels = None
-    if len(content) > HEADER.size:
+    pixels, plain = None, TRANSPORT not in message.format and content[: HEADER.size].tobytes().startswith(PNG)
+    header = 0 if plain else HEADER.size
+    if len(content) > header:
         try:
             with silenced():
-                pixels = cv2.imdecode(content[HEADER.size :], cv2.IMREAD_UNCHANGED)
+                pixels = cv2.imdecode(content[header:], cv2.IMREAD_UNCHANGED)
         except cv2.error:
             pixels = None
     if pixels is None or b"IEND" not in content[-64:].tobytes():
         return Flaw(
             "depth images that cannot be decoded",
-            f"is {message.format!r} and cannot be decoded, expected a PNG file after {HEADER.size} bytes",
+            f"is {message.format!r} and cannot be decoded, expected a PNG file"
+            + f" after {HEADER.size} bytes" * (not plain),
         )
-    if not message.format.startswith("32FC1"):
+    if plain or not message.format.startswith("32FC1"):
         return np.asarray(pixels)
     _, a, b = HEADER.unpack(content[: HEADER.size].tobytes())
     with np.errstate(divide="ignore"):

@@ -16,7 +16,7 @@ from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
 from ...frontend.wheels.motion import Poses, Track
-from ..bags.bag import Bag, is_bag
+from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.cameras import COMPRESSED, IMAGE
 from ..bags.siblings import read_alone
 from ..prior import assumed
@@ -61,7 +61,8 @@ def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None
     if not path.exists():
         raise InputError(f"{path}: there is no such file or folder, expected a recording.")
     found = _source(path, robot)
-    return _opened(found, robot, path if path.is_dir() and not is_bag(path) else found.absolute().parent)
+    home = path if path.is_dir() and (not is_bag(path) or (path / ROBOT).is_file()) else found.absolute().parent
+    return _opened(found, robot, home)
 
 
 def open_bag(path: Path, robot: DepthRobot) -> OpenedDepth:
@@ -100,7 +101,7 @@ def _is_depth(path: Path) -> bool:
 
 def _source(path: Path, robot: DepthRobot) -> Path:
     """The bag or folder that `path` is or contains; of several the one that robot.toml names."""
-    if is_bag(path) or (robot.source is None and is_folder(path)):
+    if is_whole(path, robot.source) or (robot.source is None and is_folder(path)):
         return path
     if not path.is_dir():
         raise InputError(f"{path}: found a file of an unknown kind, expected {_KINDS}.")

@@ -7,7 +7,7 @@ Both have of each of their k scans or clouds
 
 Laser scans:
 
-    ranges (k, b), angles (b,)     m, NaN where there is no return; rad
+    ranges (k, b), angles (b,)     m, NaN where there is no return; rad, of each scan (k, b) where they vary
     scanner (3,)                   the scanner's pose on the robot
 
 Clouds of a depth camera, levelled and in the robot's frame on the floor:

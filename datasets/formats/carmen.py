@@ -3,21 +3,21 @@
     FLASER n r1 ... rn x y theta odom_x odom_y odom_theta ipc_time host time
     ROBOTLASER1 type start fov resolution most accuracy remission n r1 ... rn m e1 ... em laser_x laser_y laser_theta
                 odom_x odom_y odom_theta tv rv forward side turn ipc_time host time
+    RAWLASER1 type start fov resolution most accuracy remission n r1 ... rn m e1 ... em ipc_time host time
+    ODOM x y theta tv rv accel ipc_time host time
 
-Metres, radians, seconds. Other lines (PARAM, ODOM, RLASER, ...) are not used. Times are those of `ipc_time`: relations
+Metres, radians, seconds. RAWLASER1 and ODOM count where there are no others: a scan's odometry is interpolated between
+those around it. Other lines (PARAM, RLASER, ...) are not used. Times are those of `ipc_time`: relations
 of the Freiburg benchmark (Kuemmerle et al., Autonomous Robots 27(4), 2009) are given by them, exactly; scans a few
 microseconds apart are different scans. Where most stamps are alike (0 in every row, or rounded to six digits, as some
 published logs have them), the scans are taken in the order of their rows. NAME.relations beside NAME.clf is the ground
 truth. In FLASER, 180 or 360 beams start at -90 degrees and stop a step before +90, and an odd number takes in both
-ends.
+ends; each scan counts at the angles of its own number of beams, and scans without any are left out.
 """
 
-import gzip
-import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,12 +28,13 @@ from ...core.factors import Dataset
 from ...core.options import option
 from ...core.se2 import Array
 from ...frontend.laser.recording import FARTHEST, LaserRecording, jump
-from ...frontend.laser.scanner import CODES, Scanner, evenly, without_codes
+from ...frontend.laser.scanner import CODES, Scanner, evenly, padded, spread, without_codes
 from ...frontend.laser.settings import Settings
 from ..false_loops import FalseLoops
 from ..grid_file import grid_files, localised
 from ..prior import assumed
 from ..registry import Source
+from .carmen_lines import KINDS, Line, read_lines
 from .relations import beside, build
 
 APART = 1e-6  # s; stamps that are closer are of the same scan
@@ -43,8 +44,6 @@ ROW = 1.0
 
 SPARSE = 0.4
 """m between scans, in the median, from which on they cannot be matched without the wheels' motion."""
-
-MOST_BEAMS = 10_000
 
 
 class Reading(NamedTuple):
@@ -98,20 +97,6 @@ def files(options: Options) -> Sequence[Path]:
 source = Source(make, Options, costly=True, portable=False, files=files)
 
 
-class Line(NamedTuple):
-    """A scan as logged."""
-
-    number: int
-    t: float
-    odometry: tuple[float, float, float]
-    angles: tuple[float, float] | None  # rad, the first and the step; None: those of FLASER
-    ranges: Array  # (b,)
-
-    def is_repeated(self, other: "Line") -> bool:
-        """Tells if the other row has the same scan, with the same odometry."""
-        return self.odometry == other.odometry and np.array_equal(self.ranges, other.ranges, equal_nan=True)
-
-
 def read(path: Path, options: Options) -> tuple[LaserRecording, list[str]]:
     """As `read_scans`, with the options of the dataset."""
     return read_scans(path, options.reading)
@@ -122,17 +107,18 @@ def read_scans(path: Path, given: Reading) -> tuple[LaserRecording, list[str]]:
 
     The log starts where the odometry does.
     """
-    lines = list(_lines(path))
+    logged, remarks = read_lines(path)
+    lines = [line for line in logged if len(line.ranges)]
     if len(lines) < 2:
-        raise InputError(f"{path}: found {len(lines)} scans (FLASER or ROBOTLASER1), expected at least 2.")
+        raise InputError(f"{path}: found {len(lines)} scans ({' or '.join(KINDS)}), expected at least 2.")
     first = lines[0]
-    for line in lines:
-        if len(line.ranges) != len(first.ranges) or line.angles != first.angles:
-            raise InputError(
-                f"{path}, line {line.number}: found a scan of {len(line.ranges)} beams, expected {len(first.ranges)} "
-                f"at the same angles, as in line {first.number}."
-            )
-    kept, remarks = _in_order(lines)
+    alike = all(len(line.ranges) == len(first.ranges) and line.angles == first.angles for line in lines)
+    kept, said = _in_order(lines)
+    remarks += said
+    if len(lines) < len(logged):
+        remarks.append(f"{len(logged) - len(lines)} of {len(logged)} scans are empty and are left out")
+    if not alike:
+        remarks.append(spread([line.fan for line in kept]))
     odometry = np.array([line.odometry for line in kept])
     moves = bool((odometry != odometry[0]).any())
     if given.odometry == "wheels" and not moves:
@@ -159,7 +145,7 @@ def read_scans(path: Path, given: Reading) -> tuple[LaserRecording, list[str]]:
         else first.angles[0] + first.angles[1] * np.arange(count, dtype=np.float64)
     )
     scanner = Scanner(angles, given.pose, given.least, given.most)
-    ranges = np.array([line.ranges for line in kept])
+    ranges = padded([line.ranges for line in kept])
     if given.most > CODES[0]:
         ranges = without_codes(ranges)
     if not ((ranges > given.least) & (ranges < given.most)).any():
@@ -172,6 +158,7 @@ def read_scans(path: Path, given: Reading) -> tuple[LaserRecording, list[str]]:
         odometry if moves and given.odometry != "none" else None,
         assumed(odometry[0]),
         {"source": path.name.encode("utf-8", "replace").decode()},
+        fans=None if alike else [line.fan for line in kept],
     ), remarks
 
 
@@ -189,73 +176,3 @@ def _in_order(lines: list[Line]) -> tuple[list[Line], list[str]]:
         f"their rows, {ROW:g} s apart"
     )
     return [line._replace(t=ROW * row) for row, line in enumerate(different)], [why]
-
-
-def _lines(path: Path) -> Iterator[Line]:
-    opener = gzip.open if path.suffix.lower() == ".gz" else open
-    number = 0
-    try:
-        with opener(path, "rt", encoding="utf-8", errors="replace") as file:
-            for number, text in enumerate(file, start=1):
-                words = text.split()
-                if words and words[0] in ("FLASER", "ROBOTLASER1"):
-                    yield _scan(words, f"{path}, line {number}", number)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}, expected a laser log.") from None
-    except (EOFError, zlib.error) as error:
-        raise InputError(f"{path}: after line {number}: {error}, expected a whole gzip file.") from None
-
-
-def _scan(words: list[str], where: str, number: int) -> Line:
-    """A line of either kind."""
-    kind, at = words[0], 1 if words[0] == "FLASER" else 8
-    count = _count(words, at, "beams", where)
-    numbers = _Numbers(words, where)
-    ranges, after = numbers.take(at + 1, count, "ranges", finite=False), at + 1 + count
-    angles = None
-    if kind == "ROBOTLASER1":
-        start, _, step = numbers.take(2, 3, "the start, width and step of its angles")
-        angles = (float(start), float(step))
-        after += 1 + _count(words, after, "remissions", where)
-    x, y, heading = numbers.take(after + 3, 3, "the odometry").tolist()
-    (t,) = numbers.take(after + (6 if kind == "FLASER" else 11), 1, "the time").tolist()
-    return Line(number, t, (x, y, heading), angles, ranges)
-
-
-def _count(words: list[str], at: int, what: str, where: str) -> int:
-    word = words[at] if at < len(words) else ""
-    if not word.isdigit() or int(word) > MOST_BEAMS:
-        raise InputError(f"{where}: found {word!r} as the number of {what}, expected 0 to {MOST_BEAMS}.")
-    return int(word)
-
-
-class _Numbers:
-    """The words of a line as numbers."""
-
-    def __init__(self, words: list[str], where: str) -> None:
-        self._words, self._where = words, where
-
-    def take(self, at: int, count: int, what: str, *, finite: bool = True) -> Array:
-        """Those from word `at` on; InputError where there are too few, or one is no number."""
-        words = self._words[at : at + count]
-        if len(words) < count:
-            raise InputError(
-                f"{self._where}: the line ends after {len(self._words)} words, expected {at + count} for {what}."
-            )
-        try:
-            found = np.array(words, dtype=np.float64)
-        except ValueError:
-            bad = next(word for word in words if not _is_number(word))
-            raise InputError(f"{self._where}: found {bad!r} in {what}, expected a number.") from None
-        if finite and not np.isfinite(found).all():
-            bad = next(word for word in words if not isfinite(float(word)))
-            raise InputError(f"{self._where}: found {bad!r} in {what}, expected a finite number.")
-        return found
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

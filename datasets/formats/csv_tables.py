@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.csv_values import digits_lost
 from ...core.dead_reckoning import summed
 from ...core.elementary import arctan2, hypot
 from ...core.errors import InputError
@@ -67,7 +68,9 @@ class Options:
     start_x: float | None = option(None, "initial x, m; not given: from the ground truth, else 0")
     start_y: float | None = option(None, "initial y, m")
     start_heading: float | None = option(None, "initial heading, rad", minimum=-np.pi, maximum=np.pi)
-    start_sd: float = option(1e-3, "standard deviation of the initial pose, m and rad", minimum=1e-9, maximum=1e3)
+    start_sd: float | tuple[float, float] = option(
+        1e-3, "standard deviation of the initial pose: of m and rad alike, or of m;rad", minimum=1e-9, maximum=1e3
+    )
 
 
 class Detections(NamedTuple):
@@ -117,10 +120,14 @@ def _track(path: Path, options: Options, remarks: list[str]) -> Track:
     table = _in_order(read_columns(path, POSES, MOTIONS, SPEEDS, remarks=remarks), strictly=False)
     t, turn = table.column("t"), _radians(options)
     last = np.append(np.diff(t) > 0, True)  # of rows at equal times, as a coarse clock gives, the last counts
+    lost = "" if last.all() else digits_lost(t.tolist())
+    if lost and 2 * last.sum() < len(t):
+        raise table.fault(int(np.flatnonzero(~last)[0]) + 1, f"t is as in the row before{lost}")
     if table.columns == POSES:
         poses = _poses(table, options, remarks)
         for row in np.flatnonzero(~last[:-1] & (np.diff(poses, axis=0) != 0).any(1)) + 1:
-            raise table.fault(row, f"t is {t[row]!s} as in the row before, with another pose, expected a later one")
+            expected = f"expected a later one{lost}"
+            raise table.fault(row, f"t is {t[row]!s} as in the row before, with another pose, {expected}")
     elif table.columns == MOTIONS:
         motions = table.rows[1:, 1:] * np.array([1.0, 1.0, turn])  # the motion before the first row is unknown
         poses = summed(np.zeros(3), motions)
@@ -231,7 +238,9 @@ def _truth(options: Options, t: Array, remarks: list[str]) -> Truth | None:
         return None if known is None else Truth(np.zeros(0), np.zeros((0, 3)), known, None, "truth")
     path = Path(options.truth)
     if path.suffix.lower() == ".csv":
-        table = _in_order(read_columns(path, POSES), strictly=True)
+        table = read_columns(path, POSES)
+        repeated = np.append(False, (np.diff(table.rows, axis=0) == 0).all(axis=1))
+        table = _in_order(table.take(np.flatnonzero(~repeated)), strictly=True)
         poses = _poses(table, options, remarks)
         poses[:, 2] = wrap(poses[:, 2])
         times = table.column("t")
@@ -260,7 +269,10 @@ def _prior(options: Options, truth: Truth | None, start: float) -> Prior:
     for k, given in enumerate((options.start_x, options.start_y, options.start_heading)):
         if given is not None:
             pose[k] = given
-    return Prior(pose, options.start_sd**2 * np.eye(3))
+    if not isinstance(options.start_sd, tuple):
+        return Prior(pose, options.start_sd**2 * np.eye(3))
+    position, heading = options.start_sd
+    return Prior(pose, np.diag([position**2, position**2, heading**2]))
 
 
 def _notes(options: Options, seen: Detections) -> dict[str, Any]:
@@ -284,7 +296,7 @@ def _in_order(table: Table, *, strictly: bool) -> Table:
     late = np.diff(t) <= 0 if strictly else np.diff(t) < 0
     for row in np.flatnonzero(late) + 1:
         wanted = "later than" if strictly else "no earlier than"
-        raise table.fault(row, f"t is {t[row]!s}, expected {wanted} {t[row - 1]!s}")
+        raise table.fault(row, f"t is {t[row]!s}, expected {wanted} {t[row - 1]!s}{digits_lost(t.tolist())}")
     return table
 
 

@@ -13,8 +13,9 @@ is in the body frame after the motion, and that of an EDGE_PRIOR_SE2, of Z^-1 Xi
 converted to ours: before the motion, and the world's. That of an EDGE_SE2_XY, Xi^-1 l - z, is in the body frame of pose
 i.
 
-A log has its prior at the first pose: from its EDGE_PRIOR_SE2, or its initial value, whether fixed or by default. Fixed
-points become a given map.
+A log has its prior at the first pose: from its EDGE_PRIOR_SE2, or its initial value, whether fixed or by default. A
+single other pose that is fixed only says where the graph is. Fixed points become a given map. Landmarks whose ids are
+all negative, as rtabmap has them, lose the sign.
 """
 
 from dataclasses import dataclass
@@ -26,10 +27,12 @@ from ...core.coordinates import before_motion
 from ...core.errors import InputError
 from ...core.factors import Dataset, Prior
 from ...core.options import option
+from ...core.se2 import Ints
 from ...core.small_matrices import symmetric
 from ...core.table import Table
 from ..false_loops import FalseLoops
 from ..registry import Source
+from ..remarks import remarked
 from .pose_graph import START, PoseGraph, inverted, log_of, map_of, points_seen, wrapped
 from .tagged import LIST, read_tagged
 
@@ -81,30 +84,59 @@ source = Source(make, Options)
 def read(path: Path) -> Dataset:
     """Reads the log in the g2o file `path`; InputError names the file and line of what is invalid."""
     tables = read_tagged(path, KINDS, _COLUMNS, REFUSED)
-    edges, sightings = tables["edges"], tables["sightings"]
+    edges, sightings, points = tables["edges"], tables["sightings"], tables["points"]
+    negative = any((table.column("id") < 0).any() for table in (points, sightings))
+    if negative:
+        points, sightings = _positive(points), _positive(sightings)
     cov = inverted(edges, symmetric(edges.rows[:, 5:]))
     graph = PoseGraph(
         path,
         tables["vertices"],
-        tables["points"],
+        points,
         edges,
         before_motion(wrapped(edges, "dtheta")[:, 2:5], cov),
         sightings,
         *points_seen(sightings, inverted(sightings, symmetric(sightings.rows[:, 4:]))),
+        shared_ids=not negative,
     )
     notes = {
         "source": f"the g2o file {path.name}",
         "licence": "not stated in the file",
         "covariances": "g2o's are in the body frame after a motion, converted to the one before it",
     }
-    return Dataset(log_of(graph, path.stem, _prior(graph, tables["priors"], tables["fixed"]), notes), None)
+    if negative:
+        notes["landmarks"] = "their negative ids without the sign"
+    remarks, fixed = list[str](), tables["fixed"]
+    prior = _prior(graph, tables["points"].whole("id"), tables["priors"], fixed, remarks)
+    return Dataset(remarked(log_of(graph, path.stem, prior, notes), remarks), None)
 
 
-def _prior(graph: PoseGraph, priors: Table, fixed: Table) -> Prior | None:
-    """The prior of the first pose, and the fixed points as a given map."""
+def _positive(table: Table) -> Table:
+    """The rows of points whose ids are all negative, as rtabmap numbers landmarks beside poses, with positive ids."""
+    column = table.columns.index("id")
+    rows = table.rows.copy()
+    for row in np.flatnonzero(rows[:, column] >= 0):
+        raise table.fault(row, f"id is {rows[row, column]:.0f}, expected one below 0, as other points have")
+    rows[:, column] *= -1
+    return Table(table.path, table.columns, rows, table.lines)
+
+
+def _prior(graph: PoseGraph, points: Ints, priors: Table, fixed: Table, remarks: list[str]) -> Prior | None:
+    """The prior of the first pose, and the fixed points as a given map; `points` are their ids in the file.
+
+    A single pose that is fixed in place of the first only says where the graph is: the first is held instead.
+    """
     first = int(graph.ids()[0])
-    points = graph.points.whole("id")
     poses_fixed = ~np.isin(fixed.whole("id"), points)
+    held = np.isin(points, fixed.whole("id"))
+    named = np.unique(fixed.whole("id")[poses_fixed])
+    other = len(named) == 1 and named[0] != first and np.isin(named, graph.ids()).all()
+    if other and not (len(priors.rows) or held.any()):
+        remarks.append(
+            f"{graph.path}: FIX holds pose {named[0]}, a log the first, {first}, at its initial value: the graph is "
+            "the same, but it may lie elsewhere"
+        )
+        return None
     for row in np.flatnonzero(poses_fixed & (fixed.whole("id") != first)):
         expected = f"expected only that of the first pose, {first}, and of points"
         raise fixed.fault(row, f"vertex {fixed.whole('id')[row]} is fixed, {expected}")
@@ -118,7 +150,6 @@ def _prior(graph: PoseGraph, priors: Table, fixed: Table) -> Prior | None:
     if poses_fixed.any() and place is None:
         row = np.flatnonzero(poses_fixed)[0]
         raise fixed.fault(row, f"vertex {first} is fixed, expected a VERTEX_SE2 with its position")
-    held = np.isin(points, fixed.whole("id"))
     known = map_of(Table(graph.path, graph.points.columns, graph.points.rows[held], graph.points.lines[held]))
     if len(priors.rows):
         poses = wrapped(priors, "theta")[:, 1:4]

@@ -4,6 +4,7 @@ Blank lines and lines that begin with # are skipped. A row with an unknown tag i
 constraint that changes the graph.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -13,8 +14,11 @@ from ...core.csv_values import no_number, number, shortened
 from ...core.errors import InputError
 from ...core.se2 import Array
 from ...core.table import LARGEST, Table, text
+from .symbols import has_symbols, without_symbols
 
 LIST = ("id",)  # the columns of rows with a variable number of ids: each becomes a row of its own
+_IN_SPACE = re.compile(r"SE3|XYZ|^(VERTEX|EDGE)3\b", re.IGNORECASE)  # tags of poses and points in three dimensions
+
 LENGTHS = ("x", "y", "dx", "dy", "range")  # columns in m, limited to LARGEST
 
 
@@ -42,6 +46,16 @@ def read_tagged(
         else:
             rest[kind].append(found)
             lines[kind].append(line)
+    tables = _tables(path, lines, rest, columns)
+    if has_symbols(tables):
+        tables = _tables(path, lines, without_symbols(path, rest, lines, columns), columns)
+    return tables
+
+
+def _tables(
+    path: Path, lines: Mapping[str, list[int]], rest: Mapping[str, list[str]], columns: Mapping[str, Sequence[str]]
+) -> dict[str, Table]:
+    """The rows of each kind as numbers."""
     return {
         kind: Table(path, tuple(names), _numbers(path, lines[kind], rest[kind], names), np.array(lines[kind], np.int64))
         .finite()
@@ -86,6 +100,10 @@ def _row(path: Path, line: int, row: str, columns: Sequence[str]) -> list[float]
 
 def _unknown(path: Path, line: int, tag: str, kinds: Mapping[str, str], refused: Sequence[str]) -> InputError:
     known = ", ".join(kinds)
+    if _IN_SPACE.search(tag):
+        return InputError(
+            f"{path}, line {line}: rows {tag} are of a graph in space, 3D, expected planar ones: {known}."
+        )
     if tag in refused:
         return InputError(f"{path}, line {line}: rows {tag} are not supported, expected only {known}.")
     return InputError(f"{path}, line {line}: found the tag {shortened(tag)}, expected one of {known}.")

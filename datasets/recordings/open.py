@@ -8,7 +8,7 @@ from ...core.factors import Truth
 from ...core.files import check_regular
 from ...frontend.markers.pipeline import Frame
 from ...frontend.wheels.motion import Poses, Ticks
-from ..bags.bag import is_bag
+from ..bags.bag import is_bag, is_whole
 from ..bags.siblings import read_alone
 from ..readings import ODOMETRY, TICKS, read_readings
 from ..robot_files import ROBOT, recording_in
@@ -61,14 +61,16 @@ def is_live(path: Path) -> bool:
 
 def _frames_of(path: Path, robot: Robot) -> Path:
     """The bag, video or folder of pictures that `path` is or contains; of several the one named by robot.toml."""
-    if not path.is_dir() or is_bag(path):
-        return path
     source = robot.frames.source
+    if not path.is_dir():
+        return path
     found = sorted(
         one
         for one in path.iterdir()
         if is_bag(one) or one.suffix.lower() in VIDEOS or (one.is_dir() and one.name == "frames")
     )
+    if is_whole(path, source) and ((path / "metadata.yaml").is_file() or all(is_bag(one) for one in found)):
+        return path
     if not found and pictures(path) and (source is None or not (path / source).exists()):
         return path
     below = sorted(one for one in path.glob("*/*") if is_bag(one) or one.suffix.lower() in VIDEOS)

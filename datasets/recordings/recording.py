@@ -29,6 +29,7 @@ from ..bags.bag import Bag, is_bag
 from ..bags.camera_info import of_images
 from ..bags.topics import found as found_topics
 from ..bags.topics import plain
+from ..bags.window import Window
 from ..depth.open import build as build_depth
 from ..depth.open import open_depth
 from ..prior import assumed
@@ -107,7 +108,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
     if camera is not None:
         camera = of_images(camera, streams.camera, streams.topic, str(path), streams.remarks)
     if camera is not None and streams.camera is not None:
-        streams.remarks.extend(_contradicted(camera, streams.camera, path))
+        streams.remarks.extend(_contradicted(camera, _alike(streams.camera, camera, streams.window), path))
     if camera is None and streams.camera is not None:
         camera = replace(streams.camera, mounting=robot.mounting, readout=robot.readout)
     if camera is None:
@@ -116,6 +117,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
             f"{path}: the camera's calibration is unknown{lacking}, expected {ROBOT} to name its file: "
             '[camera] calibration = "calibration.yaml".'
         )
+    camera = _of_frames(camera, streams.window)
     motion = _motion(streams.readings, robot, path)
     recording = Recording(
         name=robot.name,
@@ -141,6 +143,17 @@ def _bare(path: Path) -> str:
         return ""
     listed = found_topics(Bag(path).listed()).removesuffix(".")
     return f"; without one a bag is of a laser scanner ({plain(SCAN)}) or a depth camera (images of depth); {listed}"
+
+
+def _of_frames(camera: Camera, window: Window | None) -> Camera:
+    """The camera of the frames, which may be a part of those of a whole one."""
+    return camera if window is None or (camera.width, camera.height) != window.whole else window.of(camera)
+
+
+def _alike(recorded: Camera, given: Camera, window: Window | None) -> Camera:
+    """The recorded camera or, where the given one is of the frames' part, that part."""
+    same = (recorded.width, recorded.height) == (given.width, given.height)
+    return recorded if same else _of_frames(recorded, window)
 
 
 def _contradicted(given: Camera, recorded: Camera, path: Path) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
     name = "my robot"
     [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure, readout
-    [markers]    dictionary, side, sides, max_range
+    [markers]    dictionary, side, sides, max_range, ignore
     [encoder]    left, right, base, k, noise, interval, curve, floors, counter_bits, max_speed
     [odometry]   forward, turning, turning_by_turn, floors, max_speed
     [drift]      position, turning, floors        of the pose per root second, for frames without any motion
@@ -89,7 +89,7 @@ def read_robot(path: Path) -> Robot:
     if file.has("depth"):
         raise file.refused("depth", "is of a robot with a depth camera, expected [markers], for one with a camera.")
     camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure", "readout"))
-    markers = file.table("markers").only(("dictionary", "side", "sides", "max_range"))
+    markers = file.table("markers").only(("dictionary", "side", "sides", "max_range", "ignore"))
     odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))
     encoder = file.table("encoder").only((*names_of(Encoder), "counter_bits", "max_speed"))
     frames = file.table("frames").only(names_of(FrameSource))
@@ -152,6 +152,7 @@ def write_robot(path: Path, robot: Robot) -> None:
             "side": robot.markers.side,
             "sides": sides or None,
             "max_range": robot.max_range,
+            "ignore": list(robot.markers.ignore) or None,
         },
         "encoder": encoder,
         "odometry": odometry,
@@ -181,6 +182,7 @@ def _markers(markers: TomlTable) -> Markers:
         markers.number("side", above=0),
         {int(key): sides.number(key, above=0) for key in sides.entries},
         Path(markers.file).parent,
+        markers.wholes("ignore") if markers.has("ignore") else (),
     )
     try:
         _ = known.opencv

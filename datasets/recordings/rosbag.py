@@ -22,8 +22,10 @@ from ..bags.bag import Bag, Topic
 from ..bags.camera_info import Recorded, camera_of
 from ..bags.cameras import COMPRESSED, IMAGE, in_order, info_beside
 from ..bags.columns import columns, of_untimed, poses
+from ..bags.left_out import LeftOut
 from ..bags.odometry import ODOMETRY
 from ..bags.topics import choose, found, plain, shown
+from ..bags.window import window_of
 from .streams import Streams
 
 ENCODER = "geometry_msgs/msg/QuaternionStamped"
@@ -53,7 +55,7 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
     if image is None:
         raise InputError(f"{path}: has no topic with images ({plain(IMAGE)} or CompressedImage); {found(listed)}")
     info = info_beside(path, listed, topics.camera_info, "[topics] camera_info", image)
-    remarks = list[str]()
+    remarks = bag.remarks()
     recorded = Recorded(None) if info is None else camera_of(bag, info, image, remarks)
     return Streams(
         frames=_Images(bag, image, remarks),
@@ -64,6 +66,7 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
         topic=image.name,
         truth=None,
         remarks=remarks,
+        window=None if info is None else window_of(bag, info, image),
     )
 
 
@@ -78,11 +81,13 @@ class _Images:
     def __iter__(self) -> Iterator[Frame]:
         decode = images.raw if self.topic.type == IMAGE else images.compressed
         count, untimed, decoded, example = 0, 0, False, None
-        for message in in_order(self.bag.messages(self.topic.name)):
+        left_out = LeftOut(str(self.bag.path), "image", f"of topic {self.topic.name}")
+        for message in in_order(self.bag.messages(self.topic.name), left_out):
             image = None if message.content is None else decode(message.content)
             untimed += message.untimed
             count, decoded, example = count + 1, decoded or image is not None, example or message.content
             yield Frame(message.nanoseconds / 10**9, image)
+        self.remarks.extend(left_out.remarks(count + left_out.count))
         self.remarks.extend(of_untimed(self.bag, self.topic, untimed))
         if count and not decoded:
             kind = getattr(example, "encoding", getattr(example, "format", "of unknown layout"))

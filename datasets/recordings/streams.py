@@ -7,6 +7,7 @@ from ...core.factors import Truth
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.pipeline import Frame
 from ...frontend.wheels.motion import Poses, Ticks
+from ..bags.window import Window
 
 
 class Streams(NamedTuple):
@@ -20,3 +21,4 @@ class Streams(NamedTuple):
     topic: str  # of the frames in a bag; "" elsewhere
     truth: Truth | None
     remarks: list[str]  # what is legal yet odd; grows while the frames are read
+    window: Window | None = None  # the part of the camera that the frames are of; None: all of it

@@ -1,91 +1,75 @@
 """Reads sensor_msgs/LaserScan and odometry of a ROS bag for the laser front end.
 
+Of MultiEchoLaserScan, which is read where a bag has no LaserScan or robot.toml names it, the first echo counts.
 The front end takes a scan as a snapshot. Its stamp is that of its first beam, so the scan counts as taken in the middle
 of its sweep, (n - 1) / 2 of `time_increment` later; single beams are not moved to where the robot was. The odometry, of
 nav_msgs/Odometry or else of tf, is interpolated to that time.
 """
 
-from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.se2 import Array
 from ...frontend.laser.recording import FARTHEST, LaserRecording, jump
-from ...frontend.laser.scanner import CODES, Scanner, without_codes
-from ..bags.bag import Bag, Topic
-from ..bags.columns import check_clock, of_untimed
+from ...frontend.laser.scanner import CODES, Fan, Scanner, padded, spread, without_codes
+from ..bags.bag import Bag
 from ..bags.topics import choose, found, plain
 from ..bags.transforms import Transforms
 from ..prior import assumed
 from .mounted import placed
 from .odometry import Covered, covered, read_odometry
 from .robot import LaserRobot
+from .scan_messages import ECHOES, SCAN, is_like, read_messages
 
-SCAN = "sensor_msgs/msg/LaserScan"
-
-APART = 1000  # ns; stamps that are closer are of the same scan
-SAME = 1e-3  # rad by which the beams of two scans may differ
-SWEEP = 1.0  # s; a sweep that lasts longer is a `time_increment` in other units
+FIRST = "of several echoes of a beam, the first"
 
 SNAPSHOT = "a scan counts as taken at once, in the middle of its sweep; its beams are not corrected for the motion"
-
-
-class Fan(NamedTuple):
-    """The beams of a scan."""
-
-    beams: int
-    first: float  # rad
-    step: float  # rad
-
-    @property
-    def last(self) -> float:
-        """The direction of the last beam, rad."""
-        return self.first + (self.beams - 1) * self.step
-
-    def is_like(self, other: "Fan") -> bool:
-        """Tells if all beams point the same way as another's."""
-        return self.beams == other.beams and max(abs(self.first - other.first), abs(self.last - other.last)) <= SAME
-
-
-class Scans(NamedTuple):
-    """The scans of a topic in the order of time."""
-
-    t: Array  # (n,) s, the middle of each sweep, strictly increasing
-    ranges: Array  # (n, b) m
-    fan: Fan
-    limits: tuple[float, float]  # m, the least and the largest range of a return as the scanner states them
-    frame: str
 
 
 def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     """The scans of the bag at `path` with their odometry, and remarks.
 
-    InputError for a bag that is damaged, topics that are missing or ambiguous, scans of different beams, a clock that
-    goes back, a scanner or robot that is not level, and scans without odometry where the bag has some.
+    InputError for a bag that is damaged, topics that are missing or ambiguous, a clock that goes back, a scanner or
+    robot that is not level, and scans without odometry where the bag has some.
     """
     bag = Bag(path)
     listed = bag.listed()
     if not any(topic.messages for topic in listed):
         raise InputError(f"{path}: contains no messages, expected a recording.")
-    topic = choose(path, listed, robot.topic, "[laser] topic or the option scan", (SCAN,))
+    single = any(one.type == SCAN and one.messages for one in listed)
+    types = (SCAN, ECHOES) if robot.topic is not None else (SCAN,) if single else (ECHOES,)
+    topic = choose(path, listed, robot.topic, "[laser] topic or the option scan", types)
     if topic is None:
         raise InputError(f"{path}: has no topic with scans ({plain(SCAN)}); {found(listed)}")
-    remarks = list[str]()
-    scans = _scans(bag, topic, remarks)
+    remarks = bag.remarks()
+    scans = read_messages(bag, topic, remarks)
     transforms = Transforms(bag, listed)
     read = read_odometry(bag, listed, transforms, robot, remarks)
     mounted = placed(str(path), transforms, scans.frame, None if read is None else read.base, robot.pose, remarks)
-    angles = scans.fan.first + scans.fan.step * np.arange(scans.fan.beams, dtype=np.float64)
-    ranges = scans.ranges
+    remarks += transforms.remarks
+    ranges, fans = scans.ranges, scans.fans
+    alike = all(is_like(fan, fans[0]) for fan in fans)
+    if alike:
+        fans = fans[:1] * len(fans)
+    else:
+        remarks.append(f"{path}: topic {topic.name}: {spread(fans)}")
     if mounted.upside_down:
-        angles = -angles
-    if angles[0] > angles[-1]:
-        angles, ranges = angles[::-1].copy(), ranges[:, ::-1].copy()
+        fans = [Fan(fan.beams, -fan.first, -fan.step) for fan in fans]
+    clockwise = [fan.step < 0 for fan in fans]
+    ranges = [row[::-1] if turned else row for row, turned in zip(ranges, clockwise, strict=True)]
+    angles = fans[0].angles(fans[0].beams)
     least, most = scans.limits
-    scanner = Scanner(angles, mounted.pose, max(robot.min_range, least), min(robot.max_range, most))
+    scanner = Scanner(
+        angles[::-1].copy() if clockwise[0] else angles,
+        mounted.pose,
+        max(robot.min_range, least),
+        min(robot.max_range, most),
+    )
+    fans = [Fan(fan.beams, fan.last, -fan.step) if turned else fan for fan, turned in zip(fans, clockwise, strict=True)]
+    ranges = padded(ranges)
     if scanner.most > CODES[0]:
         ranges = without_codes(ranges)
     if not ((ranges > scanner.least) & (ranges < scanner.most)).any():
@@ -104,79 +88,9 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
         "time": SNAPSHOT,
         "topics": {"scan": topic.name, "odometry": "none" if here.poses is None or read is None else read.source},
     }
+    if topic.type == ECHOES:
+        notes["echo"] = FIRST
     prior = robot.prior or assumed(None if here.poses is None else here.poses[0])
     name = robot.name or path.name.partition(".")[0]
-    return LaserRecording(name, scanner, scans.t[here.rows], ranges[here.rows], here.poses, prior, notes), remarks
-
-
-def _scans(bag: Bag, topic: Topic, remarks: list[str]) -> Scans:
-    """All scans of a topic; `remarks` grows by what is odd."""
-    first: Fan | None = None
-    example: Any = None  # the first scan
-    latest = 0
-    number = unreadable = untimed = slow = 0
-    taken = list[tuple[int, Array]]()
-    for number, message in enumerate(bag.messages(topic.name), start=1):
-        scan, stamp = message.content, message.nanoseconds
-        if scan is None:
-            unreadable += 1
-            continue
-        fan = Fan(len(scan.ranges), float(scan.angle_min), float(scan.angle_increment))
-        where = f"{bag.path}: message {number} of topic {topic.name}"
-        if first is None:
-            first, example, latest = fan, scan, stamp
-            _check_fan(where, fan)
-        if not fan.is_like(first):
-            raise InputError(f"{where}: found a scan of {_shown(fan)}, expected {_shown(first)}, as before.")
-        check_clock(bag, topic, number, stamp, latest)
-        latest, untimed = stamp, untimed + message.untimed
-        sweep = (fan.beams - 1) * float(scan.time_increment)
-        slow += not 0 <= sweep <= SWEEP
-        taken.append((stamp + round(0.5e9 * sweep if 0 <= sweep <= SWEEP else 0.0), np.asarray(scan.ranges, float)))
-    if first is None:
-        raise InputError(f"{bag.path}: none of the {number} messages of topic {topic.name} can be read.")
-    taken.sort(key=lambda one: one[0])
-    kept = [taken[0]]
-    for one in taken[1:]:
-        if one[0] - kept[-1][0] > APART:
-            kept.append(one)
-    if len(kept) < 2:
-        raise InputError(f"{bag.path}: found {len(kept)} scans in topic {topic.name}, expected at least 2.")
-    remarks += of_untimed(bag, topic, untimed)
-    remarks += list(_odd(bag, topic, example, first, unreadable, len(taken) - len(kept), slow))
-    least, most = float(example.range_min), float(example.range_max)
-    stated = (least, most) if 0 <= least < most else (0.0, np.inf)  # an unset limit is 0 or not a number
-    t = np.array([stamp / 10**9 for stamp, _ in kept])
-    return Scans(t, np.array([ranges for _, ranges in kept]), first, stated, example.header.frame_id)
-
-
-def _check_fan(where: str, fan: Fan) -> None:
-    """Raises InputError for beams that point nowhere."""
-    if fan.beams < 2 or not np.isfinite([fan.first, fan.step]).all() or not 0 < abs(fan.step) < np.pi:
-        raise InputError(f"{where}: found a scan of {_shown(fan)}, expected at least 2 beams at steps of an angle.")
-    if abs(fan.last - fan.first) > 2 * np.pi + SAME + abs(fan.step):
-        raise InputError(f"{where}: found a scan of {_shown(fan)}, expected at most a full turn, in radians.")
-
-
-def _odd(bag: Bag, topic: Topic, scan: Any, fan: Fan, unreadable: int, twice: int, slow: int) -> Sequence[str]:
-    """Remarks on scans that are legal yet odd."""
-    said = list[str]()
-    if unreadable:
-        said.append(f"{bag.path}: {unreadable} of {topic.messages} scans of topic {topic.name} cannot be read")
-    if twice:
-        said.append(f"{bag.path}: {twice} scans of topic {topic.name} have the stamp of another one and are left out")
-    if slow:
-        said.append(
-            f"{bag.path}: time_increment is {scan.time_increment:.4g} s in {slow} scans of topic {topic.name}, a sweep "
-            f"below 0 or above {SWEEP:g} s: theirs count as taken at their stamps"
-        )
-    if not abs(scan.angle_max - fan.last) < 1.5 * abs(fan.step):
-        said.append(
-            f"{bag.path}: angle_max of topic {topic.name} is {scan.angle_max:.5g} rad, the last of {fan.beams} beams "
-            f"is at {fan.last:.5g}, which is used"
-        )
-    return said
-
-
-def _shown(fan: Fan) -> str:
-    return f"{fan.beams} beams from {fan.first:.5g} rad in steps of {fan.step:.5g}"
+    recording = LaserRecording(name, scanner, scans.t, ranges, None, prior, notes, fans=None if alike else fans)
+    return replace(recording.taken(here.rows), odometry=here.poses), remarks

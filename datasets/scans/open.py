@@ -12,7 +12,7 @@ from ...core.files import check_regular
 from ...frontend.laser.log import first_scan
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.settings import Settings
-from ..bags.bag import Bag, is_bag
+from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.siblings import read_alone
 from ..formats import relations
 from ..formats.carmen import Reading, read_scans
@@ -20,8 +20,9 @@ from ..formats.file_kind import is_carmen
 from ..grid_file import localised
 from ..robot_files import ROBOT, recording_in, robot_beside
 from ..truth import read_truth, with_truth
-from .bag_scans import SCAN, read_bag
+from .bag_scans import read_bag
 from .robot import LaserRobot, read_laser_robot
+from .scan_messages import ECHOES, SCAN
 
 _KINDS = "a ROS bag (.bag, .mcap, or a folder with metadata.yaml) or a CARMEN log (.clf)"
 
@@ -59,7 +60,7 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
             raise InputError(f"{file}: has no [laser], expected it where a topic of scans or their odometry is named.")
         return None
     if robot is None:
-        scans = is_bag(path) and path.exists() and any(one.type == SCAN and one.messages for one in Bag(path).listed())
+        scans = is_bag(path) and path.exists() and _has_scans(path)
         if not (scans or is_carmen(path)):
             return None
         robot = LaserRobot()
@@ -101,9 +102,13 @@ def _carmen(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     return recording, remarks
 
 
+def _has_scans(path: Path) -> bool:
+    return any(one.type in (SCAN, ECHOES) and one.messages for one in Bag(path).listed())
+
+
 def _source(path: Path, robot: LaserRobot) -> Path:
     """The bag or log that `path` is or contains; of several the one that robot.toml names."""
-    if not path.is_dir() or is_bag(path):
+    if not path.is_dir() or is_whole(path, robot.source):
         return path
     inside = sorted(one for one in path.iterdir() if is_bag(one) or is_carmen(one))
     return recording_in(path, "laser", robot.source, inside, _KINDS)

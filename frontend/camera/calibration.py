@@ -1,32 +1,28 @@
 """Reads and writes calibration files: OpenCV's YAML, XML and JSON, and ROS's camera_info YAML.
 
-Accepts OpenCV's key names as its samples of several years spell them, and camera_info both as ROS's calibrator saves it
-and as a printed message. The format is recognised by the content.
+Accepts OpenCV's key names as its samples of several years spell them, as JSON and .npz of scripts, too, and camera_info
+both as ROS's calibrator saves it and as a printed message. `other_calibrations` has the formats of other programs. The
+format is recognised by the content.
 
 A camera's response is a mapping of its own, `camera_response`, which other readers of these files leave out.
 """
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
 
 import cv2
 import numpy as np
-from ruamel.yaml import YAML
-from ruamel.yaml.constructor import SafeConstructor
-from ruamel.yaml.error import YAMLError
 
 from ...core.errors import InputError
-from ...core.files import check_regular, write_whole
+from ...core.files import write_whole
 from ...core.se2 import Array
+from .calibration_text import contents
 from .camera import DISTORTION_LENGTHS, Camera, Model
+from .other_calibrations import as_opencv
 from .response import read_response
-
-LARGEST = 1_000_000  # bytes; a larger file is not a calibration
 
 MODELS: dict[str, Model] = {
     "": "pinhole",
@@ -34,10 +30,14 @@ MODELS: dict[str, Model] = {
     "pinhole": "pinhole",
     "plumb_bob": "pinhole",
     "radtan": "pinhole",
+    "radial-tangential": "pinhole",
+    "radial_tangential": "pinhole",
     "rational_polynomial": "pinhole",
     "equidistant": "fisheye",
     "fisheye": "fisheye",
+    "equi": "fisheye",
     "kannala_brandt": "fisheye",
+    "kannalabrandt8": "fisheye",
 }
 """Names of lens models in files and ROS messages -> the model."""
 
@@ -46,9 +46,12 @@ SHORTEST, LONGEST = 0.1, 100.0
 
 RESPONSE = "camera_response"
 
-_MATRIX = ("cameramatrix", "k", "m1", "intrinsicmatrix")
-_LENS = ("distortioncoefficients", "distcoeffs", "distortion", "d", "d1")
-_WIDTH, _HEIGHT, _SIZE = ("imagewidth", "width"), ("imageheight", "height"), ("imagesize", "size")
+_MATRIX = ("cameramatrix", "k", "m1", "intrinsicmatrix", "mtx", "cameramtx")
+_LENS = (
+    *("distortioncoefficients", "distcoeffs", "distortion", "d", "d1"),
+    *("dist", "distcoeff", "distcoefs", "distcoef", "distortioncoeffs"),
+)
+_WIDTH, _HEIGHT, _SIZE = ("imagewidth", "width"), ("imageheight", "height"), ("imagesize", "size", "resolution")
 _MODEL, _FISHEYE = ("distortionmodel", "cameramodel", "model"), ("fisheyemodel", "fisheye")
 _PROJECTION = ("projectionmatrix", "p", "p1")
 _RESPONSE = ("cameraresponse",)  # accepted keys, in lower case and without underscores
@@ -61,13 +64,14 @@ class _Entry(NamedTuple):
     value: Any
 
 
-def read(path: Path, mounting: Array, size: tuple[int, int] | None = None) -> Camera:
+def read(path: Path, mounting: Array, size: tuple[int, int] | None = None, which: str | None = None) -> Camera:
     """Reads a camera from a calibration file; `mounting` is (4, 4) T_robot_camera.
 
-    `size`, width and height in px, is used where the file has none, as some of OpenCV's do not. InputError names the
-    file and key of what is missing or unusable.
+    `size`, width and height in px, is used where the file has none, as some of OpenCV's do not; `which` names one of
+    several cameras. InputError names the file and key of what is missing or unusable.
     """
-    entries = {key.lower().replace("_", ""): _Entry(key, value) for key, value in _contents(path).items()}
+    found = as_opencv(path, contents(path), which)
+    entries = {key.lower().replace("_", ""): _Entry(key, value) for key, value in found.items()}
 
     def find(names: Sequence[str], what: str | None = None) -> _Entry | None:
         entry = next((entries[name] for name in names if name in entries), None)
@@ -170,60 +174,6 @@ def _text(number: float) -> str:
 def _matrix(name: str, rows: int, numbers: Sequence[float]) -> list[str]:
     texts = [_text(number) for number in numbers]
     return [f"{name}:", f"  rows: {rows}", f"  cols: {len(texts) // rows}", f"  data: [{', '.join(texts)}]"]
-
-
-def _contents(path: Path) -> dict[str, Any]:
-    """Parses the file into texts, numbers, lists and mappings; a matrix is a mapping with rows, cols and data."""
-    try:
-        if path.stat().st_size > LARGEST:
-            raise InputError(f"{path}: found {path.stat().st_size} bytes, expected a calibration of a few hundred")
-        check_regular(path)
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}; expected a calibration file") from None
-    except ValueError:
-        raise InputError(f"{path}: not a text file, expected a calibration file") from None
-    start = text.lstrip()
-    kind = "XML" if start.startswith("<") else "JSON" if start.startswith("{") else "YAML"
-    try:
-        document = {"XML": _xml, "JSON": json.loads, "YAML": _yaml}[kind](text)
-    except (YAMLError, ElementTree.ParseError, ValueError, RecursionError, TypeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        line = getattr(error, "lineno", None) or getattr(error, "position", (None,))[0] or (mark and mark.line + 1)
-        at = f", line {line}" if line else ""
-        raise InputError(f"{path}{at}: not valid {kind}, expected a calibration file") from None
-    if not isinstance(document, dict) or not document:
-        raise InputError(f"{path}: found no keys, expected those of a calibration, such as camera_matrix")
-    return {str(key): value for key, value in document.items()}
-
-
-class _Constructor(SafeConstructor):
-    """Constructs YAML's plain values, and OpenCV's matrices as mappings."""
-
-
-for _tag in ("opencv-matrix", "opencv-nd-matrix"):
-    _Constructor.add_constructor(
-        f"tag:yaml.org,2002:{_tag}", lambda constructor, node: constructor.construct_mapping(node, deep=True)
-    )
-
-
-def _yaml(text: str) -> Any:
-    yaml = YAML(typ="safe", pure=True)
-    yaml.Constructor = _Constructor
-    lines = text.split("\n")
-    if lines[0].startswith("%YAML:"):  # OpenCV's own spelling of a directive
-        lines[0] = ""
-    return next(iter(yaml.load_all("\n".join(lines))), None)  # a printed message ends with a separator
-
-
-def _xml(text: str) -> Any:
-    def value(element: ElementTree.Element) -> Any:
-        if len(element):
-            return {child.tag: value(child) for child in element}
-        words = (element.text or "").split()
-        return words[0] if len(words) == 1 else words
-
-    return value(ElementTree.fromstring(text))
 
 
 def _camera(

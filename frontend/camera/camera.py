@@ -75,6 +75,20 @@ class Camera:
             **response,
         }
 
+    def window(self, corner: tuple[int, int], size: tuple[int, int], binning: tuple[int, int] = (1, 1)) -> "Camera":
+        """The camera of a part of its pixels, from `corner` on and of that `size`, px, combined by `binning` each way.
+
+        A combined pixel's centre is that of its pixels, which for an even number is between two of them.
+        """
+        (x, y), (right, down) = corner, binning
+        return replace(
+            self,
+            width=size[0] // right,
+            height=size[1] // down,
+            focal=(self.focal[0] / right, self.focal[1] / down),
+            centre=((self.centre[0] - x + 0.5) / right - 0.5, (self.centre[1] - y + 0.5) / down - 0.5),
+        )
+
     @cached_property
     def matrix(self) -> Array:
         """(3, 3) K."""

@@ -52,9 +52,12 @@ class FrontEnd:
         self._doubts = list[Placed]()  # since the last step: scans or wheels that do not count, places not told apart
         self._corrected, self._loops_then = 0.0, 0  # the way, and the number of loops, at the last correction
 
-    def scan(self, t: float, motion: Array | None, ranges: Array) -> None:
-        """Takes a scan; `motion` (3,) is the odometry's since the one before, None at first or without wheels."""
-        scan = Scan(self.scanner.points(ranges), self.settings.spacing)
+    def scan(self, t: float, motion: Array | None, ranges: Array, angles: Array | None = None) -> None:
+        """Takes a scan; `motion` (3,) is the odometry's since the one before, None at first or without wheels.
+
+        `angles` (b,) are those of its beams where they vary.
+        """
+        scan = Scan(self.scanner.points(ranges, angles), self.settings.spacing)
         if not self._active:
             first = self.tracker.start(t, scan)
             self._record(t, first.pose)

@@ -114,7 +114,10 @@ def scans_of(recording: LaserRecording, front_end: FrontEnd) -> Scans:
     at = anchors(front_end, recording.t[kept])
     ranges = recording.ranges[kept].astype(np.float32)[at.known]
     ranges[~((ranges > scanner.least) & (ranges < scanner.most))] = np.nan
-    return Scans(at.anchors.taken(at.known), ranges, scanner.angles, scanner.pose)
+    angles = scanner.angles
+    if recording.fans is not None:
+        angles = np.array([recording.angles(k) for k in kept])[at.known]
+    return Scans(at.anchors.taken(at.known), ranges, angles, scanner.pose)
 
 
 def first_scan(log: Log) -> int:

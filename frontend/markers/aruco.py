@@ -54,6 +54,9 @@ FARTHEST, LARGEST_SHARE = 2.0, 0.04
 TWICE = "same id twice in a frame"
 """The reason of rejection of all markers of an id that several in a frame have."""
 
+IGNORED = "id {} is to be left out"
+"""The reason of rejection of a marker whose id is among those to ignore."""
+
 _NOTHING, _NOWHERE = np.zeros((0, 3)), np.eye(4)
 
 
@@ -134,6 +137,9 @@ class Detector:
         sightings: list[Sighting] = []
         for index in np.lexsort((-_area(corners), names)):
             name = int(names[index])
+            if name in self.markers.ignore:
+                rejected[IGNORED.format(name)] += 1
+                continue
             refined = self._refine(grey, self._pattern(name), corners[index], rays[index], name, motion)
             if refined is None:
                 rejected["the printed pattern is not there"] += 1

@@ -28,6 +28,7 @@ class Markers:
     side: float  # m, of the black square
     sides: Mapping[int, float] = field(default_factory=dict[int, float])  # id -> m, where it differs
     folder: Path | None = None  # base of a dictionary file's relative path; None: the working directory
+    ignore: tuple[int, ...] = ()  # ids that are left out, such as those on what moves
 
     @cached_property
     def opencv(self) -> cv2.aruco.Dictionary:
@@ -42,11 +43,13 @@ class Markers:
         """Raises InputError, beginning with `where`, for an invalid side or an id that is not in the dictionary."""
         _check_side(self.side, f"{where}: side")
         count = len(self.opencv.bytesList)
+        for key, names in (("sides", self.sides), ("ignore", self.ignore)):
+            for name in names:
+                if not 0 <= name < count:
+                    raise InputError(
+                        f"{where}: {key}: found id {name}, expected one of {self.dictionary}, 0 to {count - 1}"
+                    )
         for name, side in self.sides.items():
-            if not 0 <= name < count:
-                raise InputError(
-                    f"{where}: sides: found id {name}, expected one of {self.dictionary}, 0 to {count - 1}"
-                )
             _check_side(side, f"{where}: sides: {name}")
 
 

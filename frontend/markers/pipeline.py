@@ -17,7 +17,7 @@ from ..camera.lens_misfit import Misfit
 from ..camera.shutter import CameraMotion, carried
 from ..wheels.holes import outside
 from ..wheels.motion import Motion
-from .aruco import Detector, Image, Rejections, Sighting
+from .aruco import IGNORED, Detector, Image, Rejections, Sighting
 from .noise import Noise
 
 SPAN = 0.2
@@ -127,6 +127,11 @@ def _remarks(recording: Recording, counts: Counter[str], start: float, end: floa
     lost = counts[f"frames without {name}"]
     return [
         *recording.remarks,
+        *(
+            f"{recording.name}: [markers] ignore has id {one}, which no frame has"
+            for one in recording.detector.markers.ignore
+            if not counts[IGNORED.format(one)]
+        ),
         *recording.motion.remarks(start, end),
         *outside(recording.name, lost, counts["frames"], "frame", clock),
     ]
@@ -180,7 +185,13 @@ def _settings(recording: Recording) -> dict[str, Any]:
         **recording.motion.settings,
         "noise": recording.noise.settings,
         "camera": camera.settings,
-        "markers": {"dictionary": markers.dictionary, "side": markers.side, **sizes, "max_range": recording.max_range},
+        "markers": {
+            "dictionary": markers.dictionary,
+            "side": markers.side,
+            **sizes,
+            **({"ignore": list(markers.ignore)} if markers.ignore else {}),
+            "max_range": recording.max_range,
+        },
     }
 
 

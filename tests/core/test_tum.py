@@ -1,10 +1,11 @@
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
 from evo.tools import file_interface
 
-from refusals import refused_at
+from refusals import refusal, refused_at
 from slamduel.core.tum import read_tum, write_tum
 
 GOOD = "# t x y z qx qy qz qw\n0.5 1 2 0 0 0 0 1\n1.5 1 2 0 0 0 1 0\n"
@@ -39,6 +40,56 @@ def test_the_other_quaternion_of_a_turn_is_the_same_turn(tmp_path: Path):
     (tmp_path / "a.tum").write_text("0 0 0 0 0 0 0.6 0.8\n1 0 0 0 0 0 -0.6 -0.8\n2 0 0 0 0 0 -1 0\n")
     _, poses = read_tum(tmp_path / "a.tum")
     np.testing.assert_allclose(poses[:, 2], [2 * np.arctan2(0.6, 0.8)] * 2 + [np.pi])
+
+
+@pytest.mark.parametrize("comma", [",", ", ", " ,", ",\t"])
+def test_commas_may_stand_between_the_numbers(comma: str, tmp_path: Path):
+    (tmp_path / "plain.tum").write_text(GOOD)
+    head, *rows = GOOD.rstrip().split("\n")
+    (tmp_path / "a.tum").write_text("\n".join([head, *(row.replace(" ", comma) for row in rows)]) + "\n")
+    for one, other in zip(read_tum(tmp_path / "a.tum"), read_tum(tmp_path / "plain.tum"), strict=True):
+        np.testing.assert_array_equal(one, other)
+    (tmp_path / "a.tum").write_text("0,5 1,0 2,0 0,0 0,0 0,0 0,0 1,0\n")
+    refused_at(
+        tmp_path / "a.tum", "line 1: t is '0,5', expected a number with a decimal point", read_tum, tmp_path / "a.tum"
+    )
+
+
+def test_a_repeated_line_is_read_once(tmp_path: Path):
+    rows = GOOD.split("\n")
+    (tmp_path / "a.tum").write_text("\n".join([*rows[:2], rows[1], rows[1], *rows[2:-1], rows[2], ""]))
+    t, poses = read_tum(tmp_path / "a.tum")
+    assert t.tolist() == [0.5, 1.5]
+    assert len(poses) == 2
+
+
+def turns(order: str, headings: Sequence[float]) -> str:
+    """A path whose quaternions have that order."""
+    parts = [{"x": 0.0, "y": 0.0, "z": np.sin(h / 2), "w": np.cos(h / 2)} for h in headings]
+    rows = (f"{k} 1 2 0 {' '.join(str(one[letter]) for letter in order)}\n" for k, one in enumerate(parts))
+    return "".join(rows)
+
+
+def test_the_other_order_of_a_quaternion_is_named(tmp_path: Path):
+    path, hint = tmp_path / "a.tum", "; the columns are perhaps qw qx qy qz, expected qx qy qz qw"
+    for headings in ([0.0, 0.0, 0.0], [0.1, 0.5, 1.0], [0.0, 1.0, 2.0, 3.0], [2.5, 0.0, -1.0]):
+        path.write_text(turns("wxyz", headings))
+        refused_at(path, hint, read_tum, path)
+        path.write_text(turns("xyzw", headings))
+        np.testing.assert_allclose(read_tum(path)[1][:, 2], headings, atol=1e-12)
+    path.write_text(turns("xyzw", [0.0, 1.0]) + "7 1 2 0 0.6 0 0 0.8\n")
+    assert hint not in refusal(read_tum, path)
+
+
+def test_digits_that_were_lost_in_times_are_named(tmp_path: Path):
+    path = tmp_path / "a.tum"
+    for start, step, lost in ((1.7e9, 0.1, True), (123456.0, 0.3, True), (1.7e9, 1.0, True), (5.0, 0.0, False)):
+        rows = [f"{start + k * step:g} {k} 0 0 0 0 0 1" for k in range(20)]
+        path.write_text("\n".join(rows))
+        found = refusal(read_tum, path)
+        assert ("perhaps %g wrote them, where %.9f keeps the others" in found) == lost
+    path.write_text("\n".join(f"{1.7e9 + 0.1 * (k // 2)!r} {k} 0 0 0 0 0 1" for k in range(20)))
+    assert "perhaps" not in refusal(read_tum, path)
 
 
 @pytest.mark.parametrize(

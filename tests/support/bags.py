@@ -18,6 +18,7 @@ COUNTS = "geometry_msgs/msg/QuaternionStamped"
 ODOMETRY = "nav_msgs/msg/Odometry"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 SCAN = "sensor_msgs/msg/LaserScan"
+ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
 TRANSFORMS, FIRST_TRANSFORMS = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 
 
@@ -104,6 +105,17 @@ def scan(stamp: int, ranges: Any, topic: str = "/scan", **changes: Any) -> Said:
     numbers = {name: float(value) for name, value in content.items()}
     arrays = {"ranges": np.asarray(ranges, np.float32), "intensities": np.zeros(0, np.float32)}
     return Said(topic, SCAN, stamp, lambda new: numbers | arrays, frame="laser")
+
+
+def echoes(one: Said, seen: Any, topic: str = "/scan") -> Said:
+    """The scan `one` with several echoes in its beams, (b,) arrays."""
+
+    def build(new: Any) -> dict[str, Any]:
+        content = one.build(new)
+        beams = [new("sensor_msgs/msg/LaserEcho", np.asarray(beam, np.float32)) for beam in seen]
+        return content | {"ranges": beams, "intensities": []}
+
+    return one._replace(type=ECHOES, topic=topic, build=build)
 
 
 def image(stamp: int, pixels: Any, received: int | None = None, topic: str = "/image", encoding: str = "mono8") -> Said:

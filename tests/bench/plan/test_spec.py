@@ -27,6 +27,7 @@ class Options:
     shape: str = option("round", "which", choices=("round", "square"))
     path: str | None = option(None, "where")
     names: float | str = option("all", "which, or how many", minimum=0, maximum=1, choices=("all", "none"))
+    sizes: float | tuple[float, float] = option(0.1, "both sizes, or each", minimum=0, maximum=9)
 
 
 @pytest.mark.parametrize(
@@ -39,6 +40,8 @@ class Options:
         ([("path", "a b/c")], Options(path="a b/c")),
         ([("names", "none")], Options(names="none")),
         ([("names", "3e-1")], Options(names=0.3)),
+        ([("sizes", "3")], Options(sizes=3.0)),
+        ([("sizes", "3;2e-1")], Options(sizes=(3.0, 0.2))),
     ],
 )
 def test_options_are_read_by_their_annotation(given: list[tuple[str, str]], expected: Options) -> None:
@@ -49,7 +52,7 @@ def test_options_are_read_by_their_annotation(given: list[tuple[str, str]], expe
     ("given", "sentence"),
     [
         ([("cuont", "3")], "backend x: there is no option 'cuont'; did you mean 'count'?"),
-        ([("zzz", "3")], "there is no option 'zzz'; expected one of count, loud, names, path, shape, share."),
+        ([("zzz", "3")], "there is no option 'zzz'; expected one of count, loud, names, path, shape, share, sizes."),
         ([("count", "3.5")], "option count=3.5: found '3.5', expected a whole number from 1 to 1000000."),
         ([("count", "0")], "option count=0 is out of range; expected a whole number from 1 to 1000000."),
         ([("share", "nan")], "option share=nan is out of range; expected a number from 0 to 1."),
@@ -57,6 +60,9 @@ def test_options_are_read_by_their_annotation(given: list[tuple[str, str]], expe
         ([("loud", "maybe")], "option loud=maybe: found 'maybe', expected true or false."),
         ([("shape", "oval")], "option shape=oval is not one of its values; expected one of round, square."),
         ([("path", "")], "option path is empty, expected text."),
+        ([("sizes", "3;x")], "option sizes=x: found 'x', expected a number from 0 to 9, or 2 of them, A;B."),
+        ([("sizes", "3;20")], "option sizes=20 is out of range; expected a number from 0 to 9, or 2 of them, A;B."),
+        ([("sizes", "3;2;1")], "option sizes=3;2;1: found 3 values, expected a number from 0 to 9, or 2 of them, A;B."),
         ([("count", "3"), ("count", "4")], "option count is given twice, expected once."),
     ],
 )
@@ -100,6 +106,7 @@ def test_labels_are_what_the_command_line_takes() -> None:
     for text in ("fastslam[particles=1000,resample_below=0.3]", "isam2[factorization=cholesky]", "ekf"):
         (variant,) = backend_variants(text)
         assert variant.label == text
+    assert dataset_variants("csv[start_sd=100;0.1]")[0].label == "csv[start_sd=100.0;0.1]"
     (dataset,) = dataset_variants('log[path="a,[b]/c"]')
     assert dataset.options.path == "a,[b]/c"
     assert dataset_variants(dataset.label)[0].options == dataset.options
@@ -244,3 +251,4 @@ def test_every_option_is_described_with_its_range() -> None:
     assert described["shape"] == ("round", "which (one of round, square)")
     assert described["names"] == ("all", "which, or how many (one of all, none, or a number from 0 to 1)")
     assert described["path"] == ("none", "where (text)")
+    assert described["sizes"] == ("0.1", "both sizes, or each (a number from 0 to 9, or 2 of them, A;B)")

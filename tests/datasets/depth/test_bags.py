@@ -98,6 +98,28 @@ def test_compressed_depth_of_millimetres(tmp_path: Path) -> None:
         assert_all(frames_of(opened(tmp_path / form[-3:], in_order(said + given))))
 
 
+@pytest.mark.parametrize("form", ["png", "16UC1; png compressed ", "mono16; png compressed"])
+def test_depth_may_be_a_plain_png_file(form: str, tmp_path: Path) -> None:
+    topic = f"{DEPTH}/compressed"
+    said = [one for one in drive() if one.topic != DEPTH]
+    given = [views.compressed_depth(k, topic, png(depth_at(k)), form) for k in range(6)]
+    given[2] = views.compressed_depth(2, topic, png(depth_at(2))[:-30], form)
+    given[4] = views.compressed_depth(4, topic, png((depth_at(4) // 256).astype(np.uint8)), form)
+    found = opened(tmp_path, in_order(said + given))
+    assert [frame.seconds for frame in frames_of(found)] == pytest.approx([START + k / RATE for k in (0, 1, 3, 5)])
+    np.testing.assert_array_equal(frames_of(found)[0].depth, (depth_at(0) / 1000).astype(np.float32))
+    assert found.recording.left_out["depth images that cannot be decoded"] == 1
+    assert found.recording.left_out["depth images of 8 bits"] == 1
+
+
+def test_compressed_images_of_8_bits_are_no_depth(tmp_path: Path) -> None:
+    """Beside depth there are grey and coloured ones."""
+    said = [one for one in drive() if one.topic != IMAGE]
+    topic = f"{IMAGE}/compressed"
+    given = [views.compressed_depth(k, topic, png(grey_at(k)), "mono8; png compressed ") for k in range(6)]
+    assert_all(frames_of(opened(tmp_path, in_order(said + given))))
+
+
 def test_compressed_depth_of_inverse_depths(tmp_path: Path) -> None:
     """As ROS's transport quantises metres: the value of a depth z is a / z + b, rounded; 0 is none."""
     topic, a, b = f"{DEPTH}/compressedDepth", 40_000.0, 12.0
@@ -229,6 +251,23 @@ def test_rectified_images_have_no_distortion(tmp_path: Path) -> None:
     camera = opened(tmp_path / "b", said).recording.camera
     assert not any(camera.distortion)
     assert (camera.focal, camera.centre) == ((150.0, 151.0), (80.0, 60.0))
+
+
+def test_the_images_may_be_a_part_of_the_camera_binned(tmp_path: Path) -> None:
+    """Of a camera of twice the resolution, from 30 and 10 pixels on."""
+    width, height = 2 * SIZE[0], 2 * SIZE[1]
+    whole = replace(CAMERA, width=width + 50, height=height + 20, focal=(300.0, 300.0), centre=(190.0, 125.0))
+
+    def windowed(new: Any) -> dict[str, Any]:
+        roi = new("sensor_msgs/msg/RegionOfInterest", 30, 10, height, width, False)
+        return views.info_message(INFO, whole).build(new) | {"binning_x": 2, "binning_y": 2, "roi": roi}
+
+    said = [one._replace(build=windowed) if one.topic == INFO else one for one in drive()]
+    found = opened(tmp_path, said)
+    camera = found.recording.camera
+    assert (camera.width, camera.height) == SIZE
+    np.testing.assert_allclose([*camera.focal, *camera.centre], [150, 150, 79.75, 57.25])
+    assert_all(frames_of(found))
 
 
 def test_several_topics_of_a_kind_have_to_be_chosen(tmp_path: Path) -> None:

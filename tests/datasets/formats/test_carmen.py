@@ -12,6 +12,7 @@ from carmen_files import flaser, robotlaser, written
 from recorded import at_hand
 from refusals import refused, refused_at
 from slamduel.bench.plan.load import load
+from slamduel.core.se2 import Array
 from slamduel.datasets.formats.carmen import Options, read
 from slamduel.datasets.worlds import laser_floor
 from slamduel.frontend.laser.recording import LaserRecording
@@ -43,6 +44,78 @@ def test_lines_in_any_order_and_scans_twice(drive: LaserRecording, tmp_path: Pat
     assert np.abs(recording.t - drive.t).max() < 1e-9
     assert np.abs(recording.ranges - drive.ranges).max() < 1e-9
     assert remarks == [f"1 of {len(drive.t) + 1} scans have the stamp of another one and are left out"]
+
+
+def raw(t: float, ranges: Array) -> str:
+    words = " ".join(f"{r:.2f}" for r in ranges)
+    step = np.pi / (len(ranges) - 1)
+    return f"RAWLASER1 0 {-np.pi / 2:.17g} 3.14 {step:.17g} 81.9 0.01 0 {len(ranges)} {words} 1 7 {t:.9f} host {t:.9f}"
+
+
+def odom(t: float, pose: Array) -> str:
+    return f"ODOM {' '.join(f'{x:.17g}' for x in pose)} 0.5 0.1 0 {t:.9f} host {t:.9f}"
+
+
+@pytest.mark.parametrize("stamped", [True, False], ids=["by time", "by row"])
+def test_raw_scans_have_the_odometry_around_them(stamped: bool, drive: LaserRecording, tmp_path: Path) -> None:
+    """Between two rows of ODOM, in the middle of their motion; the drive is the same as with the wheels in each row."""
+    assert drive.odometry is not None
+    t, poses = drive.t, drive.odometry.copy()
+    poses[:, 2] = np.where(np.abs(poses[:, 2]) > 3, poses[:, 2] + 2 * np.pi, poses[:, 2])  # over the turn of the circle
+    rows = list[tuple[float, str]]()
+    for k in range(len(t)):
+        rows.append((t[k], raw(t[k] * stamped, drive.ranges[k])))
+        if stamped and k + 1 < len(t):
+            rows.append(((t[k] + t[k + 1]) / 2, odom((t[k] + t[k + 1]) / 2, (poses[k] + poses[k + 1]) / 2)))
+        if not stamped:
+            rows.append((t[k] - 0.01, odom(0.0, poses[k])))
+    text = "\n".join(row for _, row in sorted(rows, key=lambda one: one[0]))
+    (tmp_path / "raw.clf").write_text(f"PARAM a b\n{text}\nSYNC end\n")
+    recording, remarks = read(tmp_path / "raw.clf", Options())
+    assert recording.odometry is not None
+    if stamped:
+        assert remarks == [f"2 of {len(t)} scans have no odometry within 1 s around them and are left out"]
+        np.testing.assert_allclose(recording.t, t[1:-1], atol=1e-9)
+        assert np.hypot(*(recording.odometry - drive.odometry[1:-1])[:, :2].T).max() < 0.05
+    else:
+        np.testing.assert_array_equal(recording.odometry[:, :2], drive.odometry[:, :2])
+        assert "time stamps are of no use" in remarks[0]
+    log, _ = load(str(tmp_path / "raw.clf"))
+    whole, _ = load(str(written(tmp_path / "whole.clf", drive, robotlaser)))
+    ways = [np.hypot(*one.delta[1:, :2].T).sum() for one in (log, whole)]
+    assert abs(ways[0] - ways[1]) < 0.05 * ways[1]
+
+
+def test_raw_scans_count_only_where_there_are_no_others(drive: LaserRecording, tmp_path: Path) -> None:
+    path = written(tmp_path / "floor.clf", drive)
+    expected, _ = read(path, Options())
+    between = [odom(0.0, np.zeros(3)), raw(0.0, np.ones(5)), "ODOM is not a number", "RAWLASER1 x"]
+    path.write_text("\n".join([*between, *path.read_text().splitlines(), *between]))
+    recording, remarks = read(path, Options())
+    np.testing.assert_array_equal(recording.ranges, expected.ranges)
+    assert not remarks
+    alone = tmp_path / "alone.clf"
+    alone.write_text("\n".join(raw(t, ranges) for t, ranges in zip(drive.t.tolist(), drive.ranges, strict=True)))
+    recording, remarks = read(alone, Options())
+    assert recording.odometry is None
+    assert remarks == ["its odometry never moves: the front end goes by the scans alone"]
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("ODOM 1 2 x 0 0 0 0.0 host 0.0", "line 1: found 'x' in the odometry, expected a number"),
+        ("ODOM 1 2 3 0 0 0", "line 1: the line ends after 7 words, expected 8 for the time"),
+        (
+            "RAWLASER1 0 0 3 0.1 8 0 0 2 1.0 1.0 3 1 1 1",
+            "line 1: the line ends after 15 words, expected 16 for the time",
+        ),
+    ],
+)
+def test_faults_of_raw_rows_are_named(row: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "raw.clf"
+    path.write_text("\n".join([row, raw(0.0, np.ones(5)), raw(1.0, np.ones(5)), odom(0.5, np.ones(3))]))
+    refused_at(path, words, read, path, Options())
 
 
 def test_wheels_that_never_move_are_none(drive: LaserRecording, tmp_path: Path) -> None:
@@ -90,7 +163,7 @@ def spoilt(change: Callable[[list[str]], object]) -> Callable[[list[str]], list[
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda lines: lines[:1], "found 0 scans (FLASER or ROBOTLASER1), expected at least 2"),
+        (lambda lines: lines[:1], "found 0 scans (FLASER or ROBOTLASER1 or RAWLASER1), expected at least 2"),
         (spoilt(lambda w: w.__setitem__(1, "x")), "line 8: found 'x' as the number of beams, expected 0 to 10000"),
         (spoilt(lambda w: w.__setitem__(1, "99999")), "line 8: found '99999' as the number of beams, expected 0 to"),
         (spoilt(lambda w: w.__setitem__(9, "1,5")), "line 8: found '1,5' in ranges, expected a number"),
@@ -98,7 +171,6 @@ def spoilt(change: Callable[[list[str]], object]) -> Callable[[list[str]], list[
         (spoilt(lambda w: w.__setitem__(-3, "nan")), "line 8: found 'nan' in the time, expected a finite number"),
         (spoilt(lambda w: w.__setitem__(-4, "inf")), "line 8: found 'inf' in the odometry, expected a finite number"),
         (lambda lines: [*lines, flaser(99.0, np.ones(181), np.array([1e6, 0, 0]))], "m from the scan before, expected"),
-        (lambda lines: [*lines, flaser(99.0, np.ones(90), np.zeros(3))], "found a scan of 90 beams, expected 181"),
         (
             lambda lines: [re.sub(r"(?<= )\d+\.\d\d(?= )", "2500.0", line) for line in lines],
             "no range is between 0.15 and 25 m, expected metres",

@@ -132,7 +132,8 @@ def test_without_a_belief_the_first_pose_is_held_where_it_is_put(small: Path) ->
         ("EDGE_SE2 10 12 2", "EDGE_SE2 10 12 -1e20", "line 10: dx is -1e+20, expected -1e+09 to 1e+09"),
         ("EDGE_SE2_XY 12 3 3", "EDGE_SE2_XY 12 3 nan", "line 12: x is nan, expected a finite number"),
         ("EDGE_SE2_XY 12 3", "EDGE_SE2_XY 12 3.5", "line 12: id is 3.5, expected a whole number up to"),
-        ("EDGE_SE2_XY 12 3", "EDGE_SE2_XY 12 -3", "line 12: id is -3, expected 0 or more"),
+        ("EDGE_SE2_XY 12 3", "EDGE_SE2_XY 12 -3", "line 5: id is 3, expected one below 0, as other points have"),
+        ("VERTEX_SE2 11", "VERTEX_SE2 -11", "line 4: id is -11, expected 0 or more"),
         ("EDGE_SE2_XY 12 3", "EDGE_SE2_XY 12 9e15", "line 12: id is 9000000000000000"),
         ("EDGE_SE2_XY 12 3", "EDGE_SE2_XY 12 1e16", "line 12: id is 1e+16, expected a whole number up to"),
         ("EDGE_SE2_XY 12 3", "EDGE_SE2_XY 12 11", "line 12: id 11 is used for a point and a pose"),
@@ -154,7 +155,9 @@ def test_without_a_belief_the_first_pose_is_held_where_it_is_put(small: Path) ->
         ("VERTEX_XY 3 4 4", "FIX 12", "line 5: vertex 12 is fixed, expected only that of the first pose, 10"),
         ("VERTEX_XY 3 4 4", "FIX", "line 5: found 0 numbers after the tag, expected 1 (id)"),
         ("EDGE_SE2 10 12", "EDGE_SE2_OFFSET 10 12", "line 10: rows EDGE_SE2_OFFSET are not supported"),
-        ("EDGE_SE2 10 12", "VERTEX_SE3:QUAT 10 12", "line 10: found the tag 'VERTEX_SE3:QUAT', expected one of VERTEX"),
+        ("EDGE_SE2 10 12", "VERTEX_SE3:QUAT 10 12", "line 10: rows VERTEX_SE3:QUAT are of a graph in space, 3D, exp"),
+        ("EDGE_SE2 10 12", "VERTEX_TRACKXYZ 10 12", "line 10: rows VERTEX_TRACKXYZ are of a graph in space, 3D, exp"),
+        ("EDGE_SE2 10 12", "EDGE_SE4 10 12", "line 10: found the tag 'EDGE_SE4', expected one of VERTEX"),
         (SMALL, "# nothing\n", "found no poses, expected at least one"),
         (SMALL, "\n", "the file is empty"),
         ("EDGE_SE2_XY 12 3", "EDGE_SE2_XY 12 1_0", "line 12: id is '1_0', expected a number"),
@@ -167,6 +170,103 @@ def test_a_row_that_cannot_be_used_is_named(small: Path, old: str, new: str, wor
         g2o.read(small)
         return
     refused_at(small, words, g2o.read, small)
+
+
+PRIOR = "EDGE_PRIOR_SE2 10 1.5 2.5 0.25 100 10 1 200 2 300\n"
+
+
+def test_another_pose_that_is_fixed_only_says_where_the_graph_is(small: Path) -> None:
+    bare = SMALL.replace(PRIOR, "")
+    small.write_text(bare)
+    expected = g2o.read(small).log
+    small.write_text(bare + "FIX 11\n")
+    log = g2o.read(small).log
+    assert log.digest == expected.digest
+    (remark,) = log.remarks
+    assert "FIX holds pose 11, a log the first, 10, at its initial value: the graph is the same" in remark
+    assert expected.remarks == []
+    for rows in ("FIX 11 12\n", "FIX 10 11\n", "FIX 11 3\n", "FIX 99\n", f"FIX 11\n{PRIOR}"):  # no mere place
+        small.write_text(bare + rows)
+        refused(r"vertex (11|12|99) is fixed, expected only that of the first pose, 10", g2o.read, small)
+
+
+def test_landmarks_of_rtabmap_have_negative_ids(small: Path) -> None:
+    """The numbers of poses and points are then others': 11 and -11, too."""
+    expected = g2o.read(small).log
+    rows = [list[str](line.split(" ")) for line in (SMALL + "FIX 3\n").split("\n")]
+    for row in rows:
+        word = {"EDGE_SE2_XY": 2, "VERTEX_XY": 1, "FIX": 1}.get(row[0])
+        if word is not None:
+            row[word] = {"3": "-11", "4": "-1"}[row[word]]
+    small.write_text("\n".join(" ".join(row) for row in rows))
+    log = g2o.read(small).log
+    assert log.ids.tolist() == [{3: 11, 4: 1}[name] for name in expected.ids.tolist()]
+    np.testing.assert_array_equal(log.z, expected.z)
+    np.testing.assert_array_equal(log.delta, expected.delta)
+    assert log.prior.map is not None
+    assert (log.prior.map.ids.tolist(), log.prior.map.xy.tolist()) == ([11], [[4, 4]])
+    assert log.notes["landmarks"] == "their negative ids without the sign"
+
+
+def symbol(letter: str, number: int) -> str:
+    return str(ord(letter) << 56 | number)
+
+
+@pytest.mark.parametrize("plain_poses", [False, True])
+def test_ids_may_be_gtsams_symbols(small: Path, plain_poses: bool) -> None:
+    """x10 and l3; poses and points may have the same numbers."""
+    expected = g2o.read(small).log
+    rows = [list[str](line.split(" ")) for line in (SMALL.replace(PRIOR, "") + "FIX 10 3\n").split("\n")]
+
+    def pose(word: str) -> str:
+        return word if plain_poses else symbol("x", int(word) - 7)  # 3, 4, 5
+
+    for row in rows:
+        if row[0] in ("EDGE_SE2", "VERTEX_SE2", "EDGE_SE2_XY", "FIX"):
+            row[1] = pose(row[1])
+        if row[0] == "EDGE_SE2":
+            row[2] = pose(row[2])
+        word = {"EDGE_SE2_XY": 2, "FIX": 2, "VERTEX_XY": 1}.get(row[0])
+        if word is not None:
+            row[word] = symbol("l", int(row[word]))
+    small.write_text("\n".join(" ".join(row) for row in rows))
+    log = g2o.read(small).log
+    np.testing.assert_array_equal(log.ids, expected.ids)
+    for name in ("delta", "delta_cov", "z", "z_cov", "loop_to", "loop_step"):
+        np.testing.assert_array_equal(getattr(log, name), getattr(expected, name))
+    assert log.prior.map is not None
+    assert log.prior.map.ids.tolist() == [3]
+    np.testing.assert_array_equal(log.prior.pose, [1, 2, 0.5])
+
+
+def test_symbols_of_several_robots_are_refused(small: Path) -> None:
+    two = SMALL.replace("EDGE_SE2 10 12", f"EDGE_SE2 {symbol('a', 10)} {symbol('b', 12)}")
+    small.write_text(two)
+    refused_at(
+        small,
+        "line 10: found the symbol a10 beside others of '\\x00', expected one letter for all poses",
+        g2o.read,
+        small,
+    )
+    alike = SMALL.replace("\nEDGE_SE2_XY 12 3", f"\nEDGE_SE2_XY {symbol('x', 12)} {symbol('x', 3)}")
+    small.write_text("\n".join(line for line in alike.split("\n") if line.startswith("EDGE_SE2_XY 8")))
+    refused("found poses and points of one letter, 'x', expected two", g2o.read, small)
+
+
+def test_gtsam_writes_such_symbols(tmp_path: Path) -> None:
+    graph = gtsam.NonlinearFactorGraph()
+    noise = gtsam.noiseModel.Diagonal.Sigmas(np.array([0.1, 0.1, 0.05]))
+    values = gtsam.Values()
+    for k in range(3):
+        values.insert(gtsam.symbol("x", k), gtsam.Pose2(k, 0, 0))
+        if k:
+            graph.add(
+                gtsam.BetweenFactorPose2(gtsam.symbol("x", k - 1), gtsam.symbol("x", k), gtsam.Pose2(1, 0, 0), noise)
+            )
+    gtsam.writeG2o(graph, values, str(tmp_path / "graph.g2o"))
+    log = g2o.read(tmp_path / "graph.g2o").log
+    assert len(log) == 3
+    np.testing.assert_allclose(log.delta[1:], [[1, 0, 0], [1, 0, 0]])
 
 
 def test_huge_ids_take_no_room(small: Path) -> None:

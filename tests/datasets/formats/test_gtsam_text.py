@@ -35,9 +35,9 @@ PLANAR = {
 OTHERS = {
     "T1_city10000_04.txt": "line 1: found 8 numbers after the tag, expected 11",  # several hypotheses an edge
     "goats_15.pyfg": "line 949: found the tag 'EDGE_RANGE', expected one of",
-    "sphere2500.txt": "line 1: rows EDGE3 are not supported",
-    "sphere_smallnoise.graph": "line 1: rows VERTEX3 are not supported",
-    "pose3example.txt": "line 1: rows VERTEX_SE3:QUAT are not supported",
+    "sphere2500.txt": "line 1: rows EDGE3 are of a graph in space, 3D",
+    "sphere_smallnoise.graph": "line 1: rows VERTEX3 are of a graph in space, 3D",
+    "pose3example.txt": "line 1: rows VERTEX_SE3:QUAT are of a graph in space, 3D",
 }
 SMALL = """VERTEX2 0 1 2 0.5
 VERTEX2 1 9 9 0.9

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drawn_errors import run
 from fuzzing import survivors
 from refusals import refusal, refused
 from slamduel.core.check import problems
@@ -130,6 +131,56 @@ def test_where_the_robot_starts(files: dict[str, Any]) -> None:
     alone = made(without).truth  # the landmarks are known, the path is not
     assert alone.map is not None
     assert len(alone.t) == 0
+
+
+def test_position_and_heading_of_the_start_may_be_known_apart(files: dict[str, Any]) -> None:
+    cov = made(files | {"start_sd": (100.0, 0.05)}).log.prior.cov
+    np.testing.assert_allclose(cov, np.diag([1e4, 1e4, 0.0025]), rtol=1e-12)
+
+
+def test_a_start_somewhere_in_a_large_frame_is_estimated_consistently(files: dict[str, Any], tmp_path: Path) -> None:
+    """UTM: the position is off by 100 m, the heading by 0.05 rad, which no single number says."""
+    scores = list[tuple[float, float]]()
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        t, poses = drive()
+        poses = poses + np.array([5e5, 5e6, 0.0])
+        write_tum(tmp_path / "truth.tum", t, poses)
+        x, y, heading = (poses[0] + rng.normal(0, [100, 100, 0.05])).tolist()
+        start = {"start_x": x, "start_y": y, "start_heading": heading, "truth": str(tmp_path / "truth.tum")}
+        apart, alike = (run("ekf", made(files | start | {"start_sd": sd}))[1] for sd in ((100.0, 0.05), 0.05))
+        scores.append((float(apart.mean()) / 3, float(alike.mean()) / 3))
+    apart, alike = np.mean(scores, axis=0)
+    assert 0.1 < apart < 3
+    assert alike > 100
+
+
+def test_a_repeated_true_pose_is_read_once_in_either_format(files: dict[str, Any], tmp_path: Path) -> None:
+    t, poses = drive()
+    rows = np.column_stack((t, poses))
+    expected = made(files).truth
+    as_csv = csv(tmp_path / "truth.csv", "t,x,y,heading", np.concatenate((rows[:9], rows[8:9], rows[8:])))
+    lines = Path(files["truth"]).read_text().splitlines()
+    (tmp_path / "twice.tum").write_text("\n".join([*lines[:9], lines[8], *lines[9:]]))
+    for path in (as_csv, str(tmp_path / "twice.tum")):
+        truth = made(files | {"truth": path}).truth
+        assert truth is not None
+        assert expected is not None
+        np.testing.assert_array_equal(truth.t, expected.t)
+        np.testing.assert_allclose(truth.poses, expected.poses, atol=1e-12)
+    other = np.concatenate((rows[:9], rows[8:9] + np.eye(4)[1], rows[9:]))
+    path = csv(tmp_path / "truth.csv", "t,x,y,heading", other)
+    refused("t is 0.8, expected later than 0.8", made, files | {"truth": path})
+
+
+@pytest.mark.parametrize("header", ["t,x,y,heading", "t,dx,dy,dtheta", "t,v,omega"])
+def test_digits_that_g_has_lost_in_times_are_named(header: str, files: dict[str, Any], tmp_path: Path) -> None:
+    rows = (f"{1.7e9 + 0.1 * k:g}," + ",".join([f"{0.01 * k:g}"] * header.count(",")) for k in range(300))
+    (tmp_path / "odo.csv").write_text(header + "\n" + "\n".join(rows) + "\n")
+    refused(
+        r"odo\.csv, line 3: t is .*as in the row before.*; all times have six digits or fewer: perhaps %g wrote them",
+        made, files | {"odometry": str(tmp_path / "odo.csv")},
+    )  # fmt: skip
 
 
 def test_detections_without_odometry_are_left_out_and_counted(files: dict[str, Any]) -> None:

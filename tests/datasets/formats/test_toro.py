@@ -78,7 +78,7 @@ def test_equivalences_are_a_remark(tmp_path: Path) -> None:
     [
         ("EDGE2 0 1 1 0 0 1 0 0 1 0 1\n", "line 1: the information is not positive definite"),  # in g2o's order
         ("VERTEX2 0 0 0 0\nVERTEX2 1 0 0 0\n", "no edge connects pose 0 to pose 1, the next by id"),
-        ("VERTEX3 0 0 0 0 0 0 0\n", "line 1: rows VERTEX3 are not supported"),
+        ("VERTEX3 0 0 0 0 0 0 0\n", "line 1: rows VERTEX3 are of a graph in space, 3D"),
         ("EQUIV 1 2\n", "found no poses, expected at least one"),
     ],
 )

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
+import bags
 from refusals import refused
 from slamduel.core.factors import Map, Truth
 from slamduel.core.se2 import Array
@@ -524,6 +525,35 @@ def test_a_bags_camera_that_contradicts_the_calibration_is_remarked(tmp_path: Pa
     robot = read_robot(robot_in(tmp_path / "c", robot_with(camera=camera)) / "robot.toml")
     (remark,) = open_recording(tmp_path / "b", robot).recording.remarks
     assert words in remark
+
+
+@pytest.mark.parametrize("given", ["camera_info", "a calibration of the whole", "a calibration of the part"])
+def test_a_part_of_a_camera_binned_measures_as_the_camera(given: str, tmp_path: Path) -> None:
+    """Marker 4 at twice the resolution, of whose frames the right part is sent, binned."""
+    whole = replace(CAMERA, width=360, height=240, focal=(300.0, 300.0), centre=(199.5, 119.5))
+    part = replace(CAMERA, focal=(150.0, 150.0), centre=((199.5 - 40 + 0.5) / 2 - 0.5, 59.5))
+    info = bags.camera_info(0, whole.matrix.ravel(), [0.0] * 5)
+
+    def windowed(new: Any) -> dict[str, Any]:
+        roi = new("sensor_msgs/msg/RegionOfInterest", 40, 0, 240, 320, False)
+        sizes = {"width": 360, "height": 240, "binning_x": 2, "binning_y": 2, "roi": roi}
+        return info.build(new) | sizes
+
+    stamps = [10**9 + round(1e9 * t) for t in TIMES]
+    said = [bags.image(stamp, picture(k)) for k, stamp in enumerate(stamps)]
+    said += [bags.counts(10**9 + 50_000_000 * k, *[20.0 * k + k % 3] * 2, *[15.0 * k] * 2) for k in range(21)]
+    said += [info._replace(stamp=stamps[0], build=windowed)]
+    said.sort(key=lambda one: one.stamp)
+    (tmp_path / "a").mkdir()
+    camera = {"camera_info": None, "a calibration of the whole": whole, "a calibration of the part": part}[given]
+    path = bags.write(tmp_path / "a", "mcap", said)
+    robot_in(tmp_path / "a", robot_with(camera=camera))
+    opened = open_recording(path, read_robot(tmp_path / "a" / "robot.toml"))
+    assert opened.recording.remarks == []
+    log = build(opened).log
+    expected = build(open_recording(frames_in(tmp_path / "b", robot=robot_with(camera=part)))).log
+    assert len(log.ids) == 10
+    np.testing.assert_allclose(log.z, expected.z, atol=1e-9)
 
 
 def test_a_recording_one_level_below_is_named(tmp_path: Path) -> None:

@@ -149,6 +149,20 @@ def test_what_is_written_reads_back(tmp_path: Path, words: str) -> None:
     assert (tmp_path / "again" / "calibration.yaml").exists() == (robot.camera is not None)
 
 
+def test_ids_to_ignore_are_read_and_written(tmp_path: Path) -> None:
+    words = FULL.replace("max_range = 4", "max_range = 4\nignore = [3, 49]")
+    robot = read_robot(folder_with(tmp_path, words))
+    assert robot.markers.ignore == (3, 49)
+    (tmp_path / "again").mkdir()
+    write_robot(tmp_path / "again" / "robot.toml", robot)
+    assert read_robot(tmp_path / "again" / "robot.toml").markers.ignore == (3, 49)
+    for wrong in ("[3, 3]", "3", '"3;4"', "[-1]", "[true]", "[1.5]"):
+        file = folder_with(tmp_path, words.replace("[3, 49]", wrong))
+        refused(r"line 14: markers\.ignore: found .*, expected a list of different whole numbers", read_robot, file)
+    file = folder_with(tmp_path, words.replace("49", "50"))
+    refused("markers: ignore: found id 50, expected one of 4X4_50, 0 to 49", read_robot, file)
+
+
 def test_either_noise_has_a_sway(tmp_path: Path) -> None:
     other = FULL.replace('"proportional"', '"propagated"').replace("k_range = 0.03\n", "")
     noise = read_robot(folder_with(tmp_path, other)).noise

@@ -18,6 +18,7 @@ from refusals import refused
 from slamduel.datasets.bags import images
 from slamduel.datasets.recordings.rosbag import Topics, read
 from slamduel.datasets.recordings.streams import Streams
+from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.wheels.motion import Poses, Ticks
 from tiers import first_quick
 
@@ -106,6 +107,35 @@ def test_yuv(encoding: str, order: str) -> None:
     image = raw(encoding, pixels.reshape(4, 6, 2))
     assert image.shape == (4, 6, 3)
     np.testing.assert_allclose(image.reshape(-1, 3), np.tile([blue, green, red], (24, 1)), atol=1.5)
+
+
+@pytest.mark.parametrize("encoding", ["nv21", "nv12", "NV12"])
+@pytest.mark.parametrize("form", ["rows of the image", "rows of both planes", "padded", "a step of both planes"])
+def test_images_of_two_planes(encoding: str, form: str) -> None:
+    """Each of four parts of the picture has its colour, whatever a driver takes for its rows."""
+    parts = np.array([[[120, 90, 170], [200, 128, 128]], [[60, 140, 120], [90, 110, 160]]])  # y, u, v
+    yuv = parts.repeat(2, axis=0).repeat(4, axis=1)
+    colours = yuv[::2, ::2, 1:] if encoding.lower() == "nv12" else yuv[::2, ::2, :0:-1]
+    planes = np.vstack((yuv[:, :, 0], colours.reshape(2, 8))).astype(np.uint8)
+    if form == "padded":
+        planes = np.pad(planes, ((0, 0), (0, 8)))
+    content = {"height": 4, "width": 8, "encoding": encoding, "step": planes.shape[1], "data": planes.ravel()}
+    content |= {"height": 6} if form == "rows of both planes" else {}
+    content |= {"step": 12} if form == "a step of both planes" else {}
+    image = images.raw(SimpleNamespace(**content, is_bigendian=0))
+    assert image is not None
+    assert image.shape == (4, 8, 3)
+    y, u, v = (yuv[..., k].astype(float) for k in range(3))
+    red, blue = (1.164 * (y - 16) + by * (colour - 128) for by, colour in ((1.596, v), (2.018, u)))
+    green = 1.164 * (y - 16) - 0.813 * (v - 128) - 0.391 * (u - 128)
+    np.testing.assert_allclose(image, np.stack((blue, green, red), axis=-1), atol=2)
+
+
+def test_planes_of_the_wrong_size_are_no_image() -> None:
+    good = {"height": 4, "width": 8, "encoding": "nv12", "step": 8, "is_bigendian": 0, "data": np.zeros(48, np.uint8)}
+    assert images.raw(SimpleNamespace(**good)) is not None
+    for fault in ({"data": np.zeros(47, np.uint8)}, {"width": 7}, {"height": 3}, {"height": 0}, {"height": 2**31}):
+        assert images.raw(SimpleNamespace(**(good | fault))) is None
 
 
 @pytest.mark.parametrize(
@@ -316,6 +346,62 @@ def test_of_two_calibrations_apart_from_the_images_one_has_to_be_named(tmp_path:
     assert read(path, Topics(camera_info="/a/i")).camera is not None
 
 
+WINDOWS = {
+    "whole": ((0, 0), (0, 0), (0, 0), (640, 480)),
+    "said in full": ((0, 0), (640, 480), (1, 1), (640, 480)),
+    "binned": ((0, 0), (0, 0), (2, 2), (320, 240)),
+    "binned across": ((0, 0), (640, 480), (4, 1), (160, 480)),
+    "a part": ((100, 60), (200, 120), (0, 0), (200, 120)),
+    "a part, binned": ((100, 60), (200, 120), (2, 4), (100, 30)),
+    "binned, and the calibration is of it": ((0, 0), (0, 0), (2, 2), (640, 480)),
+}
+
+
+@pytest.mark.parametrize("kind", first_quick(bags.KINDS))
+@pytest.mark.parametrize("form", ["raw", "png"])
+@pytest.mark.parametrize("which", WINDOWS)
+def test_images_may_be_a_part_of_the_camera_or_binned(which: str, form: str, kind: str, tmp_path: Path) -> None:
+    """A pixel of the images is where the mean of its pixels is in the whole camera."""
+    corner, part, binning, size = WINDOWS[which]
+    k, d = [500.0, 0, 321.5, 0, 510.0, 239.5, 0, 0, 1], [-0.2, 0.05, 1e-3, -2e-3, 0.01]
+    info = bags.camera_info(5 * MS, k, d)
+
+    def changed(new: Any) -> dict[str, Any]:
+        roi = new("sensor_msgs/msg/RegionOfInterest", *corner, *part[::-1], False)
+        return info.build(new) | {"roi": roi, "binning_x": binning[0], "binning_y": binning[1]}
+
+    pixels = np.zeros(size[::-1], np.uint8)
+    sent = bags.image(5 * MS, pixels)
+    if form == "png":
+        sent = bags.compressed(5 * MS, cv2.imencode(".png", pixels)[1].tobytes(), "png", "/image")
+    streams = read(bags.write(tmp_path, kind, [info._replace(build=changed), sent]), NAMELESS)
+    assert streams.camera is not None
+    camera = streams.camera if streams.window is None else streams.window.of(streams.camera)
+    assert (camera.width, camera.height) == size
+    whole = Camera(640, 480, (500.0, 510.0), (321.5, 239.5), tuple(d), np.eye(4))
+    if size == (640, 480):
+        assert (camera.focal, camera.centre) == (whole.focal, whole.centre)
+        return
+    for u, v in ((0, 0), (size[0] - 1, size[1] - 1), (31, 22)):
+        across, down = (start + by * at + np.arange(by) for start, by, at in zip(
+            corner, (max(one, 1) for one in binning), (u, v), strict=True
+        ))  # fmt: skip
+        ray = whole.undistort(np.array([[across.mean(), down.mean()]]))
+        np.testing.assert_allclose(camera.undistort(np.array([[float(u), float(v)]])), ray, atol=1e-9)
+
+
+@pytest.mark.parametrize(("corner", "part", "binning"), [((600, 0), (200, 100), (1, 1)), ((0, 0), (0, 0), (700, 1))])
+def test_a_part_that_is_not_of_the_camera_is_refused(corner: Any, part: Any, binning: Any, tmp_path: Path) -> None:
+    info = bags.camera_info(5 * MS, [500.0, 0, 320, 0, 500, 240, 0, 0, 1], [0.0] * 5)
+
+    def changed(new: Any) -> dict[str, Any]:
+        roi = new("sensor_msgs/msg/RegionOfInterest", *corner, *part[::-1], False)
+        return info.build(new) | {"roi": roi, "binning_x": binning[0], "binning_y": binning[1]}
+
+    path = bags.write(tmp_path, "ros2", [info._replace(build=changed), bags.image(5 * MS, picture(0))])
+    refused("topic /camera_info: found a region of interest of .*expected a part of the 640x480", read, path, NAMELESS)
+
+
 def test_a_camera_that_was_never_calibrated_is_none(tmp_path: Path) -> None:
     said = [bags.image(1, picture(0)), bags.camera_info(2, np.zeros(9), [])]
     assert read(bags.write(tmp_path, "ros1", said), NAMELESS).camera is None
@@ -324,10 +410,19 @@ def test_a_camera_that_was_never_calibrated_is_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("said", "message"),
     [
-        ([bags.odometry(4 * MS, 0, 0, (0, 0, 0, 0))], "/odom at 0.004 s: the orientation's quaternion has length 0"),
-        ([bags.odometry(4 * MS, 0, 0, (0.6, 0, 0, 0.8))], "/odom at 0.004 s: the robot is tilted by 74 degrees"),
-        ([bags.odometry(4 * MS, np.nan, 0, (0, 0, 0, 1))], "/odom at 0.004 s: found .*nan.* expected finite numbers"),
-        ([bags.counts(4 * MS, 1, np.inf, 0, 0)], "/encoder at 0.004 s: found .*inf.* expected finite numbers"),
+        (
+            [bags.odometry(4 * MS, 0, 0, (0, 0, 0, 0))],
+            "/odom cannot be .* 0.004 s, has an orientation whose quat.* length 0",
+        ),
+        ([bags.odometry(4 * MS, 0, 0, (0.6, 0, 0, 0.8))], "/odom cannot be used.* is tilted by 74 degrees"),
+        (
+            [bags.odometry(4 * MS, np.nan, 0, (0, 0, 0, 1))],
+            "/odom cannot be used.* has the place .nan, .*, expected metres",
+        ),
+        (
+            [bags.counts(4 * MS, 1, np.inf, 0, 0)],
+            "/encoder cannot be used.* at 0.004 s, has the counts .*inf.* expected whole",
+        ),
         ([bags.counts(k, 0, 0.6, 0.8, 0) for k in (1, 2)], "/encoder holds orientations, expected the wheels'"),
         ([bags.counts(7, k, k, k, k) for k in (1, 2, 3)], "3 messages of topic /encoder have only 1 distinct times"),
         ([bags.image(2, picture(1), encoding="32FC1", topic="/d")], r"none of the 1 images of topic /d .*'32FC1'"),
@@ -338,6 +433,52 @@ def test_readings_that_cannot_be(tmp_path: Path, said: list[bags.Said], message:
     images = [one for one in said if "image" in one.type.lower()]
     path = bags.write(tmp_path, "mcap", said if images else [bags.image(1, picture(0)), *said])
     refused(f"{re.escape(str(path))}: .*{message}", lambda: frames(read(path, NAMELESS)))
+
+
+def test_single_bad_messages_are_left_out_and_counted(tmp_path: Path) -> None:
+    """Counts that are no numbers, and images at absurd times: before all others, between them, and after them."""
+    said = drive(12)
+    counts = [one for one in said if one.topic == "/encoder"]
+    shots = [one for one in said if one.topic == "/image"]
+    counts[3] = bags.counts(counts[3].stamp, 1e256, 1, 1, 1)
+    counts[7] = bags.counts(counts[7].stamp, np.nan, 1, 1, 1)
+    for row, stamp in ((0, 7), (9, shots[9].stamp - 500 * MS), (5, shots[5].stamp + 10**9 * 10**9)):
+        shots[row] = shots[row]._replace(stamp=stamp + 10**18, received=shots[row].stamp)
+    shots = [one if one.stamp > 10**17 else one._replace(stamp=one.stamp + 10**18, received=one.stamp) for one in shots]
+    shots[0] = shots[0]._replace(stamp=7)
+    streams = read(bags.write(tmp_path, "ros1", in_order_of_reception(counts, shots)), NAMELESS)
+    found = frames(streams)
+    for (t, image), k in zip(found, (1, 2, 3, 4, 6, 7, 8, 10, 11), strict=True):
+        assert abs(t - (10**9 + 0.04 * (k + 1))) < 1e-6
+        np.testing.assert_array_equal(image, picture(k))
+    assert isinstance(streams.readings, Ticks)
+    assert len(streams.readings.t) == len(counts) - 2
+    of_counts, of_images = streams.remarks
+    assert "2 of 11 messages of topic /encoder cannot be used and are left out; the first, message 4, at 0.08 s" in (
+        of_counts
+    )
+    assert "3 of 12 images of topic /image cannot be used and are left out; the first, image 1, is stamped" in of_images
+
+
+def test_counts_of_zero_in_the_middle_of_a_drive_are_left_out(tmp_path: Path) -> None:
+    """A counter that wraps forth and back is none of them, nor is one that begins again."""
+    said = [bags.counts(20 * MS * k, *(1000.0 + 10 * k for _ in range(4))) for k in range(40)]
+    shots = [bags.image(40 * MS * (k + 1), picture(k)) for k in range(3)]
+    wrapped = [bags.counts(20 * MS * k, *[float((k % 2) * 65530)] * 4) for k in range(40)]
+    restarted = [*said[:20], *(bags.counts(20 * MS * k, *[10.0 * (k - 20)] * 4) for k in range(20, 40))]
+    spoilt = [*said[:13], bags.counts(said[13].stamp, 0, 0, 0, 0), *said[14:]]
+    for number, (counts, lost) in enumerate(((spoilt, 1), (wrapped, 0), (restarted, 0))):
+        (tmp_path / str(number)).mkdir()
+        bag = bags.write(tmp_path / str(number), "ros1", in_order_of_reception(counts, shots))
+        streams = read(bag, NAMELESS)
+        assert isinstance(streams.readings, Ticks)
+        assert len(streams.readings.t) == 40 - lost
+        assert len(streams.remarks) == lost
+
+
+def in_order_of_reception(*streams: list[bags.Said]) -> list[bags.Said]:
+    said = [one for stream in streams for one in stream]
+    return sorted(said, key=lambda one: one.stamp if one.received is None else one.received)
 
 
 # --- bags that are none -----------------------------------------------------------------------------------------------

@@ -81,6 +81,17 @@ def test_the_way_does_not_depend_on_where_the_frames_are() -> None:
     np.testing.assert_allclose(end(0.0, 0.25, 0.55, 1.0), expected, atol=1e-5)
 
 
+def test_ids_to_ignore_are_left_out_and_counted() -> None:
+    frames = [Frame(0.0, marked(30)), Frame(0.5, BLANK), Frame(1.0, marked(30))]
+    log = build_log(recording(frames, detector=Detector(Markers("4X4_50", 0.1, ignore=(4, 9)), CAMERA)))
+    assert log.ids.tolist() == []
+    assert log.notes["counts"]["id 4 is to be left out"] == 2
+    assert log.notes["markers"]["ignore"] == [4, 9]
+    assert log.remarks == ["bench: [markers] ignore has id 9, which no frame has"]
+    other = build_log(recording(frames, detector=Detector(Markers("4X4_50", 0.1, ignore=(9,)), CAMERA)))
+    assert other.ids.tolist() == [4, 4]
+
+
 def test_sightings_near_are_kept_and_far_are_counted() -> None:
     # 0.1 m at f = 150 px: 30 px are 0.5 m away.
     frames = [Frame(0.0, marked(30)), Frame(0.5, BLANK), Frame(1.0, marked(30))]
