@@ -219,7 +219,7 @@ def test_the_command_writes_a_board(tmp_path: Path, capsys: pytest.CaptureFixtur
         (["--ids", "0-99999999999"], "found 99999999999, expected ids of the dictionary, 0 to 49"),
         (["--side", "wide"], "--side wide: expected metres"),
         (["--side", "a=0.1"], "--side a=0.1: expected metres"),
-        (["--side", "150"], r"--side: side: found 150, .*0\.15 if these are millimetres"),
+        (["--side", "150"], r"--side: side: found 150, .*0\.15 if this is in millimetres"),
         (["--side", "nan"], "found nan"),
         (["--side", "30=0.1"], "marker 30 is not among --ids 0-11"),
         (["--side", "50=0.1"], "found id 50"),
