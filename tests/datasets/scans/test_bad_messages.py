@@ -13,6 +13,7 @@ import floor_drives as floor
 from floor_drives import BEGIN, NS
 from refusals import refusal, refused
 from slamduel.datasets.bags.clock import astray
+from slamduel.datasets.bags.columns import no_poses
 from slamduel.datasets.scans.open import OpenedScans, open_scans
 from slamduel.frontend.laser.recording import LaserRecording
 from tiers import first_quick
@@ -145,6 +146,14 @@ def test_the_scanners_place_is_that_of_the_sound_transforms(tmp_path: Path) -> N
     (remark,) = found.remarks
     assert f"1 of {len(said)} transforms from base_link to laser in topic /tf cannot be used and are left out" in remark
     np.testing.assert_array_equal(found.recording.scanner.pose, [0, 0, 0])
+
+
+def test_a_robot_that_turns_round_between_two_messages_is_somewhere() -> None:
+    """Odometry of 1 Hz that stood for most of the time, with the noise of its last digits."""
+    x = np.array([0, 1e-9, 0, 1e-9, 0, 1e-9, 0, 1.5, 0, 1.5, 0, 1e-9, 0])
+    poses = np.column_stack((x, np.zeros((len(x), 4)), np.ones(len(x))))
+    assert no_poses(poses, np.arange(13.0)) == {}
+    assert no_poses(poses, 0.02 * np.arange(13.0)).keys() == {7, 8, 9}
 
 
 @pytest.mark.parametrize("share", [0.4, 0.6])
