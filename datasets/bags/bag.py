@@ -82,12 +82,12 @@ class Bag:
         return parts_in(self.path) or [self.path] if split else [self.path]
 
     def remarks(self) -> list[str]:
-        """Says which of its parts are missing; InputError if they are not of one recording."""
+        """Says which of its parts are missing or not closed; InputError if they are not of one recording."""
         if len(self.parts) < 2:
             return []
         with self._open() as (reader, _):
             check_parts(self.parts, reader.spans)
-        return [said] if (said := missing(self.parts)) else []
+        return missing(self.parts)
 
     def listed(self) -> list[Topic]:
         """The topics, by name."""

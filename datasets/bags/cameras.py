@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .bag import Message, Topic
-from .clock import DAY, SINGLE
+from .clock import DAY, MINUTE, SINGLE
 from .left_out import LeftOut
 from .topics import beside, choose
 
@@ -45,16 +45,23 @@ def info_beside(path: Path, listed: Sequence[Topic], named: str | None, setting:
 
 
 def _of_the_day(messages: Iterator[Message], left_out: LeftOut) -> Iterator[tuple[int, Message]]:
-    """Messages with their numbers, from 1 on, without single ones a day before or after the others."""
+    """Messages with their numbers, from 1 on, without single ones far from those around, as in `clock.astray`."""
     first, away = list(islice(messages, WAITING + 1)), 0
-    latest = sorted(one.nanoseconds for one in first)[len(first) // 2] if first else 0
+    latest, behind = (sorted(times)[len(first) // 2] if first else 0 for times in _clocks(first))
     for number, message in enumerate(chain(first, messages), start=1):
-        if abs(message.nanoseconds - latest) > DAY and away < SINGLE:
+        now, late = (times[0] for times in _clocks([message]))
+        far = abs(now - latest)
+        if (far > DAY or min(far, abs(late - behind)) > MINUTE) and away < SINGLE:
             away += 1
-            left_out.add(number, f"is stamped {message.nanoseconds / 1e9:.10g} s, beside one of {latest / 1e9:.10g} s")
+            left_out.add(number, f"is stamped {now / 1e9:.10g} s, beside one of {latest / 1e9:.10g} s")
             continue
-        latest, away = message.nanoseconds, 0
+        latest, behind, away = now, late, 0
         yield number, message
+
+
+def _clocks(messages: Sequence[Message]) -> tuple[list[int], list[int]]:
+    """The stamps, and how long they are after the times of reception, ns."""
+    return [one.nanoseconds for one in messages], [one.nanoseconds - one.received for one in messages]
 
 
 def _sorted(messages: Iterator[tuple[int, Message]]) -> Iterator[tuple[int, Message]]:

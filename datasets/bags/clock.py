@@ -16,6 +16,11 @@ BACK = 1.0
 DAY = 86_400 * 10**9
 """ns; what is farther from all other messages of a topic is of no drive: a clock that was not set yet, or garbage."""
 
+MINUTE = 60 * 10**9
+"""ns; by what both a stamp and its distance from the time of reception may differ from those of the messages around."""
+
+AROUND = 11  # messages, of which the median says where the clock is
+
 SINGLE = 5
 """Messages in a row whose stamps may be out of order and are left out: of more, the clock was set."""
 
@@ -25,11 +30,14 @@ Stamps = Sequence[int]
 def astray(stamps: Stamps, received: Stamps) -> dict[int, str]:
     """The rows of `stamps`, ns in order of reception, that are not of the others' clock, and why not.
 
-    They are a day away from the others, or go forth or back by more than `BACK` in at most SINGLE messages in a row,
-    after which the clock goes on as before. `received` are the times of reception, ns.
+    They are a day away from the others; or at most SINGLE messages in a row are a minute away from those around, and
+    from where their times of reception have them; or they go forth or back by more than `BACK`, after which the clock
+    goes on as before. `received` are the times of reception, ns.
     """
     t, at = np.array(stamps, float), np.array(received, float)  # exact to 256 ns since 1970
     odd = _days_away(t)
+    rest = np.flatnonzero(~odd)
+    odd[rest[_minutes_away(t[rest], at[rest])]] = True
     rest = np.flatnonzero(~odd)
     odd[rest[_out_of_order(t[rest], at[rest])]] = True
     sound = np.flatnonzero(~odd)
@@ -54,6 +62,25 @@ def _days_away(t: Array) -> NDArray[np.bool_]:
     if len(t) > 2:
         away[order] = group != np.bincount(group).argmax()
     return away
+
+
+def _minutes_away(t: Array, received: Array) -> NDArray[np.bool_]:
+    """(n,) which stamps differ from those around, as do their distances from the times of reception."""
+    behind = t - received
+    odd = np.zeros(len(t), np.bool_)
+    if len(t) < AROUND or (np.abs(np.diff(behind)) <= MINUTE).all():
+        return odd
+    half = AROUND // 2
+    first = np.clip(np.arange(len(t)) - half, 0, len(t) - AROUND)
+    around = first[:, None] + np.arange(AROUND)
+    odd = np.all([np.abs(one - np.median(one[around], axis=1)) > MINUTE for one in (t, behind)], axis=0)
+    return odd if _longest(odd) <= SINGLE else np.zeros(len(t), np.bool_)
+
+
+def _longest(odd: NDArray[np.bool_]) -> int:
+    """The most True in a row."""
+    edges = np.flatnonzero(np.diff(odd, prepend=False, append=False))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def _out_of_order(t: Array, received: Array) -> NDArray[np.bool_]:

@@ -16,6 +16,8 @@ from .left_out import LeftOut
 LEAST, LEAPS = 1.0, 50.0
 """m, and times the median step, from the message before and from the one after it: no robot was there and back."""
 
+FAST = 5.0  # m/s there and m/s back; a faster one does not turn round from one message to the next
+
 LEAST_COUNTS = 50.0  # of a counter, likewise
 
 FARTHEST = 50.0  # m from the first message to the next, or from the last to the one before it
@@ -48,8 +50,8 @@ def planar(t: Array, found: Array) -> Poses:
     return Poses(t, np.column_stack((found[:, :2], heading)))
 
 
-def no_poses(found: Array) -> dict[int, str]:
-    """The rows x, y, qx, qy, qz, qw of (m, 6), in order of time, that are no pose of a robot on a floor, and why."""
+def no_poses(found: Array, t: Array) -> dict[int, str]:
+    """The rows x, y, qx, qy, qz, qw of (m, 6) at `t` (m,), s, that are no pose of a robot on a floor, and why."""
     with np.errstate(all="ignore"):
         size = np.linalg.norm(found[:, 2:], axis=1)
         x, y, z, w = found[:, 2:].T
@@ -66,15 +68,15 @@ def no_poses(found: Array) -> dict[int, str]:
         for row in _rows(upright < LEVEL):
             tilt = np.rad2deg(np.arccos(np.clip(upright[row], -1, 1)))
             faults.setdefault(row, f"is tilted by {tilt:.0f} degrees, expected a robot that drives on a floor")
-    for wrong in (lambda places: _elsewhere(places, LEAST), _ends_elsewhere):
+    for wrong in (_there_and_back, _ends_elsewhere):
         rest = np.array([row for row in range(len(found)) if row not in faults], np.int64)
-        for row in wrong(found[rest, :2]):
+        for row in wrong(found[rest, :2], t[rest]):
             place = found[rest[row], :2].tolist()
             faults[int(rest[row])] = f"has the place {place}, m, far from those before and after it"
     return faults
 
 
-def no_counts(found: Array) -> dict[int, str]:
+def no_counts(found: Array, t: Array) -> dict[int, str]:  # noqa: ARG001 - of any rate
     """The rows of (m, k) that are no counts, or all 0 as none before and after them is, and why."""
     faults = no_numbers(found)
     rest = np.array([row for row in range(len(found)) if row not in faults], np.int64)
@@ -98,7 +100,7 @@ def columns(
     row: Callable[[Any], tuple[float, ...]],
     remarks: list[str],
     back: float = np.inf,
-    faults: Callable[[Array], dict[int, str]] = no_counts,
+    faults: Callable[[Array, Array], dict[int, str]] = no_counts,
 ) -> tuple[Array, Array]:
     """Times (m,), s, strictly increasing, and the `row` (m, k) of each message; of equal times the last counts.
 
@@ -119,7 +121,7 @@ def columns(
     if not rows:
         raise InputError(f"{bag.path}: none of the {topic.messages} messages of topic {topic.name} can be read.")
     found = np.array(rows, float)
-    wrong = faults(found) | astray(stamps, received)
+    wrong = faults(found, np.array(stamps, float) / 1e9) | astray(stamps, received)
     for one, why in wrong.items():
         left_out.add(numbers[one], f"at {stamps[one] / 1e9:.10g} s, {why}")
     remarks += left_out.remarks(total)
@@ -155,7 +157,14 @@ def _elsewhere(places: Array, least: float) -> list[int]:
     return (np.flatnonzero((way[:-1] > far) & (way[1:] > far) & (over < far)) + 1).tolist()
 
 
-def _ends_elsewhere(places: Array) -> list[int]:
+def _there_and_back(places: Array, t: Array) -> list[int]:
+    """The rows of (m, 2), m, at `t` (m,), s, that are far from both neighbours and reached faster than any robot."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fast = ~(np.hypot(*np.diff(places, axis=0).T) <= FAST * np.maximum(np.diff(t), 0.0))
+    return [row for row in _elsewhere(places, LEAST) if fast[row - 1] and fast[row]]
+
+
+def _ends_elsewhere(places: Array, t: Array) -> list[int]:  # noqa: ARG001 - of any rate
     """The first or the last row of (m, 2), m, if all others are far from it and near each other."""
     if len(places) <= FEW:
         return []

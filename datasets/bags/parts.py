@@ -15,6 +15,8 @@ from ...core.errors import InputError
 
 BAGS = (".bag", ".mcap", ".db3")  # endings of a bag's file
 
+UNCLOSED = "*.bag.active"  # of a recording that was interrupted
+
 PAUSE, OVERLAP = 60.0, 1.0
 """s from the end of a part to the beginning of the next one, and by which they may overlap: splitting takes no time."""
 
@@ -33,14 +35,18 @@ def parts_in(folder: Path) -> list[Path]:
     return [found[number] for number in sorted(found)]
 
 
-def missing(parts: Sequence[Path]) -> str:
-    """The remark on parts that the numbers lack; "" for none."""
-    numbers = [_number(one) for one in parts]
-    lost = sorted(set(range(numbers[-1])) - set(numbers)) if len(parts) > 1 else []
-    if not lost:
-        return ""
-    which = ", ".join(map(str, lost[:5])) + ", ..." * (len(lost) > 5)
-    return f"{parts[0].parent}: of the parts of the recording, up to {parts[-1].name}, number {which} is missing"
+def missing(parts: Sequence[Path]) -> list[str]:
+    """The remarks on parts that the numbers lack, and on one that was not closed."""
+    numbers, folder = [_number(one) for one in parts], parts[0].parent
+    said = [
+        f"{one}: was not closed, and is left out; `rosbag reindex` may repair it"
+        for one in sorted(folder.glob(UNCLOSED))
+    ]
+    lost = sorted(set(range(numbers[-1])) - set(numbers))
+    if lost:
+        which = ", ".join(map(str, lost[:5])) + ", ..." * (len(lost) > 5)
+        said.append(f"{folder}: of the parts of the recording, up to {parts[-1].name}, number {which} is missing")
+    return said
 
 
 def check_parts(parts: Sequence[Path], spans: Sequence[tuple[int, int] | None]) -> None:

@@ -127,7 +127,7 @@ class Transforms:
             raise InputError(f"{where} is at {stamp} s after {before} s, expected one clock that goes forward.")
         rows = rows[:, [0, 1, 3, 4, 5, 6]]
         left_out = LeftOut(self._where, "transform", f"from {pair[0]} to {pair[1]}")
-        faults = no_poses(rows)
+        faults = no_poses(rows, t)
         for row, why in faults.items():
             left_out.add(row + 1, f"at {t[row]:.10g} s, {why}")
         self.remarks += left_out.remarks(len(t))

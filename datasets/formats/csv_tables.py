@@ -94,6 +94,9 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     t = _keyframes(track.t[0], track.t[-1], seen.t, options.every, track.holes)
     motions = track.motions(t)
     truth = _truth(options, t, remarks)
+    if not isinstance(options.start_sd, tuple) and options.start_sd > np.pi:
+        sd = f"start_sd={options.start_sd:g}"
+        remarks.append(f"option {sd} is of the heading in rad, too: {sd};0.1 says that it is known to 0.1 rad")
     first = np.full((1, 3), np.nan)
     log = Log.from_arrays(
         Path(options.odometry).stem,
@@ -269,9 +272,7 @@ def _prior(options: Options, truth: Truth | None, start: float) -> Prior:
     for k, given in enumerate((options.start_x, options.start_y, options.start_heading)):
         if given is not None:
             pose[k] = given
-    if not isinstance(options.start_sd, tuple):
-        return Prior(pose, options.start_sd**2 * np.eye(3))
-    position, heading = options.start_sd
+    position, heading = sd if isinstance(sd := options.start_sd, tuple) else (sd, sd)
     return Prior(pose, np.diag([position**2, position**2, heading**2]))
 
 

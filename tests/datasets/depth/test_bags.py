@@ -253,6 +253,30 @@ def test_rectified_images_have_no_distortion(tmp_path: Path) -> None:
     assert (camera.focal, camera.centre) == ((150.0, 151.0), (80.0, 60.0))
 
 
+def test_single_bad_messages_are_left_out_and_counted(tmp_path: Path) -> None:
+    """An image and a depth image at absurd times, and a pose that is none."""
+    said = list[Said]()
+    for one in drive():
+        moved = {(IMAGE, stamp(START + 0.1)): 2 * 10**18, (DEPTH, stamp(START + 0.3)): 10**9 * 10**9}.get(
+            (one.topic, one.stamp)
+        )
+        said.append(one if moved is None else one._replace(stamp=moved, received=one.stamp))
+    row = next(k for k, one in enumerate(said) if one.type == bags.ODOMETRY and one.stamp > stamp(START))
+    said[row] = bags.odometry(said[row].stamp, np.nan, 0.0, (0.0, 0.0, 0.0, 1.0))
+    found = opened(tmp_path, said)
+    for _ in range(2):  # as often as the frames are read
+        frames = frames_of(found)
+        assert [frame.seconds for frame in frames] == pytest.approx([START + k / RATE for k in (0, 2, 4, 5)])
+        of_odometry, *of_images = found.recording.remarks
+        assert "1 of 21 messages of topic /odom cannot be used and are left out; the first, message" in of_odometry
+        for topic, number in ((IMAGE, 2), (DEPTH, 4)):
+            words = (
+                f"1 of 6 images of topic {topic} cannot be used and are left out; the first, image {number}, is stamp"
+            )
+            assert sum(words in remark for remark in of_images) == 1
+        assert len(of_images) == 2
+
+
 def test_the_images_may_be_a_part_of_the_camera_binned(tmp_path: Path) -> None:
     """Of a camera of twice the resolution, from 30 and 10 pixels on."""
     width, height = 2 * SIZE[0], 2 * SIZE[1]

@@ -136,6 +136,11 @@ def test_where_the_robot_starts(files: dict[str, Any]) -> None:
 def test_position_and_heading_of_the_start_may_be_known_apart(files: dict[str, Any]) -> None:
     cov = made(files | {"start_sd": (100.0, 0.05)}).log.prior.cov
     np.testing.assert_allclose(cov, np.diag([1e4, 1e4, 0.0025]), rtol=1e-12)
+    assert made(files | {"start_sd": (100.0, 0.05)}).log.remarks == []
+    (remark,) = made(files | {"start_sd": 100.0}).log.remarks
+    assert (
+        remark == "option start_sd=100 is of the heading in rad, too: start_sd=100;0.1 says that it is known to 0.1 rad"
+    )
 
 
 def test_a_start_somewhere_in_a_large_frame_is_estimated_consistently(files: dict[str, Any], tmp_path: Path) -> None:

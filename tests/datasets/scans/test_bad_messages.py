@@ -13,6 +13,7 @@ import floor_drives as floor
 from floor_drives import BEGIN, NS
 from refusals import refusal, refused
 from slamduel.datasets.bags.clock import astray
+from slamduel.datasets.bags.columns import no_poses
 from slamduel.datasets.scans.open import OpenedScans, open_scans
 from slamduel.frontend.laser.recording import LaserRecording
 from tiers import first_quick
@@ -56,7 +57,8 @@ BAD: dict[str, Callable[[bags.Said], bags.Said]] = {
     "on its side": lambda one: bags.odometry(one.stamp, 1.0, 0.0, (0.8, 0.0, 0.0, 0.6)),
     "years later": lambda one: stamped(one, one.stamp + 2 * 10**9 * NS),
     "an hour later": lambda one: stamped(one, one.stamp + 3600 * NS),
-    "a minute earlier": lambda one: stamped(one, one.stamp - 60 * NS),
+    "minutes earlier": lambda one: stamped(one, one.stamp - 90 * NS),
+    "a minute later": lambda one: stamped(one, one.stamp + 65 * NS),
     "1970": lambda one: stamped(one, 5),
 }
 
@@ -67,8 +69,7 @@ BAD: dict[str, Callable[[bags.Said], bags.Said]] = {
 def test_bad_odometry_is_left_out_and_counted(bad: str, by_tf: bool, kind: str, tmp_path: Path) -> None:
     """Wherever it is: the others are interpolated to the scans' times as if it had not been sent."""
     whole = floor.by_tf(drive()) if by_tf else floor.odometry(drive())
-    possible = ("1970", "a minute earlier", "at the origin")  # where it is the first
-    rows = (5, 30) if bad in possible else (0, 5, 30)
+    rows = (5, 30) if bad == "at the origin" else (0, 5, 30)  # where a robot may start
     spoilt = list(whole)
     for row in rows:
         one = BAD[bad](whole[row])
@@ -147,6 +148,14 @@ def test_the_scanners_place_is_that_of_the_sound_transforms(tmp_path: Path) -> N
     np.testing.assert_array_equal(found.recording.scanner.pose, [0, 0, 0])
 
 
+def test_a_robot_that_turns_round_between_two_messages_is_somewhere() -> None:
+    """Odometry of 1 Hz that stood for most of the time, with the noise of its last digits."""
+    x = np.array([0, 1e-9, 0, 1e-9, 0, 1e-9, 0, 1.5, 0, 1.5, 0, 1e-9, 0])
+    poses = np.column_stack((x, np.zeros((len(x), 4)), np.ones(len(x))))
+    assert no_poses(poses, np.arange(13.0)) == {}
+    assert no_poses(poses, 0.02 * np.arange(13.0)).keys() == {7, 8, 9}
+
+
 @pytest.mark.parametrize("share", [0.4, 0.6])
 def test_more_than_half_are_refused_with_their_number(share: float, tmp_path: Path) -> None:
     whole = floor.odometry(drive())
@@ -178,5 +187,8 @@ def test_messages_that_overtake_each_other_are_not_astray() -> None:
     assert astray(stamps, received) == {}
     assert astray([*stamps[:50], stamps[50] + 100 * NS, *stamps[51:]], received).keys() == {50}
     assert astray([], []) == astray([4], [4]) == astray([4, 10**18], [4, 5]) == {}
+    late = [*received[:-1], received[-1] + 3600 * NS]  # the last one waited for an hour, in a queue
+    assert astray(received, late) == astray(late, late) == {}
+    assert astray(late, received).keys() == {199}
     days = [k * 10**14 for k in range(6)]  # 28 hours apart: none is like the others
     assert len(astray(days, days)) == 5

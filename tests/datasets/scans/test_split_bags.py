@@ -128,8 +128,10 @@ def test_a_missing_part_is_a_remark(tmp_path: Path) -> None:
     assert "bag: of the parts of the recording, up to drive_4.bag, number 2 is missing" in remark
     assert len(rest) == 1  # the odometry's gap
     parts[0].unlink()
-    remark = opened(tmp_path / "bag").remarks[0]
+    (tmp_path / "bag" / "drive_5.bag.active").write_bytes(b"#ROSBAG V2.0")
+    active, remark = opened(tmp_path / "bag").remarks[:2]
     assert "number 0, 2 is missing" in remark
+    assert "drive_5.bag.active: was not closed, and is left out; `rosbag reindex` may repair it" in active
 
 
 def test_several_recordings_are_no_parts_of_one(tmp_path: Path) -> None:
