@@ -63,8 +63,8 @@ HELD = 25.0
 SAME, SAME_TURN = 0.05, 0.02
 """m and rad; places that are closer are one."""
 
-SURE, UNSURE = 0.25, 0.05
-"""Lead in the score at which a place is decided on; below which it stays doubtful."""
+SURE, CLEAR, UNSURE = 0.25, 0.1, 0.05
+"""Lead in the score at which a place is decided on, and one that the wheels agree with; below which it stays doubtful."""
 
 LONGEST, MOST = 6, 4
 """Scans through which different places are followed at most, and how many places."""
@@ -75,7 +75,7 @@ DOUBTED, APART = 4.0, 9.0
 UNKNOWN = 0.7
 """Share that a point counts for on ground that the submap has not seen; on a wall it is 1, in free space 0."""
 
-DROP, SHORT, MEMORY = 0.08, 0.04, 0.1
+DROP, MEMORY = 0.04, 0.1
 """By how much less than usual of a scan is explained where its place is doubtful, and where a doubtful one is searched
 for; weight of a scan in what is usual.
 """
@@ -140,7 +140,11 @@ class Tracker:
         self.branches = _apart(sorted(self.branches, key=_total, reverse=True))
         best, *others = self.branches
         lead = _total(best) - _total(others[0]) if others else np.inf
-        clear = not others or (lead >= SURE and (len(best) > 1 or best[0].explained >= self.settings.lost))
+        first = best[0]
+        plain = first.anchor is None and first.explained >= self._usual - DROP
+        clear = not others or (
+            lead >= (CLEAR if plain else SURE) and (len(best) > 1 or first.explained >= self.settings.lost)
+        )
         if not (clear or len(best) >= longest):
             del self.branches[MOST:]
             return []
@@ -194,7 +198,7 @@ class Tracker:
         if found[0].explained >= least and found[0].off_wheels < DOUBTED and not doubtful:
             return found
         found += [placed(one.pose, one, AT_FIRST) for one in guess.all[1:]]
-        if max(one.explained for one in found) < max(s.lost, self._usual - SHORT):
+        if max(one.explained for one in found) < max(s.lost, self._usual - DROP):
             best = placed(self._searched(guess, found, last.pose, scan, submap), first, AGAIN)
             if best.score > max(one.score for one in found) + BETTER:
                 found.append(best._replace(searched=True))
@@ -213,7 +217,7 @@ class Tracker:
 
     def _searched(self, guess: Guesses, found: list[Placed], last: Array, scan: Scan, submap: Submap) -> Array:
         """The pose (3,) nearby at which most points are on walls."""
-        moved, sd = [between(last, one.pose) for one in guess.all], np.sqrt(guess.cov)
+        moved, sd = [between(last, one.pose) for one in guess.all], np.minimum(np.sqrt(guess.cov), self.settings.blind)
         way = max(float(np.hypot(one[0], one[1])) for one in moved) + 2 * sd[0]
         turned = max(abs(float(one[2])) for one in moved) + 2 * sd[2]
         centre = max(found, key=lambda one: one.score).pose if guess.wheels is None else guess.wheels.pose
