@@ -63,8 +63,10 @@ HELD = 25.0
 SAME, SAME_TURN = 0.05, 0.02
 """m and rad; places that are closer are one."""
 
-SURE, CLEAR, UNSURE = 0.25, 0.1, 0.05
-"""Lead in the score at which a place is decided on, and one that the wheels agree with; below which it stays doubtful."""
+SURE, CLEAR, UNSURE = 0.25, 0.15, 0.05
+"""Lead in the score at which a place is decided on, and one on which wheels and scan agree as usual; below which it stays
+doubtful.
+"""
 
 LONGEST, MOST = 6, 4
 """Scans through which different places are followed at most, and how many places."""
