@@ -64,8 +64,8 @@ SAME, SAME_TURN = 0.05, 0.02
 """m and rad; places that are closer are one."""
 
 SURE, CLEAR, UNSURE = 0.25, 0.15, 0.05
-"""Lead in the score at which a place is decided on, and one on which wheels and scan agree as usual; below which it stays
-doubtful.
+"""Lead in the score at which a place is decided on, and at which one is that wheels and scan agree on; below which it
+stays doubtful.
 """
 
 LONGEST, MOST = 6, 4
