@@ -54,8 +54,10 @@ SUM, LATE = 6.0, 4.0
 late; and that for each second since then: not for ever.
 """
 
-DENIED = 2.0
-"""Squared distance that a place costs that the wheels deny, while they agreed with the scan before."""
+DENIED = 0.5
+"""Squared distance that a place costs which the wheels deny, while they agreed with the scan before, for each e-fold of
+the volume in which it is expected by the motion before: where scans are far apart in time, that tells little.
+"""
 
 HELD = 25.0
 """Times the information of the wheels' motion with which a scan is held where they say that it is."""
@@ -185,7 +187,7 @@ class Tracker:
             anchor, agrees = None, distance(pose, first) < APART
             if guess.odd or not agrees:
                 then = last.anchor or Anchor(last.t, last.pose, np.zeros(3))
-                score -= COST * DENIED * (last.anchor is None and not agrees)
+                score -= COST * DENIED * guess.vague * (last.anchor is None and not agrees)
                 anchor = then._replace(moved=compose(then.moved, motion))
             late = 0.0 if last.anchor is None else LATE * max(t - last.anchor.t, 0.0)
             most = min(max(late, SUM), FARTHEST) if doubtful else FARTHEST
