@@ -180,8 +180,8 @@ class FrontEnd:
         s = self.settings
         if trial.denied is not None:
             off = trial.denied.delta - wheels.delta
-            off[2] = wrap(off[2])
-            more = np.outer(off, off)
+            way = np.hypot(off[0], off[1])
+            more = np.diag([way**2, way**2, wrap(off[2]) ** 2])
         elif denied:
             more = np.diag([s.blind**2, s.blind**2, s.blind_turn**2])
         else:

@@ -51,6 +51,11 @@ class Guesses(NamedTuple):
         """All that there are, the most trusted one first."""
         return [one for one in (self.wheels, self.since, self.carried, self.still) if one is not None]
 
+    @property
+    def vague(self) -> float:
+        """The logarithm of the volume in which the motion before has the pose, over that of a steady robot."""
+        return 0.5 * float(np.log(self.cov / np.array([STEADY, STEADY, STEADY_TURN]) ** 2).sum())
+
     def surprise(self, last: Array, pose: Array) -> float:
         """Squared distance of the motion from `last` to `pose` from the motion before it."""
         off = between(last, pose) - between(last, self.carried.pose)

@@ -54,8 +54,10 @@ SUM, LATE = 6.0, 4.0
 late; and that for each second since then: not for ever.
 """
 
-DENIED = 2.0
-"""Squared distance that a place costs that the wheels deny, while they agreed with the scan before."""
+DENIED = 0.5
+"""Squared distance that a place costs which the wheels deny, while they agreed with the scan before, for each e-fold of
+the volume in which it is expected by the motion before: where scans are far apart in time, that tells little.
+"""
 
 HELD = 25.0
 """Times the information of the wheels' motion with which a scan is held where they say that it is."""
@@ -63,8 +65,10 @@ HELD = 25.0
 SAME, SAME_TURN = 0.05, 0.02
 """m and rad; places that are closer are one."""
 
-SURE, UNSURE = 0.25, 0.05
-"""Lead in the score at which a place is decided on; below which it stays doubtful."""
+SURE, CLEAR, UNSURE = 0.25, 0.15, 0.05
+"""Lead in the score at which a place is decided on, and at which one is that wheels and scan agree on; below which it
+stays doubtful.
+"""
 
 LONGEST, MOST = 6, 4
 """Scans through which different places are followed at most, and how many places."""
@@ -75,7 +79,7 @@ DOUBTED, APART = 4.0, 9.0
 UNKNOWN = 0.7
 """Share that a point counts for on ground that the submap has not seen; on a wall it is 1, in free space 0."""
 
-DROP, SHORT, MEMORY = 0.08, 0.04, 0.1
+DROP, MEMORY = 0.04, 0.1
 """By how much less than usual of a scan is explained where its place is doubtful, and where a doubtful one is searched
 for; weight of a scan in what is usual.
 """
@@ -140,7 +144,11 @@ class Tracker:
         self.branches = _apart(sorted(self.branches, key=_total, reverse=True))
         best, *others = self.branches
         lead = _total(best) - _total(others[0]) if others else np.inf
-        clear = not others or (lead >= SURE and (len(best) > 1 or best[0].explained >= self.settings.lost))
+        first = best[0]
+        plain = first.anchor is None and first.explained >= self._usual - DROP
+        clear = not others or (
+            lead >= (CLEAR if plain else SURE) and (len(best) > 1 or first.explained >= self.settings.lost)
+        )
         if not (clear or len(best) >= longest):
             del self.branches[MOST:]
             return []
@@ -179,7 +187,7 @@ class Tracker:
             anchor, agrees = None, distance(pose, first) < APART
             if guess.odd or not agrees:
                 then = last.anchor or Anchor(last.t, last.pose, np.zeros(3))
-                score -= COST * DENIED * (last.anchor is None and not agrees)
+                score -= COST * DENIED * guess.vague * (last.anchor is None and not agrees)
                 anchor = then._replace(moved=compose(then.moved, motion))
             late = 0.0 if last.anchor is None else LATE * max(t - last.anchor.t, 0.0)
             most = min(max(late, SUM), FARTHEST) if doubtful else FARTHEST
@@ -194,7 +202,7 @@ class Tracker:
         if found[0].explained >= least and found[0].off_wheels < DOUBTED and not doubtful:
             return found
         found += [placed(one.pose, one, AT_FIRST) for one in guess.all[1:]]
-        if max(one.explained for one in found) < max(s.lost, self._usual - SHORT):
+        if max(one.explained for one in found) < max(s.lost, self._usual - DROP):
             best = placed(self._searched(guess, found, last.pose, scan, submap), first, AGAIN)
             if best.score > max(one.score for one in found) + BETTER:
                 found.append(best._replace(searched=True))
@@ -213,7 +221,7 @@ class Tracker:
 
     def _searched(self, guess: Guesses, found: list[Placed], last: Array, scan: Scan, submap: Submap) -> Array:
         """The pose (3,) nearby at which most points are on walls."""
-        moved, sd = [between(last, one.pose) for one in guess.all], np.sqrt(guess.cov)
+        moved, sd = [between(last, one.pose) for one in guess.all], np.minimum(np.sqrt(guess.cov), self.settings.blind)
         way = max(float(np.hypot(one[0], one[1])) for one in moved) + 2 * sd[0]
         turned = max(abs(float(one[2])) for one in moved) + 2 * sd[2]
         centre = max(found, key=lambda one: one.score).pose if guess.wheels is None else guess.wheels.pose

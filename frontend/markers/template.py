@@ -41,10 +41,15 @@ NO_FIT = 0.25  # likewise, but never accepted above
 SHARPENED = 0.3
 """Amount of sharpening from which its overshoot, which noise and JPEG deform, may leave larger residuals."""
 
-CLEAN_MODULE = 0.3
-"""Share of the contrast, from black or white, of the worst module's middle.
+FAIR_FIT = 0.05
+"""Likewise, from which on every module is looked at."""
 
-Grainy and sharpened pictures have at most 0.25; a different print has 0.4 and more.
+CLEAN_MODULE, CLEAN_IF_SHARPENED = 0.3, 0.12
+"""Share of the contrast, from what is predicted, of the worst module's middle; and where only sharpening explains the
+residuals.
+
+Grainy pictures have at most 0.25, sharpened ones 0.07; a different print has 0.4 and more, a grey square in a black one
+0.17.
 """
 
 MODEL_SD = 0.002  # px, of a corner along each axis, for model errors
@@ -79,10 +84,13 @@ def fit(
         if not (contrast > LEAST_CONTRAST and residual < NO_FIT * contrast):
             return None
         root = np.array([[np.exp(look[A]), 0.0], [look[A + 1], np.exp(look[A + 2])]])
-        if residual > CLOSE_FIT * contrast:
-            if not look[SHARP] > SHARPENED and residual > np.hypot(CLOSE_FIT * contrast, _grain(image)):
-                return None
-            if worst_module(image, rays, pattern, found, look, corners) > CLEAN_MODULE:
+        if residual > FAIR_FIT * contrast:
+            clean = CLEAN_MODULE
+            if residual > CLOSE_FIT * contrast and residual > np.hypot(CLOSE_FIT * contrast, _grain(image)):
+                if not look[SHARP] > SHARPENED:
+                    return None
+                clean = CLEAN_IF_SHARPENED
+            if worst_module(image, rays, pattern, found, look, corners) > clean:
                 return None
         change_cov = spread(normal, misfit)
         outline, cov = corner_rays(found, modules, change_cov)

@@ -161,6 +161,7 @@ def first(scans: int, seed: int, **options: Any) -> tuple[LaserRecording, Array]
 def test_somebody_who_walks_ahead_does_not_hold_the_robot_back(doubted: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the corridor, at its speed: the few points that tell how far the robot came are on that person."""
     monkeypatch.setattr(tracking, "DOUBTED", doubted)
+    monkeypatch.setattr(tracking, "DROP", tracking.DROP if doubted < np.inf else 1.0)
     recording, true = first(60, 1003, laps=3)
     front_end = matched(recording, Settings())
     off = between(between(true[0], true[59]), front_end.path[-1])
