@@ -79,9 +79,11 @@ class _TimedEstimate(StepPoses):
         super().__init__(settings)
         self.ns = 0
 
-    def _move(self, first: int, steps: Sequence[ScanStep], loops: Sequence[ScanLoop], iterations: int) -> None:
+    def _move(
+        self, first: int, steps: Sequence[ScanStep], loops: Sequence[ScanLoop], iterations: int, far: bool = False
+    ) -> None:
         start = time.thread_time_ns()
-        super()._move(first, steps, loops, iterations)
+        super()._move(first, steps, loops, iterations, far)
         self.ns += time.thread_time_ns() - start
 
 

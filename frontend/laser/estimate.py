@@ -53,12 +53,14 @@ class StepPoses:
         else:
             self._move(max(1, n - s.optimise_last), steps, loops, 15)
 
-    def move(self, steps: Sequence[ScanStep], loops: Sequence[ScanLoop], iterations: int) -> None:
-        """Moves all steps to the optimum."""
+    def move(self, steps: Sequence[ScanStep], loops: Sequence[ScanLoop], iterations: int, *, far: bool = False) -> None:
+        """Moves all steps to the optimum, in which loops may be `far` off."""
         self._whole = len(self._poses)
-        self._move(1, steps, loops, iterations)
+        self._move(1, steps, loops, iterations, far)
 
-    def _move(self, first: int, steps: Sequence[ScanStep], loops: Sequence[ScanLoop], iterations: int) -> None:
+    def _move(
+        self, first: int, steps: Sequence[ScanStep], loops: Sequence[ScanLoop], iterations: int, far: bool = False
+    ) -> None:
         """Moves the steps from `first` on; those before are held."""
         recent = [loop for loop in loops[self._loops[first] :] if loop.step >= first]
         to, step = (np.array([getattr(one, name) for one in recent], np.int64) for name in ("to", "step"))
@@ -80,5 +82,6 @@ class StepPoses:
             ),
             iterations,
             len(held),
+            far=far,
         )
         self._poses.array[first:] = found[len(held) :]

@@ -50,7 +50,8 @@ class FrontEnd:
         self._estimate = StepPoses(settings)
         self._surprises = Surprises(settings)
         self._doubts = list[Placed]()  # since the last step: scans or wheels that do not count, places not told apart
-        self._corrected, self._loops_then = 0.0, 0  # the way, and the number of loops, at the last correction
+        self._looped = self._corrected = 0.0  # the way at the last loop, and at the last one that the estimate has
+        self._loops_then = 0  # their number at the last correction
 
     def scan(self, t: float, motion: Array | None, ranges: Array, angles: Array | None = None) -> None:
         """Takes a scan; `motion` (3,) is the odometry's since the one before, None at first or without wheels.
@@ -163,7 +164,7 @@ class FrontEnd:
             self._close(k, scan)
         if k % s.optimise_every == 0 and len(self.loops) > self._loops_then:
             self._estimate.correct(self.steps, self.loops)
-            self._corrected, self._loops_then = self._way, len(self.loops)
+            self._corrected, self._loops_then = self._looped, len(self.loops)
 
     def _stale(self, k: int) -> Array:
         """The covariance that a scan swept on the move, or a stamp that is off, adds."""
@@ -206,13 +207,15 @@ class FrontEnd:
         """Takes a loop that is where it was expected, or that enough others agree with; `off` is how far it is off."""
         if self._surprises.is_expected(off, since):
             self.loops.append(loop)
+            self._looped = self._way
             self._surprises.agreed()
             return
         confirmed = self._surprises.add(loop, self._way, self.estimate)
         if confirmed:
             self.loops += confirmed
             self.confirmed += len(confirmed)
-            self._estimate.move(self.steps, self.loops, 15)
-            self._corrected, self._loops_then = self._way, len(self.loops)
+            self._estimate.move(self.steps, self.loops, 15, far=True)
+            self._looped = self._corrected = self._way
+            self._loops_then = len(self.loops)
         else:
             self.turned_down["surprises not confirmed"] += 1

@@ -3,13 +3,13 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from ...core.se2 import Array, Ints, between, wrap
 
 CAUCHY = 2.0  # scale of the loss on loops, in standard deviations
+WIDE = (200.0, 20.0)  # scales before it where loops are believed that are far off: at once it would leave these out
 ANCHOR = 1e8  # information of a pose that is held
 SMALL = 1e-4  # m and rad; Gauss-Newton ends when no pose moves further
 
@@ -23,8 +23,13 @@ class Edges(NamedTuple):
     information: Array  # (m, 3, 3)
 
 
-def optimised(poses: Array, steps: Edges, loops: Edges, iterations: int = 15, held: int = 1) -> Array:
-    """Moves `poses` (n, 3) to the optimum by Gauss-Newton, with Cauchy's loss on the loops; the first `held` stay."""
+def optimised(
+    poses: Array, steps: Edges, loops: Edges, iterations: int = 15, held: int = 1, *, far: bool = False
+) -> Array:
+    """Moves `poses` (n, 3) to the optimum by Gauss-Newton, with Cauchy's loss on the loops; the first `held` stay.
+
+    Where loops may be `far` off, the loss narrows gradually.
+    """
     poses = poses.copy()
     both = Edges(
         np.concatenate((steps.first, loops.first)),
@@ -33,17 +38,18 @@ def optimised(poses: Array, steps: Edges, loops: Edges, iterations: int = 15, he
         np.concatenate((steps.information, loops.information)),
     )
     robust = np.arange(len(both.first)) >= len(steps.first)
-    for _ in range(iterations):
-        moved = _solved(poses, both, robust, held)
-        poses += moved
-        poses[:, 2] = wrap(poses[:, 2])
-        if np.abs(moved).max() < SMALL:
-            break
+    for scale in (*WIDE, CAUCHY) if far else (CAUCHY,):
+        for _ in range(iterations):
+            moved = _solved(poses, both, np.where(robust, scale, np.inf), held)
+            poses += moved
+            poses[:, 2] = wrap(poses[:, 2])
+            if np.abs(moved).max() < SMALL:
+                break
     return poses
 
 
-def _solved(poses: Array, edges: Edges, robust: NDArray[np.bool_], held: int) -> Array:
-    """One step of Gauss-Newton, (n, 3)."""
+def _solved(poses: Array, edges: Edges, scale: Array, held: int) -> Array:
+    """One step of Gauss-Newton, (n, 3); `scale` (m,) is that of each edge's loss."""
     i, j, delta, information = edges
     n = len(poses)
     a, b = poses[i], poses[j]
@@ -56,7 +62,7 @@ def _solved(poses: Array, edges: Edges, robust: NDArray[np.bool_], held: int) ->
     by_a[:] = -by_b
     by_a[:, 0, 2], by_a[:, 1, 2] = -s * dx + c * dy, -c * dx - s * dy
     squared = np.einsum("ni,nij,nj->n", residual, information, residual)
-    weight = np.where(robust, 1.0 / (1.0 + squared / CAUCHY**2), 1.0)
+    weight = 1.0 / (1.0 + squared / scale**2)
     W = weight[:, None, None] * information
     WA, WB = W @ by_a, W @ by_b
     At, Bt = by_a.transpose(0, 2, 1), by_b.transpose(0, 2, 1)

@@ -44,12 +44,10 @@ SHARPENED = 0.3
 FAIR_FIT = 0.05
 """Likewise, from which on every module is looked at."""
 
-CLEAN_MODULE, CLEAN_IF_SHARPENED = 0.3, 0.12
-"""Share of the contrast, from what is predicted, of the worst module's middle; and where only sharpening explains the
-residuals.
+CLEAN_MODULE, OTHER_COLOUR = 0.3, 0.5
+"""Share of the contrast, from what is predicted, of the worst module's middle: at most, and in a fair fit.
 
-Grainy pictures have at most 0.25, sharpened ones 0.07; a different print has 0.4 and more, a grey square in a black one
-0.17.
+Grainy and sharpened pictures have at most 0.25, some photographs 0.37; a different print has 0.4 and more.
 """
 
 MODEL_SD = 0.002  # px, of a corner along each axis, for model errors
@@ -85,12 +83,11 @@ def fit(
             return None
         root = np.array([[np.exp(look[A]), 0.0], [look[A + 1], np.exp(look[A + 2])]])
         if residual > FAIR_FIT * contrast:
-            clean = CLEAN_MODULE
-            if residual > CLOSE_FIT * contrast and residual > np.hypot(CLOSE_FIT * contrast, _grain(image)):
-                if not look[SHARP] > SHARPENED:
-                    return None
-                clean = CLEAN_IF_SHARPENED
-            if worst_module(image, rays, pattern, found, look, corners) > clean:
+            close = residual <= CLOSE_FIT * contrast
+            if not (close or look[SHARP] > SHARPENED or residual <= np.hypot(CLOSE_FIT * contrast, _grain(image))):
+                return None
+            worst = worst_module(image, rays, pattern, found, look, corners)
+            if worst > (OTHER_COLOUR if close else CLEAN_MODULE):
                 return None
         change_cov = spread(normal, misfit)
         outline, cov = corner_rays(found, modules, change_cov)
