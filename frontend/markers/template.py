@@ -38,14 +38,13 @@ a marker 0.08 and more.
 
 NO_FIT = 0.25  # likewise, but never accepted above
 
+FAIR_FIT = 0.05  # likewise, from which on every module is looked at
+
 SHARPENED = 0.3
 """Amount of sharpening from which its overshoot, which noise and JPEG deform, may leave larger residuals."""
 
-FAIR_FIT = 0.05
-"""Likewise, from which on every module is looked at."""
-
 CLEAN_MODULE, OTHER_COLOUR = 0.3, 0.5
-"""Share of the contrast, from what is predicted, of the worst module's middle: at most, and in a fair fit.
+"""Share of the contrast by which the worst module's middle may be off what is predicted; and in a fair fit.
 
 Grainy and sharpened pictures have at most 0.25, some photographs 0.37; a different print has 0.4 and more.
 """

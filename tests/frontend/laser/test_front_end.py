@@ -222,6 +222,24 @@ def test_the_graph_of_poses_finds_the_optimum_and_does_without_false_loops() -> 
     assert (again[0] == start[0]).all() or np.abs(again[0] - start[0]).max() < 1e-6
 
 
+def test_loops_that_are_far_off_move_the_graph_once_they_are_believed() -> None:
+    """Each hundreds of its standard deviations off: at once Cauchy's loss leaves all of them out."""
+    truth = chained(np.tile([1.0, 0.0, 2 * np.pi / 120], (119, 1)))
+    number = np.arange(119)
+    delta = between(truth[:-1], truth[1:]) + np.array([0.0, 0.0, 0.003])  # one standard deviation of each
+    start = chained(delta)
+    steps = Edges(number, number + 1, delta, np.tile(np.diag([1e4, 1e4, 1e5]), (119, 1, 1)))
+    to = np.arange(4)
+    loops = Edges(to, to + 114, between(truth[to], truth[to + 114]), np.tile(np.eye(3) * 1e4, (4, 1, 1)))
+    at_once, gradually = (optimised(start, steps, loops, 15, far=far) for far in (False, True))
+    off = [
+        np.abs(between(between(truth[3], truth[117]), between(path[3], path[117])))[:2].max()
+        for path in (at_once, gradually)
+    ]
+    assert off[0] > 1.0
+    assert off[1] < 0.02
+
+
 def test_a_surprise_counts_once_enough_steps_ask_for_the_same() -> None:
     settings = Settings()
     estimate = np.array([[0.5 * k, 0.0, 0.0] for k in range(60)])
