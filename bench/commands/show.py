@@ -8,7 +8,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from ...datasets.remarks import refuse, remarks
+from ...datasets.remarks import refuse
+from ..contradiction.remark import remarks
 from ..logs.facts import facts, headline, noted
 from ..logs.numbers import Subject, described
 from ..logs.shown_path import LARGEST

@@ -11,7 +11,7 @@ from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Dataset
 from ...core.scan import Scan, attempted
 from ...datasets.formats import log_folder
-from ...datasets.remarks import remarks
+from ..contradiction.remark import explained, remarks
 from ..plan.load import made
 from ..plan.spec import dataset_variants
 from ..plan.values import seed
@@ -28,6 +28,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("log", nargs="+", metavar="LOG", help="the folder of a log, or a dataset as bench run --dataset takes it")
     add("--all", action="store_true", help=f"print every problem, not the first {SHOWN} of a log")
     add("--strict", action="store_true", help="a remark is a problem")
+    add(
+        "--explain", action="store_true", help="print which usual mistakes were tried, and how well the log then agrees"
+    )
     add("--seed", type=seed, default=0, help="of a simulated dataset (default 0)")
     parser.epilog = (
         "Of a log's folder every problem is found, of any other dataset the first. The exit status is 0 where there is "
@@ -38,10 +41,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def main(namespace: argparse.Namespace) -> int:
     """Prints the problems and remarks of every log; 2 if one has a problem."""
     shown = float("inf") if namespace.all else SHOWN
-    return max(_found_and_validated(text, namespace.seed, shown, namespace.strict) for text in namespace.log)
+    return max(_found_and_validated(text, namespace.seed, shown, namespace) for text in namespace.log)
 
 
-def _found_and_validated(text: str, seed: int, shown: float, strict: bool) -> int:
+def _found_and_validated(text: str, seed: int, shown: float, wanted: argparse.Namespace) -> int:
     try:
         variants = dataset_variants(text, "bench validate")
     except InputError as error:
@@ -50,10 +53,10 @@ def _found_and_validated(text: str, seed: int, shown: float, strict: bool) -> in
     logs = [
         variant.log(at) for variant in variants for at in (range(len(variant.members)) if variant.members else (seed,))
     ]
-    return max(_validated(log.dataset, log.seed, shown, strict) for log in logs)
+    return max(_validated(log.dataset, log.seed, shown, wanted) for log in logs)
 
 
-def _validated(variant: DatasetVariant, seed: int, shown: float, strict: bool) -> int:
+def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argparse.Namespace) -> int:
     place = str(getattr(variant.options, "path", None) or variant.label)
     scan, total = attempted(_scan(variant, seed)), 0
     with announced(f"reading {place}", partial(print, file=sys.stderr, flush=True)):
@@ -73,7 +76,9 @@ def _validated(variant: DatasetVariant, seed: int, shown: float, strict: bool) -
     odd = remarks(dataset)
     for remark in odd:
         print(f"remark: {place}: {remark}.")
-    if odd and strict:
+    if wanted.explain:
+        print(explained(place, dataset))
+    if odd and wanted.strict:
         print(f"{place}: {len(odd)} remark{'s' * (len(odd) > 1)}, which --strict refuses.")
         return 2
     print(f"{place}: good; {_counts(dataset)}.")

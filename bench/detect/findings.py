@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.factors import Dataset, Log, Truth
 from ...core.truth_errors import odometry_errors
-from ...datasets.remarks import remarks
+from ..contradiction.remark import remarks
 from ..drawing.figure import ReportFigure
 from ..measure.stated_noise import TYPICAL, noise_check
 from ..words.numerals import listed, number

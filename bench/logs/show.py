@@ -7,7 +7,7 @@ from ...core.check import check, check_truth
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log
 from ...core.files import write_whole
-from ...datasets.remarks import remarks
+from ..contradiction.remark import remarks
 from ..drawing.page import rendered
 from ..plan.load import load
 from .facts import facts, headline, noted

@@ -13,8 +13,8 @@ from ...core.errors import Absent, InputError, SlamduelError
 from ...core.factors import Dataset, Map, Start
 from ...datasets import archive
 from ...datasets import registry as datasets
-from ...datasets.remarks import remarks
 from ...datasets.truth import digest
+from ..contradiction.remark import remarks
 from ..measure import cell
 from ..measure.cell import Job, Result
 from ..plan.reference import made_with_reference

@@ -29,7 +29,7 @@ from ...core.tum import read_tum
 from ...frontend.wheels.encoder import Floors, roll
 from ...frontend.wheels.holes import Holes, outside
 from ...frontend.wheels.motion import Track, TrackNoise
-from ...frontend.wheels.units import in_degrees
+from ...frontend.wheels.units import fast_turns, in_degrees
 from ..registry import Source
 from ..truth import sample
 from .columns import read_columns
@@ -135,6 +135,7 @@ def _track(path: Path, options: Options, remarks: list[str]) -> Track:
         motions = table.rows[1:, 1:] * np.array([1.0, 1.0, turn])  # the motion before the first row is unknown
         poses = summed(np.zeros(3), motions)
     else:
+        remarks += fast_turns(str(path), table.column("omega") * turn)
         dt = np.diff(t)[:, None]
         rolling = table.rows[:-1, 1:] * np.array([1.0, turn]) * dt
         poses = summed(np.zeros(3), roll(rolling, "arc")[0])

@@ -16,6 +16,9 @@ heading, forwards or backwards, and does not: wheels hold it within 13 degrees o
 SPINNING = 5.0
 """rad/s; a median turning rate beyond it, while turning, is nearly a turn per second: it may be in degrees."""
 
+OFTEN, TURN = 0.9, 2 * np.pi
+"""Share of the turning rates that are below a turn a second, rad/s: a robot that drives turns less."""
+
 CREEPING = 0.005
 """m/s; a median speed below it, while moving, is of no robot that maps: 5 m/s with times in milliseconds."""
 
@@ -39,6 +42,13 @@ def odd_units(source: str, t: Array, poses: Array) -> Iterator[str]:
     rate = (turn / dt)[turn > 0]
     if len(rate) >= FEW and np.median(rate) > SPINNING:
         found = f"the median turning rate while turning is {np.median(rate):.3g} rad/s"
+        yield f"{source}: {found}: perhaps angles are in degrees"
+
+
+def fast_turns(source: str, rates: Array) -> Iterator[str]:
+    """Yields that turning rates (m,), rad/s, are those of no robot: some of them more than a turn a second."""
+    if len(rates) > FEW and (fast := float(np.quantile(np.abs(rates), OFTEN))) > TURN:
+        found = f"in {100 * (1 - OFTEN):.0f} % of the time the robot turns by more than {fast:.3g} rad/s"
         yield f"{source}: {found}: perhaps angles are in degrees"
 
 

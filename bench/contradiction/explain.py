@@ -1,0 +1,112 @@
+"""Finds the usual mistake that makes a log contradict itself."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core.factors import Log
+from .fit import Agreement, agreement
+from .mistakes import MISTAKES, Mistake, on_one_circle, sentence
+from .stretch import stretches
+
+AGREES = 1.15
+"""J per degree of freedom up to which no mistake is looked for. Made-up logs have 0.85 to 1.1, recorded ones less."""
+
+EXPLAINED = 1.5
+"""J per degree of freedom up to which noise may explain it, as it is seldom stated better than to a fifth."""
+
+CONTRADICTS = 2.0
+"""J per degree of freedom from which on a log contradicts itself: its noise is 1.4 times what is stated, or more."""
+
+FALLEN, MISSTATED = 0.05, 9.0
+"""Share of J that may be left: of a log whose noise is three times what is stated, or whose turns were wrapped."""
+
+AHEAD, SURE = 1.1, 50.0
+"""J of the log as it is and with the next best mistake taken back, over that of the best, at least; and by how much all
+of J is more: a number that is fitted lowers it by 1, the best of some hundred by 10."""
+
+REFINED = 8
+"""Numbers that are tried between two of those listed: the best is then known to 2 % of their distance."""
+
+STUCK = "every motion is an arc of one circle, as where one wheel's counts stand still"
+
+
+class Tried(NamedTuple):
+    """A mistake that was taken back."""
+
+    name: str
+    words: str
+    j: float  # J per degree of freedom then
+    wrapped: bool  # not all could be taken back
+
+
+class Contradiction(NamedTuple):
+    """How far a log agrees with itself, and why it does not."""
+
+    found: Agreement
+    tried: list[Tried]  # least J first; none of a log that agrees
+    stuck: bool  # one wheel's counts stand still, which nothing takes back
+
+    @property
+    def contradicts(self) -> bool:
+        """True where noise as stated does not explain the log, of which there is an optimum."""
+        return CONTRADICTS < self.found.j < np.inf
+
+    @property
+    def named(self) -> Tried | None:
+        """The mistake, if it is a single one that explains the contradiction."""
+        if len(self.tried) < 2 or self.stuck or not np.isfinite(self.found.j):
+            return None
+        best, second = self.tried[:2]
+        fallen = FALLEN * self.found.j
+        explained = best.j < max(EXPLAINED, fallen if best.wrapped else min(fallen, MISSTATED))
+        return best if explained and all(self._above(best.j, j) for j in (second.j, self.found.j)) else None
+
+    def _above(self, best: float, j: float) -> bool:
+        return best * AHEAD < j and (j - best) * self.found.dof > SURE
+
+
+def contradiction(log: Log, *, every: bool = False) -> Contradiction | None:
+    """Looks into a log; None for one that has too few measurements. `every`: the mistakes are tried in any case."""
+    parts = list(stretches(log.identified()))
+    if not parts:
+        return None
+    found = agreement(parts)
+    if found.j < AGREES and not every:
+        return Contradiction(found, [], False)
+    parts.sort(key=lambda part: agreement([part]).j, reverse=True)  # numbers are found on the one that tells most
+    stuck = all(map(on_one_circle, parts))
+    undone = [_tried(mistake, parts) for mistake in MISTAKES]
+    tried = sorted((one for one in undone if one is not None), key=lambda one: one.j)
+    return Contradiction(found, tried, stuck)
+
+
+def _tried(mistake: Mistake, parts: Sequence[Log]) -> Tried | None:
+    """Takes a mistake back, with the number that is best for the first stretch; None where it is not there."""
+
+    def j(number: float, some: Sequence[Log] = parts[:1]) -> float:
+        changed = [mistake.undone(part, number) for part in some]
+        return agreement([log for log in changed if log is not None]).j
+
+    number = min(mistake.numbers, key=j)
+    if mistake.between:
+        number = _refined(j, mistake.numbers, number)
+    least = j(number, parts)
+    return Tried(mistake.name, sentence(mistake, number), least, mistake.wrapped) if np.isfinite(least) else None
+
+
+def _refined(j: Callable[[float], float], numbers: Sequence[float], best: float) -> float:
+    """Looks between the neighbours of the best number by golden section."""
+    at, share = numbers.index(best), (3 - 5**0.5) / 2
+    low = numbers[at - 1] if at else best - (numbers[1] - best)
+    high = numbers[at + 1] if at + 1 < len(numbers) else best + (best - numbers[-2])
+    x, least = best, j(best)
+    for _ in range(REFINED):
+        new = x + share * (high - x) if high - x > x - low else x - share * (x - low)
+        found = j(new)
+        if found < least:
+            low, high, x, least = (x, high, new, found) if new > x else (low, x, new, found)
+        else:
+            low, high = (low, new) if new > x else (new, high)
+    return x

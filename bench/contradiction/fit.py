@@ -1,0 +1,99 @@
+"""Fits a stretch of a log robustly: how far its measurements are from agreeing, by kind."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...backends.api import Diverged
+from ...backends.common_options import LOSSES
+from ...backends.graphs.batch import Batch
+from ...core.factors import Log, Map
+from ...core.se2 import Array, between
+from ...core.truth_errors import difference
+from ..measure.misfit import loop_misfits, misfits
+
+LOSS = "cauchy"
+TOLERANCE, ITERATIONS = 1e-4, 30
+KEPT = 0.9
+"""Share of each kind that counts, the least: outliers are fewer than the rest, and what contradicts is not."""
+
+KEPT_MEAN = {2: 0.7442, 3: 0.7972}
+"""Dimension -> mean of the least 90 % of chi-square over the dimension."""
+
+INFINITE = 1e12
+"""Squares beyond are this."""
+
+
+class Part(NamedTuple):
+    """What is left of the measurements of one kind."""
+
+    components: int
+    size: float  # of a normalised square over its dimension: below 1 where they are as stated, as the fit takes some
+
+
+class Fitted(NamedTuple):
+    """The optimum of a robust fit of a stretch, and what is left there of its measurements."""
+
+    path: Array  # (n, 3)
+    landmarks: Map
+    dof: int
+    motions: Part
+    sightings: Part
+    loops: Part
+
+    @property
+    def left(self) -> float:
+        """J, robust."""
+        return sum(part.components * part.size for part in (self.motions, self.sightings, self.loops))
+
+
+class Agreement(NamedTuple):
+    """What the stretches of a log say together."""
+
+    j: float  # J per degree of freedom, robust: about 1 where noise is as stated; infinite where no fit succeeds
+    dof: int
+    parts: dict[str, float]  # kind -> size
+
+
+def fitted(log: Log) -> Fitted | None:
+    """Fits a path and a map to a stretch from dead reckoning; None where that does not succeed."""
+    batch = Batch(log, list(LOSSES).index(LOSS), LOSSES[LOSS])
+    try:
+        batch.start_by_odometry()
+        batch.fit(TOLERANCE, ITERATIONS)
+    except Diverged:
+        return None
+    path, landmarks = batch.place()
+    sighted = misfits(log, path, landmarks)
+    if sighted is None or not np.isfinite(path).all():
+        return None
+    moved = difference(between(path[:-1], path[1:]), log.delta[1:])
+    motions = np.einsum("ni,ni->n", moved, np.linalg.solve(log.delta_cov[1:], moved[..., None])[..., 0])
+    loops = loop_misfits(log, path)
+    dof = 2 * (len(log.ids) - len(landmarks.ids)) + 3 * len(loops)
+    return Fitted(path, landmarks, dof, _part(motions, 3), _part(sighted, 2), _part(loops, 3))
+
+
+def agreement(parts: Sequence[Log]) -> Agreement:
+    """Fits every stretch."""
+    found = [fitted(part) for part in parts]
+    done = [one for one in found if one is not None]
+    if len(done) < len(found) or not done:
+        return Agreement(np.inf, 0, {})
+    sizes = dict[str, float]()
+    for kind in ("motions", "sightings", "loops"):
+        of_kind: list[Part] = [getattr(one, kind) for one in done]
+        count = sum(part.components for part in of_kind)
+        if count:
+            sizes[kind] = sum(part.components * part.size for part in of_kind) / count
+    dof = sum(one.dof for one in done)
+    return Agreement(sum(one.left for one in done) / dof, dof, sizes)
+
+
+def _part(squares: Array, k: int) -> Part:
+    """Sums up normalised squares (n,) of dimension k."""
+    if not len(squares):
+        return Part(0, 0.0)
+    kept = np.sort(np.minimum(squares, INFINITE))[: max(1, round(KEPT * len(squares)))]
+    return Part(k * len(squares), float(kept.mean()) / (k * KEPT_MEAN[k]))

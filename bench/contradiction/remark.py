@@ -1,0 +1,74 @@
+"""Remarks on a log: those on its columns, and on measurements or truth that contradict one another."""
+
+from collections.abc import Iterator
+from itertools import chain
+
+import numpy as np
+
+from ...core.factors import Dataset
+from ...core.truth_errors import named
+from ...datasets.remarks import remarks as of_columns
+from ..words.numerals import number
+from . import truth as of_truth
+from .explain import MISSTATED, STUCK, Contradiction, contradiction
+from .fit import fitted
+from .stretch import stretches
+
+
+def remarks(dataset: Dataset) -> list[str]:
+    """Lists everything odd about the log: one sentence each, without its full stop."""
+    return list(dict.fromkeys((*of_columns(dataset), *contradictions(dataset))))
+
+
+def contradictions(dataset: Dataset) -> Iterator[str]:
+    """Yields how a log contradicts itself, and what in it or in its truth would make it fit."""
+    found = contradiction(named(*dataset))
+    if found is None:
+        return
+    said = sentence(found)
+    if said:
+        yield said
+        return
+    yield from contradicting_truth(dataset)
+
+
+def sentence(found: Contradiction) -> str:
+    """Says that a log contradicts itself, and why; nothing of one that does not."""
+    j, begun = number(found.found.j), "the measurements contradict one another:"
+    if found.stuck and found.contradicts:
+        return f"J is {j} per degree of freedom, where 1 is expected, and {STUCK}"
+    cause = found.named
+    if cause is not None:
+        return f"{begun} J falls from {j} to {number(cause.j)} per degree of freedom if {cause.words}"
+    if not found.contradicts:
+        return ""
+    kinds = ", ".join(f"{kind} {number(size)}" for kind, size in found.found.parts.items())
+    noise = f"noise is {number(np.sqrt(found.found.j))} times what is stated, or "
+    perhaps = noise if found.found.j < MISSTATED else ""
+    return (
+        f"{begun} at the optimum J is {j} per degree of freedom ({kinds}), where 1 is expected: {perhaps}a frame, "
+        "a sign, a unit or a clock is wrong; bench validate --explain tries the usual mistakes"
+    )
+
+
+def explained(name: str, dataset: Dataset) -> str:
+    """Says how far a log agrees with itself, and with each usual mistake taken back, best first."""
+    found = contradiction(named(*dataset), every=True)
+    if found is None:
+        return f"{name}: too few landmarks are sighted again, and too few loops closed, to tell if the log agrees."
+    kinds = ", ".join(f"{kind} {number(size)}" for kind, size in found.found.parts.items())
+    said = [f"{name}: J is {number(found.found.j)} per degree of freedom, where 1 is expected ({kinds}). It would be"]
+    said += [f"  {number(one.j):>8}  if {one.words}" for one in found.tried]
+    return "\n".join(said + [f"  and {STUCK}"] * found.stuck)
+
+
+def contradicting_truth(dataset: Dataset) -> Iterator[str]:
+    """Yields what of the truth contradicts a log that agrees with itself."""
+    log, truth = dataset
+    if truth is None or truth.kind != "truth":
+        return
+    log = named(log, truth).identified()
+    parts = [(part, fit) for part in stretches(log) if (fit := fitted(part)) is not None]
+    yield from chain.from_iterable(of_truth.of_path(part, fit, truth) for part, fit in parts)
+    for _, fit in parts[:1]:
+        yield from of_truth.of_map(log, truth, fit)

@@ -1,0 +1,126 @@
+"""Truth that contradicts its log: a path, headings or landmarks in another frame, unit, numbering or time."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core.factors import Log, Truth
+from ...core.se2 import Array, wrap
+from ...core.truth_errors import rows_of, standing
+from ..measure.landmark_places import placed
+from .fit import Fitted
+
+FEWEST, FEWEST_PLACES = 8, 5
+"""Poses of a stretch, and landmarks, that are compared."""
+
+OFF, RIGHT = 0.3, 0.06
+"""Root mean square distance over that from the middle: from the one on a path or map is another, up to the other the
+same. The optimum of a stretch is right to 0.01."""
+
+TURNED = 0.5
+"""rad; a median error of the truth's headings, from which on they are others than the robot's."""
+
+STEADY = 0.98
+"""Mean resultant length of angles that are one but for 0.2 rad."""
+
+DELAYS = np.array([-10.0, -5.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 5.0, 10.0])  # s
+FACTORS = {1000.0: "millimetres", 100.0: "centimetres", 1 / 0.3048: "feet"}
+
+
+class Moved(NamedTuple):
+    """Points moved onto others."""
+
+    angle: float  # rad, they were turned by
+    off: float  # root mean square distance over that of the others from their middle
+
+
+def of_path(log: Log, fit: Fitted, truth: Truth) -> Iterator[str]:
+    """Yields what is wrong with the true path of a stretch and its headings."""
+    row = rows_of(truth.t, log.t)
+    known = row >= 0
+    if known.sum() < FEWEST:
+        return
+    path, poses = fit.path[known], truth.poses[row[known]]
+    moved = onto(poses[:, :2], path[:, :2])
+    if moved.off < OFF:
+        yield from _of_headings(wrap(poses[:, 2]), path[:, 2], moved.angle)
+        return
+    if onto(poses[:, [1, 0]], path[:, :2]).off < RIGHT:
+        yield "the truth is the mirror image of the log's path: x and y are swapped, or one has the other sign"
+        return
+    for delay in DELAYS:
+        then = np.column_stack([np.interp(log.t[known] + delay, truth.t, truth.poses[:, k]) for k in (0, 1)])
+        if onto(then, path[:, :2]).off < RIGHT:
+            side = "late" if delay > 0 else "early"
+            yield f"the truth fits the log's path if its clock is about {abs(delay):g} s {side}"
+            return
+
+
+def _of_headings(told: Array, right: Array, angle: float) -> Iterator[str]:
+    if np.median(np.abs(wrap(told + angle - right))) < TURNED or np.ptp(np.unwrap(right)) < TURNED:
+        return
+    for words, off in (
+        ("turned by a constant of about {:.0f} degrees from the robot's", wrap(told + angle - right)),
+        ("clockwise, as a compass's", wrap(told - angle + right)),
+    ):
+        mean = np.exp(1j * off).mean()
+        if abs(mean) > STEADY:
+            yield f"the headings of the truth are {words.format(np.rad2deg(np.angle(mean)))}"
+
+
+def of_map(log: Log, truth: Truth, fit: Fitted) -> Iterator[str]:
+    """Yields what is wrong with the true places of landmarks, by where sightings have them from the true path.
+
+    Without one, by where the fit of a stretch has them; then another frame is none.
+    """
+    known = standing(truth)
+    if known is None:
+        return
+    if len(truth.t):
+        found = placed(log, truth.poses, rows_of(truth.t, log.t), known=True)
+        ids, xy = found.ids[~found.scattered], found.xy[~found.scattered]
+    else:
+        ids, xy = fit.landmarks.ids, fit.landmarks.xy
+    row = rows_of(known.ids, ids)
+    if (row >= 0).sum() < FEWEST_PLACES:
+        return
+    there, here = known.xy[row[row >= 0]], xy[row >= 0]
+    off = _typical(there - here, here) if len(truth.t) else onto(there, here).off
+    if off < OFF:
+        return
+    frame = "another frame than the true path, by a turn and a shift"
+    for words, changed in (
+        (f"in {frame}", there),
+        ("mirrored: x and y are swapped, or one has the other sign", there[:, ::-1]),
+        *((f"in {unit}", there / factor) for factor, unit in FACTORS.items()),
+    ):
+        if onto(changed, here).off < RIGHT:
+            yield f"the true places of landmarks are {words}"
+            return
+    nearest = np.hypot(*(here[:, None] - known.xy[None]).transpose(2, 0, 1)).min(axis=1)
+    if len(truth.t) and np.median(nearest) < RIGHT * _size(here):
+        yield "the true places of landmarks fit the sightings but have other ids"
+
+
+def _typical(off: Array, among: Array) -> float:
+    """Median length of the rows (n, 2) over the size of what they are of."""
+    size = _size(among)
+    return float(np.median(np.hypot(*off.T))) / size if size else 0.0
+
+
+def _size(xy: Array) -> float:
+    """Root mean square distance (m) of points (n, 2) from their middle."""
+    return float(np.sqrt(((xy - xy.mean(axis=0)) ** 2).sum(axis=1).mean()))
+
+
+def onto(points: Array, others: Array) -> Moved:
+    """Turns and moves points (n, 2) onto others, without a scale, by least squares."""
+    a, b = points - points.mean(axis=0), others - others.mean(axis=0)
+    dot, cross = (a * b).sum(), (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
+    angle = float(np.arctan2(cross, dot))
+    c, s = np.cos(angle), np.sin(angle)
+    turned = a @ np.array([[c, s], [-s, c]])
+    size = _size(b)
+    off = float(np.sqrt(((turned - b) ** 2).sum(axis=1).mean()))
+    return Moved(angle, off / size if size else 0.0)
