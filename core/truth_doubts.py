@@ -24,7 +24,7 @@ FOLLOWS = 0.5  # share of a path's bends that is left without the odometry's tur
 
 
 class Ways(NamedTuple):
-    """How far truth and odometry go between the same steps."""
+    """The ways of truth and odometry between the same steps, compared."""
 
     factor: float  # of the truth over the odometry, median; infinite where the odometry never moves
     apart: bool  # they differ by more than APART in most stretches of any length

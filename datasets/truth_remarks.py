@@ -14,12 +14,18 @@ UNITS = (
     (1000.0, "{} is in millimetres, or {} in kilometres"),
     (100.0, "{} is in centimetres"),
     (39.37, "{} is in inches"),
-    (3.6, "{} has km/h for m/s, or {} the reverse"),
     (3.281, "{} is in feet"),
-    (2.0, "{} has a wheel's diameter for its radius, or {} the reverse"),
 )
-"""By how many times the first goes farther than the second: why."""
-NEAR = 0.07  # of the logarithm to base 10 of a factor: within 17 % of it
+SPEEDS = (
+    (3.6, "the odometry's speeds are in km/h", "the odometry's speeds were taken for km/h"),
+    (
+        2.0,
+        "the odometry takes a wheel's diameter for its radius",
+        "the odometry takes a wheel's radius for its diameter",
+    ),
+)
+"""By how many times one goes farther than the other, and why: of speeds, where that is the odometry, and the truth."""
+NEAR = 0.05  # of the logarithm to base 10 of a factor: within 12 % of it
 NO_UNIT = "a clock, a speed or the size of the wheels is wrong"
 
 
@@ -60,7 +66,7 @@ def _places(log: Log, truth: Truth) -> Iterator[str]:
 
 
 def _after(log: Log, t: float) -> str:
-    """How long after the log's first step, s, it is."""
+    """The time since the log's first step, s."""
     return f"{t - log.t[0]:.4g}"
 
 
@@ -78,7 +84,9 @@ def _apart(log: Log, found: Ways) -> Iterator[str]:
         return
     farther, other = ("the truth", "the odometry") if found.factor > 1 else ("the odometry", "the truth")
     times = max(found.factor, 1 / found.factor)
-    off = [(abs(log10(times / size)), words.format(farther, other)) for size, words in UNITS]
+    causes = [(size, words.format(farther, other)) for size, words in UNITS]
+    causes += [(size, by_truth if found.factor > 1 else by_odometry) for size, by_odometry, by_truth in SPEEDS]
+    off = [(abs(log10(times / size)), words) for size, words in causes]
     near = [words for far, words in sorted(off) if far < NEAR]
     yield (
         f"between the same steps {farther} goes {times:{',.0f' if times >= 100 else '.3g'}} times as far as {other} "

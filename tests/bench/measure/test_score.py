@@ -15,7 +15,7 @@ from random_logs import random_log
 from slamduel.backends.api import Solution
 from slamduel.bench.measure.accuracy import Alignment, aligned, ate
 from slamduel.bench.measure.drive import Outcome
-from slamduel.bench.measure.score import OTHER_WAYS, SHAPELESS, TRANSLATION_ONLY, UNTURNED, score
+from slamduel.bench.measure.score import SHAPELESS, TRANSLATION_ONLY, score
 from slamduel.bench.record.files import export
 from slamduel.bench.record.schema import COLUMNS, MORE
 from slamduel.bench.words.columns import FINAL, MACHINE, ONLINE
