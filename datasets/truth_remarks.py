@@ -39,8 +39,8 @@ def of_truth(dataset: Dataset) -> Iterator[str]:
         return
     if truth.exact and len(truth.t) < COVERED * len(log) and PARTIAL_NOTE not in log.notes:
         yield (
-            f"the truth is known at {len(truth.t)} of {len(log)} steps, {_after(log, truth.t[0])} to "
-            f"{_after(log, truth.t[-1])} s after the first of {_after(log, log.t[-1])} s: errors are of these alone"
+            f"the truth is known at {len(truth.t)} of {len(log)} steps, from {_after(log, truth.t[0])} to "
+            f"{_after(log, truth.t[-1])} s of {_after(log, log.t[-1])} s: errors are of these alone"
         )
     if not headings_known(log, truth):
         yield (
