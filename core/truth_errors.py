@@ -9,6 +9,10 @@ from .elementary import arctan2, hypot
 from .factors import UNKNOWN, Log, Map, Truth
 from .se2 import Array, Ints, between, wrap
 
+STANDING = 0.05  # of the motion in a slow step that is driven; wheels and truth of a robot that stands move by less
+SLOWEST = 0.1  # share of the way that is driven in slower steps than that one
+TRACK = 0.25  # m of a wheel's way per rad of turn
+
 
 class Errors(NamedTuple):
     """Errors of a log's sightings or motions."""
@@ -33,10 +37,31 @@ def sighting_errors(log: Log, truth: Truth) -> Errors:
 
 def odometry_errors(log: Log, truth: Truth) -> Errors:
     """Errors of the motions between consecutive steps that both have a true pose."""
+    row, right = _true_motions(log, truth)
+    return Errors(row, difference(log.delta[row], right))
+
+
+def driven_errors(log: Log, truth: Truth) -> Errors:
+    """Errors of the motions as `odometry_errors`, without those of a robot that stands, which tell nothing of driving.
+
+    It stands where neither odometry nor truth moves by STANDING of what they do in most of the way.
+    """
+    row, right = _true_motions(log, truth)
+    size = np.maximum(
+        *(np.hypot(*motion[:, :2].T) + TRACK * np.abs(motion[:, 2]) for motion in (log.delta[row], right))
+    )
+    ranked = np.sort(size)
+    gone = np.cumsum(ranked)
+    slow = ranked[np.searchsorted(gone, SLOWEST * gone[-1])] if len(row) and gone[-1] > 0 else np.inf
+    moves = size > STANDING * slow
+    return Errors(row[moves], difference(log.delta[row[moves]], right[moves]))
+
+
+def _true_motions(log: Log, truth: Truth) -> tuple[Ints, Array]:
+    """The steps (m,) that have a true pose, as the step before, and their true motions (m, 3)."""
     pose = rows_of(truth.t, log.t)
     row = np.flatnonzero((pose[1:] >= 0) & (pose[:-1] >= 0)) + 1
-    right = between(truth.poses[pose[row - 1]], truth.poses[pose[row]])
-    return Errors(row, difference(log.delta[row], right))
+    return row, between(truth.poses[pose[row - 1]], truth.poses[pose[row]])
 
 
 def named(log: Log, truth: Truth | None) -> Log:

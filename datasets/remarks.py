@@ -10,37 +10,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..core.dead_reckoning import dead_reckoned
 from ..core.errors import InputError
 from ..core.factors import REMARKS, UNKNOWN, Dataset, Log
 from ..core.pauses import PAUSE
 from ..core.se2 import Array
 from ..core.table import LARGEST
 from .hidden_ids import HIDDEN_NOTE
+from .truth_remarks import of_truth
+from .way_remarks import FAR, FEW, of_ways
 
 GAP = 10.0  # a gap in time, relative to the median time between steps
 JUMP = 20.0  # a jump of the odometry, in standard deviations of all other steps
 NARROW = 0.1  # rad; bearings that are all nearer to 0 may have been divided by 57
-FAR = 1000.0  # m; a median range or stride beyond it may be in millimetres
 SLOW = 100.0  # s; a median time between steps beyond it may be in milliseconds
 SPINNING = 5.0  # rad/s; a median turning rate beyond it may be in degrees per second
 UNNAMED = 0.1  # share of sightings without an id: a detector's false alarms are fewer, 3 % in DLR's log
-FEW = 10  # rows below which nothing is odd
-OTHER_UNIT = 3.0  # way between two sightings of a landmark over the most that their ranges allow, or the reverse: the
-# median is at most 1 where both are in one unit, 1000 in m and mm, 57 in rad and degrees
-RATE = "a frame rate, a clock or a speed is wrong"
-NEAR_CAUSES = (
-    (100.0, "the ranges are in millimetres, or the odometry in kilometres"),
-    (12.0, "the ranges are in centimetres"),
-    (6.0, f"the ranges are in inches or centimetres, or {RATE}"),
-    (0.0, f"{RATE}, or the ranges are in feet"),
-)
-"""By the change of a range over the way. It is a bound: 1,000 times too large, ranges change by 180 to 400 ways."""
-FAR_CAUSES = (
-    (12.0, "it is in millimetres or centimetres, or the ranges in kilometres"),
-    (0.0, f"{RATE}, or it is in centimetres or inches"),
-)
-"""By the way over what ranges allow: 1,000 times too long, it is 16 to 200 times that."""
 UNKNOWN_HEADING = 1.0  # rad; a sine is 16 % off its slope there, so a linearised filter's covariance holds no more
 KIDNAPPED = "kidnapped at step"  # in a log's notes, under "faults"
 NO_SIGHTING = "there is no sighting and no loop closure in it, so every backend gives dead reckoning"
@@ -49,7 +33,7 @@ NO_SIGHTING = "there is no sighting and no loop closure in it, so every backend 
 def remarks(dataset: Dataset) -> list[str]:
     """Lists everything odd about the log, its reader's remarks first, each once."""
     with np.errstate(over="ignore", invalid="ignore"):  # what is beyond all numbers is infinite, and remarked as such
-        return list(dict.fromkeys((*dataset.log.remarks, *_remarks(dataset.log))))
+        return list(dict.fromkeys((*dataset.log.remarks, *_remarks(dataset.log), *of_truth(dataset))))
 
 
 def remarked(log: Log, found: Sequence[str]) -> Log:
@@ -76,7 +60,7 @@ def _remarks(log: Log) -> Iterator[str]:
         return
     yield from _sightings(log)
     yield from _landmarks(log)
-    yield from _units(log)
+    yield from of_ways(log)
 
 
 def _kidnapped(log: Log) -> Iterator[str]:
@@ -184,43 +168,6 @@ def _landmarks(log: Log) -> Iterator[str]:
     once = int(np.sum(times == 1))
     if len(ids) >= FEW and once > len(ids) / 4:
         yield f"{once} of {len(ids)} landmarks are sighted only once and do not constrain the path"
-
-
-def _units(log: Log) -> Iterator[str]:
-    """Compares the way between two sightings of a landmark with their ranges, a and b: from |a - b| to a + b."""
-    step, stride = log.sighting_step, np.hypot(*log.delta[1:, :2].T)
-    if not len(stride) or max(np.median(stride), np.median(log.z[:, 0])) > FAR:  # which has a remark already
-        return
-    order = np.lexsort((step, log.ids))
-    order = order[log.ids[order] != UNKNOWN]
-    same = np.flatnonzero(np.diff(log.ids[order]) == 0)
-    if len(same) < FEW:
-        return
-    one, other = order[same], order[same + 1]
-    path = dead_reckoned(log)[:, :2]
-    gone = np.concatenate(([0.0], np.cumsum(stride)))
-    straight = np.hypot(*(path[step[other]] - path[step[one]]).T)
-    way, a, b = gone[step[other]] - gone[step[one]], log.z[one, 0], log.z[other, 0]
-    moving = way > np.median(way) / 10
-    if moving.sum() < FEW or not np.median(way) > 0:
-        return
-    far = float(np.median((straight / (a + b))[moving]))
-    if far > OTHER_UNIT:
-        yield (
-            f"between two sightings of a landmark the odometry goes {far:.3g} times as far as their ranges allow "
-            f"(median): perhaps {_cause(far, FAR_CAUSES)}"
-        )
-    noise = np.sqrt(log.z_cov[one, 0, 0] + log.z_cov[other, 0, 0])
-    near = float(np.median((np.abs(a - b) / (way + 3 * noise))[moving]))
-    if near > OTHER_UNIT:
-        yield (
-            f"between two sightings of a landmark its range changes by {near:.3g} times the way of the odometry "
-            f"(median): perhaps {_cause(near, NEAR_CAUSES)}"
-        )
-
-
-def _cause(factor: float, causes: Sequence[tuple[float, str]]) -> str:
-    return next(words for least, words in causes if factor > least)
 
 
 def _count(number: int, noun: str) -> str:

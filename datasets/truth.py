@@ -20,12 +20,14 @@ from ..core.se2 import Array, Ints, compose, inverse, wrap
 from ..core.table import scan_csv
 from ..core.tum import scan_tum, write_tum
 from .remarks import remarked
+from .truth_remarks import COVERED
 
 POSES = "truth.tum"
 PLACES = "landmarks.csv"
 RELATIONS = "relations.csv"
 COLUMNS = ("id", "x", "y")
 MOVING = ("moving",)
+SLOWER = 100.0  # times as long as the log, from which on a truth that fits it badly is in a smaller unit of time
 
 
 def read_truth(folder: Path) -> Truth | None:
@@ -118,10 +120,19 @@ def with_truth(log: Log, truth: Truth | None, first: int = 0, start_given: bool 
     if len(known.t) and not start_given and log.prior.map is None:
         return Dataset(replace(log, prior=log.prior._replace(pose=_start(log, known))), known)
     if len(known.t) or not len(truth.t):
-        return Dataset(log, known)
+        return Dataset(remarked(log, other_clock(POSES, truth.t, log.t[first:], len(known.t))), known)
     found = f"{log.t[0]!s} to {log.t[-1]!s} s, those of its {len(truth.t)} are from {truth.t[0]!s} to {truth.t[-1]!s} s"
     remark = f"{POSES} has no pose at the log's times, {found}, and is not used: expected the same clock"
     return Dataset(remarked(log, [remark]), known)
+
+
+def other_clock(name: str, times: Array, t: Array, known: int) -> list[str]:
+    """The remark on a truth of `times` (m,), none of seconds, which is `known` at few of the log's `t` (n,)."""
+    spans = [float(np.ptp(one)) for one in (times, t)]
+    if known >= COVERED * len(t) or spans[0] < SLOWER * spans[1]:
+        return []
+    found = f"the times of {name} go on for {spans[0]:.3g} s, those of the log for {spans[1]:.3g} s"
+    return [f"{found}: perhaps they are in milliseconds or nanoseconds"]
 
 
 def _start(log: Log, truth: Truth) -> Array:

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...core.factors import Dataset, Log, Truth
-from ...core.truth_errors import odometry_errors
+from ...core.truth_doubts import judges
+from ...core.truth_errors import driven_errors
 from ..contradiction.remark import remarks
 from ..drawing.figure import ReportFigure
 from ..measure.stated_noise import TYPICAL, noise_check
@@ -53,9 +54,9 @@ class Findings(ABC):
     def motions_by_truth(self) -> list[str]:
         """Says how large the errors of the log's motions are, where they are larger than stated."""
         truth = self.truth
-        if truth is None or truth.kind != "truth" or len(truth.t) < FEWEST_POSES:
+        if truth is None or len(truth.t) < FEWEST_POSES or not judges(self.log, truth):
             return []
-        errors = odometry_errors(self.log, truth)
+        errors = driven_errors(self.log, truth)
         found = noise_check(errors, self.log.delta_cov[errors.row])
         if found is None or found.scale < TYPICAL:
             return []

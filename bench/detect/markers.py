@@ -10,6 +10,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.factors import Truth
+from ...core.truth_doubts import headings_known
 from ...datasets.truth import with_truth
 from ...frontend.markers.aruco import Sighting
 from ...frontend.markers.diagnosis import diagnose, plausible_length
@@ -176,7 +177,7 @@ def detect(
     causes = [plausible_length(first, markers)]
     if (per_frame(sightings, len(log)) > 0).sum() < HARDLY * len(log):
         causes += diagnose(empty.images, markers, camera)
-    true = None if known is None else true_errors(sightings, log.t, known)
+    true = None if known is None or not headings_known(log, known) else true_errors(sightings, log.t, known)
     findings = MarkerFindings(
         log,
         known,

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.factors import UNKNOWN, Dataset, Log
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import odometry_errors, sighting_errors
+from ...core.truth_errors import driven_errors, sighting_errors
 from ..measure.landmark_places import Scattered, judge, scattered_ids
 from ..measure.stated_noise import Measured, NoiseCheck, measured, noise_check
 from ..measure.times import numbered
@@ -270,9 +270,9 @@ def _sd(variance: Array) -> Sd | None:
 
 def _known(dataset: Dataset, drawn: Shown) -> Known:
     log, truth = dataset
-    right = judge(truth, drawn.places)
+    right = judge(log, truth, drawn.places)
     at_sightings = None if right is None else sighting_errors(log, right)
-    at_odometry = None if right is None else odometry_errors(log, right)
+    at_odometry = None if right is None else driven_errors(log, right)
     path = truth if truth is not None and len(truth.t) else drawn.solved
     off = share = None
     if path is not None:

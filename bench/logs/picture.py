@@ -52,7 +52,8 @@ def write_picture(path: Path, subject: Subject) -> None:
         seen(panels["seen"], log)
         returns(panels["returns"], log, found)
         sensor(panels["sensor"], log.z)
-        noise(panels["noise"], log, judge(subject.dataset.truth, shown.places), medians=subject.numbers.known.medians)
+        right = judge(log, subject.dataset.truth, shown.places)
+        noise(panels["noise"], log, right, medians=subject.numbers.known.medians)
         figure.text(0.008, 0.99, subject.label, ha="left", va="top", fontsize=13, fontweight="bold")
         figure.text(0.008, 0.96, headline(subject.numbers), ha="left", va="top", fontsize=10.5)
 

@@ -16,6 +16,7 @@ from .relative_error import pairs_by_path, pairs_by_time, relative_error
 
 DISTANCES = {"rpe_m": 1.0, "rpe_10m_m": 10.0, "rpe_100m_m": 100.0}  # m of path; rpe_rad goes with the first
 DURATIONS = {"rpe_1s_m": 1.0, "rpe_10s_m": 10.0}  # s, likewise
+FEWEST = 3  # true poses from which on a path has a shape, and a motion that lays another on it
 STRAIGHT = 1e-12  # share of a path's extent that it may extend to the side and still be straight
 ULPS = 16  # rounding error of a coordinate less the mean of its column, summed in any order
 
@@ -30,33 +31,53 @@ class Alignment(NamedTuple):
 class Accuracy(NamedTuple):
     """The errors of a path."""
 
-    row: dict[str, Any]
+    row: dict[str, Any]  # without those of the aligned path where the truth has no shape
     path: Array  # (m, 3) aligned
     alignment: Alignment
 
 
-def stretches(truth: Truth, *, timed: bool) -> dict[str, Ints]:
-    """The pairs of poses of each relative-error column; durations only where the log is timed."""
+def has_shape(truth: Truth) -> bool:
+    """False where the path is known at fewer than FEWEST poses, or all in one place: any other could be laid on it."""
+    xy = truth.poses[:, :2]
+    return len(xy) >= FEWEST and float(np.linalg.norm(xy - xy.mean(axis=0))) > _rounding(xy)
+
+
+def stretches(truth: Truth, *, timed: bool, headings: bool = True) -> dict[str, Ints]:
+    """The pairs of poses of each relative-error column; durations only where the log is timed.
+
+    None where the truth's `headings` are not known: motions are in the frame of the pose before them.
+    """
+    if not headings:
+        return {}
     pairs = {name: pairs_by_path(truth.poses, distance) for name, distance in DISTANCES.items()}
     if timed:
         pairs |= {name: pairs_by_time(truth.t, duration) for name, duration in DURATIONS.items()}
     return pairs
 
 
-def path_accuracy(truth: Truth, path: Array, landmarks: Map, over: dict[str, Ints]) -> Accuracy:
-    """Computes errors of the poses at the truth's times, and of the map after the path's alignment."""
+def path_accuracy(
+    truth: Truth, path: Array, landmarks: Map, over: dict[str, Ints], *, headings: bool = True
+) -> Accuracy:
+    """Computes errors of the poses at the truth's times, and of the map after the path's alignment.
+
+    A truth without a shape leaves no error of the aligned path, and the map is aligned by itself; where its `headings`
+    are not known, none of these is judged.
+    """
     alignment = align(path, truth.poses)
     moved = aligned(alignment, path)
-    x, y, heading = alignment.motion.tolist()
-    row: dict[str, Any] = {
-        "ate_m": ate(moved, truth.poses),
-        "ate_origin_m": ate(path, truth.poses),
-        "ate_median_m": float(np.median(np.hypot(*(moved - truth.poses)[:, :2].T))),
-        "heading_rad": heading_error(moved, truth.poses),
-        "align_x_m": x,
-        "align_y_m": y,
-        "align_rad": heading,
-    }
+    row: dict[str, Any] = {"ate_origin_m": ate(path, truth.poses)}
+    shape = has_shape(truth)
+    if shape:
+        x, y, heading = alignment.motion.tolist()
+        row |= {
+            "ate_m": ate(moved, truth.poses),
+            "ate_median_m": float(np.median(np.hypot(*(moved - truth.poses)[:, :2].T))),
+            "align_x_m": x,
+            "align_y_m": y,
+            "align_rad": heading,
+        }
+    if headings:
+        row["heading_rad"] = heading_error(moved, truth.poses)
     for name, pairs in over.items():
         found = relative_error(path, truth.poses, pairs)
         if found is not None:
@@ -64,7 +85,7 @@ def path_accuracy(truth: Truth, path: Array, landmarks: Map, over: dict[str, Int
             row |= {"rpe_rad": found.rotation} if name == "rpe_m" else {}
     known = standing(truth)
     if known is not None and truth.places == truth.kind:  # else true places are in another frame than the path
-        row["map_rmse_m"] = map_rmse(landmarks, known, alignment)
+        row["map_rmse_m"] = map_rmse(landmarks, known, alignment) if shape else own_map_rmse(landmarks, known)
     return Accuracy(row, moved, alignment)
 
 

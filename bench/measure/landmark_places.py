@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints, act
+from ...core.truth_doubts import judges
 
 LEAST = 8  # sightings of an id from which on their median is a place to judge by
 WIDE = 8.0  # an id with more than this multiple of the typical id's spread is not in one place
@@ -56,9 +57,9 @@ def scattered_ids(places: Places | None) -> Scattered | None:
     return Scattered(ids, int(places.sightings[places.scattered].sum()), float(spread.min()), float(spread.max()))
 
 
-def judge(truth: Truth | None, places: Places | None) -> Truth | None:
-    """Returns what a log's noise is compared with: exact truth alone; unknown landmarks are at their medians."""
-    if truth is None or not truth.exact:
+def judge(log: Log, truth: Truth | None, places: Places | None) -> Truth | None:
+    """Returns what a log's noise is compared with: exact truth of it alone; unknown landmarks are at their medians."""
+    if truth is None or not judges(log, truth):
         return None
     if places is None:
         return truth

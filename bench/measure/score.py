@@ -8,7 +8,8 @@ import numpy as np
 from ...backends.api import Diverged
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints
-from .accuracy import map_accuracy, path_accuracy, stretches
+from ...core.truth_doubts import headings_known, judges, other_ways
+from .accuracy import has_shape, map_accuracy, path_accuracy, stretches
 from .association import association_columns, by_true_ids, moved
 from .cpu_time import step_cost
 from .drive import Outcome
@@ -23,6 +24,9 @@ from .times import length
 FEW = 0.9  # truth at a smaller share of the steps is remarked on
 
 TRANSLATION_ONLY = "aligned by translation only: the path is straight or standing"
+SHAPELESS = "ATE takes a truth of 3 steps in several places"
+UNTURNED = "the truth's heading never turns, but its path does: no heading and no NEES is judged"
+OTHER_WAYS = "the ways of truth and odometry differ as by a unit: no NEES is judged"
 
 
 class Score(NamedTuple):
@@ -58,16 +62,18 @@ def score(log: Log, outcome: Outcome, truth: Truth | None, *, sightings: bool = 
         if truth is not None and truth.map is not None:
             end.row.update(map_accuracy(log, truth, truth.map, end.map))
     arrays = kept(log, outcome)
+    headings = truth is not None and headings_known(log, truth)
+    exact = truth is not None and judges(log, truth)
     if truth is not None:
         truth = from_the_fix_on(log, outcome, truth)
-        straight = len(truth.t) > 0 and _score_paths(log, truth, ends, arrays)
-        remarks += [TRANSLATION_ONLY] * straight
+        if len(truth.t):
+            remarks += _score_paths(log, truth, ends, arrays, headings=headings, exact=exact)
         if truth.relations is not None:
             row |= counted_relations(truth.relations)
             for end in ends.values():
                 end.row.update({} if end.path is None else relation_columns(truth.relations, end.path))
     row |= {prefix + name: value for prefix, end in ends.items() for name, value in end.row.items()}
-    if truth is not None and truth.exact:
+    if truth is not None and exact:
         remarks += misstated(log, truth, row, sightings=sightings)
     if outcome.assigned is not None:  # the final ones, if any
         log = replace(log, ids=next(end.assigned for end in ends.values() if end.assigned is not None))
@@ -79,7 +85,7 @@ def score(log: Log, outcome: Outcome, truth: Truth | None, *, sightings: bool = 
         row |= {f"j_{name}": term for name, term in fit._asdict().items() if name != "loops" or term}
         arrays["cost_terms"] = np.array(fit)
     row |= _measured_from(truth) | _inner(log, outcome) | {"landmarks": len(last.map.ids)}
-    row |= locating(log, outcome, truth) | step_cost(log, outcome)
+    row |= locating(log, outcome, truth if headings else None) | step_cost(log, outcome)
     return Score(row, arrays, "; ".join(remarks))
 
 
@@ -99,23 +105,30 @@ def _ends(outcome: Outcome, truth: Truth | None) -> dict[str, _End]:
     return ends
 
 
-def _score_paths(log: Log, truth: Truth, ends: dict[str, _End], arrays: dict[str, Array | Ints]) -> bool:
-    """Adds the errors of each path at the truth's times; returns True where one is aligned by translation only."""
+def _score_paths(
+    log: Log, truth: Truth, ends: dict[str, _End], arrays: dict[str, Array | Ints], *, headings: bool, exact: bool
+) -> list[str]:
+    """Adds the errors of each path at the truth's times, and returns remarks on what these cannot be.
+
+    Errors of headings and motions need true `headings`, NEES an `exact` truth of the log.
+    """
     at = np.searchsorted(log.t, truth.t)  # truth's times are a subset of the log's
-    over = stretches(truth, timed=length(log.t) is not None)
+    over = stretches(truth, timed=length(log.t) is not None, headings=headings)
     straight = False
     for prefix, end in ends.items():
         if end.path is None:
             continue
-        found = path_accuracy(truth, end.path[at], end.map, over)
+        found = path_accuracy(truth, end.path[at], end.map, over, headings=headings)
         end.row.update(found.row)
         arrays |= {"at": at, f"{prefix}aligned": found.path, f"{prefix}alignment": found.alignment.motion}
         straight |= found.alignment.translation_only
-        if truth.exact and end.cov is not None:
+        if exact and end.cov is not None:
             values = nees(end.path[at], end.cov[at], truth.poses)
             arrays[f"{prefix}nees"] = values
             end.row.update(nees_columns("nees", values, 3))
-    return straight
+    if not has_shape(truth):
+        return [SHAPELESS]
+    return [TRANSLATION_ONLY] * straight
 
 
 def _remarks(log: Log, outcome: Outcome, truth: Truth | None) -> list[str]:
@@ -131,6 +144,8 @@ def _remarks(log: Log, outcome: Outcome, truth: Truth | None) -> list[str]:
         said.append(f"{unknown} of {len(log.ids)} sightings have no id")
     if truth is not None and truth.kind != "relations" and len(truth.t) < FEW * len(log):
         said.append(f"truth is known at {len(truth.t)} of {len(log)} steps")
+    if truth is not None:
+        said += [UNTURNED] * (not headings_known(log, truth)) + [OTHER_WAYS] * other_ways(log, truth)
     return said
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...core.factors import UNKNOWN, Log, Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import Errors, difference, named, odometry_errors, rows_of, sighting_errors
+from ...core.truth_errors import Errors, difference, driven_errors, named, rows_of, sighting_errors
 from .landmark_places import judge, placed
 
 FAR = {2: 13.816, 3: 16.266}  # dimension -> chi-square's 99.9 % point
@@ -80,7 +80,7 @@ def misstated(log: Log, truth: Truth, row: dict[str, Any], *, sightings: bool = 
     belief = _Belief(any(nees > OVERCONFIDENT for nees in beliefs), any(nees < CAUTIOUS for nees in beliefs))
     if sightings:
         yield from _sightings(named(log, truth), truth, belief)
-    yield from _far("motion", _Sizes.of(odometry_errors(log, truth), log.delta_cov), len(log) - 1, belief)
+    yield from _far("motion", _Sizes.of(driven_errors(log, truth), log.delta_cov), len(log) - 1, belief)
     if belief.overconfident and truth.t[0] == log.t[0]:
         yield from _start(log, truth)
 
@@ -106,7 +106,7 @@ def _sightings(log: Log, truth: Truth, belief: _Belief) -> Iterator[str]:
     """Remarks on the errors of sightings, and on the parts of the log that they differ in where the belief is off."""
     right = truth._replace(assigned=None)  # an error of the given id is an error of the sighting
     if truth.map is None:
-        right = judge(truth, placed(log, truth.poses, rows_of(truth.t, log.t), known=True)) or truth
+        right = judge(log, truth, placed(log, truth.poses, rows_of(truth.t, log.t), known=True)) or truth
     errors = sighting_errors(log, right)
     sizes = _Sizes.of(errors, log.z_cov)
     if belief.off and sizes is not None and sizes.uneven and len(errors.row) >= FEWEST:

@@ -8,6 +8,7 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log
 from ...core.se2 import Array
+from ...core.truth_doubts import judges
 from .gauss_markov import Chains, Fitted, fitted
 from .innovations import Innovations, by_innovations
 from .likelihood import NoiseEstimate
@@ -59,7 +60,9 @@ def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
     Without any, by the innovations of the EKF on the first log, which takes a minute. InputError where the logs tell
     nothing.
     """
-    by_truth = [k for k, (_, truth) in enumerate(datasets) if truth is not None and truth.exact and len(truth.t) > 1]
+    by_truth = [
+        k for k, (log, truth) in enumerate(datasets) if truth is not None and len(truth.t) > 1 and judges(log, truth)
+    ]
     if not by_truth:
         return _without_truth(datasets, labels)
     known = [datasets[k] for k in by_truth]

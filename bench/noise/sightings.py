@@ -35,7 +35,7 @@ def sighted(log: Log, truth: Truth) -> Sighted:
     log = named(log, truth)
     right = truth
     if truth.map is None:
-        right = judge(truth, placed(log, truth.poses, rows_of(truth.t, log.t), known=True)) or truth
+        right = judge(log, truth, placed(log, truth.poses, rows_of(truth.t, log.t), known=True)) or truth
     row, error = sighting_errors(log, right)
     ids = log.ids[row]
     order = in_chains(ids, log.sighting_step[row])

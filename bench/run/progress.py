@@ -147,14 +147,14 @@ class Screen:
         self._draw()
 
     def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
-        """Counts a cell; prints it, on a terminal only if it did not go well, each message once."""
+        """Counts a cell; prints it, on a terminal only if it is not done, each message once."""
         self._rows.append(Row({name: row.get(name) for name in (*COLUMNS, *MORE)}, ""))
         self._done += 1
         self._latest = time.monotonic()
         self._pace.took(_kind(cell.cell), seconds)
         said = row["reason"]
         news = cell.cell.backend.label, row["status"], said
-        if not self._live.is_started or (news[1:] != ("done", "") and news not in self._told_of):
+        if not self._live.is_started or (row["status"] != "done" and news not in self._told_of):
             self._told_of.add(news)
             self._say(cell.cell, row, said)
         self._warn(cell.cell.dataset.label, row)

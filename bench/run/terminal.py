@@ -23,6 +23,7 @@ from ..verdict.verdict import Verdict, verdict
 from ..words.console import plain, watched, wrapped
 from ..words.names import called
 from ..words.numerals import counted
+from .cell_remarks import cell_remarks
 
 LOST = 1e6  # m, or NEES, from which on only the order of magnitude is shown
 LABEL = (18, 28, 60)  # columns of a backend's label before it is wrapped: below NARROW, below MEDIUM, and beyond
@@ -62,7 +63,8 @@ def conclude(console: Console, lines: Sequence[Line], remarks: Mapping[str, Sequ
             *failures(mine),
             *(("remark", remark) for remark in remarks.get(mine[0].dataset, ())),
         ]
-        if watched(console):
+        if watched(console):  # else each cell has told its own at its end
+            said += [("cells", remark) for remark in cell_remarks(mine)]
             console.print(_folded(said), highlight=False)
         for heading, text in () if watched(console) else said:
             console.print(f"  {heading:<{PURPOSE}}  {plain(text)}", highlight=False, soft_wrap=True)

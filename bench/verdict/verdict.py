@@ -52,6 +52,8 @@ def verdict(lines: Sequence[Line]) -> Verdict:
         said[0] += _SURVEYED * known.surveyed
     elif not measures:
         said.append(f"{name}: no verdict on accuracy. There is no known path to compare the estimates with.")
+    elif not rankings and any("ate_origin_m" in line.values for line in lines):
+        said.append(f"{name}: no verdict on accuracy. The true path is known at fewer than 3 steps, or in one place.")
     elif not rankings:
         said.append(f"{name}: no ranked backend gave a path.")
     for k, found in enumerate(rankings.values()):

@@ -12,6 +12,7 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.factors import Map
 from ...core.se2 import Array
+from ...core.truth_doubts import headings_known, judges
 from ...core.tum import read_tum
 from ..measure.accuracy import path_accuracy, stretches
 from ..measure.nees import nees, nees_columns
@@ -73,7 +74,8 @@ def scores(log: TrustedLog, paths: Mapping[str, tuple[Array, Array]], arrays: Ma
         counts = np.isin(truth.t, t[arrays["at"]])
         judged = truth._replace(t=truth.t[counts], poses=truth.poses[counts])
     at = np.searchsorted(t, judged.t)
-    over = stretches(judged, timed=length(t) is not None) if len(at) else {}
+    headings = headings_known(log.dataset.log, truth)
+    over = stretches(judged, timed=length(t) is not None, headings=headings) if len(at) else {}
     for name, (times, path) in paths.items():
         if not np.array_equal(times, t):
             raise InputError(f"the {name} path has other times than the log, expected one pose for each of its steps")
@@ -81,9 +83,9 @@ def scores(log: TrustedLog, paths: Mapping[str, tuple[Array, Array]], arrays: Ma
         if truth.relations is not None:
             row |= {prefix + column: value for column, value in relation_columns(truth.relations, path).items()}
         if len(at):
-            errors = path_accuracy(judged, path[at], NO_MAP, over).row
+            errors = path_accuracy(judged, path[at], NO_MAP, over, headings=headings).row
             row |= {prefix + column: value for column, value in errors.items() if column != "map_rmse_m"}
-    if "online" in paths and truth.exact and len(truth.t) and "cov" in arrays:
+    if "online" in paths and len(truth.t) and "cov" in arrays and judges(log.dataset.log, truth):
         values = nees(paths["online"][1][at], arrays["cov"][at], judged.poses)
         row |= nees_columns("nees", values, 3)
     return {name: value for name, value in row.items() if value is not None}

@@ -33,7 +33,8 @@ CELLS = (
            "included."),
     Column("ate_m", "ATE online", kind.ERROR_M,
            "Absolute trajectory error: root mean square distance of the online path, the poses given step by step, "
-           "from the known path, after the best rotation and translation in the plane (no reflection, no scale)."),
+           "from the known path, after the best rotation and translation in the plane (no reflection, no scale). Blank "
+           "where that is known at fewer than 3 steps, or in one place."),
     Column("ate_origin_m", "ATE from the origin", kind.ERROR_M, "As ATE online, not aligned: both start at the prior."),
     Column("heading_rad", "heading", kind.ERROR_RAD,
            "Root mean square of the wrapped heading error, online, aligned.", "error of the heading"),

@@ -31,7 +31,7 @@ from ...frontend.wheels.holes import Holes, outside
 from ...frontend.wheels.motion import Track, TrackNoise
 from ...frontend.wheels.units import fast_turns, in_degrees
 from ..registry import Source
-from ..truth import sample
+from ..truth import other_clock, sample
 from .columns import read_columns
 
 POSES = ("t", "x", "y", "heading")
@@ -253,6 +253,7 @@ def _truth(options: Options, t: Array, remarks: list[str]) -> Truth | None:
     found = sample(Truth(times, poses, known, None, "truth"), t)
     if not len(found.t):
         raise InputError(f"{path}: has no pose at the time of the odometry, expected the same clock.")
+    remarks += other_clock(str(path), times, t, len(found.t))
     return found
 
 

@@ -19,6 +19,7 @@ from ..depth.open import build, open_bag
 from ..depth.robot import DepthRobot
 from ..hidden_ids import HiddenIds
 from ..registry import Source
+from ..truth_remarks import PARTIAL_NOTE
 from .catalogue import PUBLISHED, fetched, place
 
 WORLD = "world"  # tf's frame of the motion capture
@@ -62,6 +63,7 @@ def _source(name: str, summary: str) -> Source:
         opened = open_bag(path, robot)
         published = PUBLISHED[name]
         notes = {**opened.recording.notes, "source": published.citation, "licence": published.licence}
+        notes[PARTIAL_NOTE] = "of the part of the drive that the motion capture sees"
         return build(opened._replace(recording=replace(opened.recording, notes=notes)))
 
     def files(options: Any) -> Sequence[Path]:

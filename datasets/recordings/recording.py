@@ -104,20 +104,19 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
             raise InputError(f"{path}: found no {ROBOT}, expected one, or --robot FILE{_bare(path)}.")
         robot = read_robot(found)
     streams = read_streams(path, robot, seconds)
-    camera = robot.camera
+    camera, recorded = (_of_frames(one, streams.window) for one in (robot.camera, streams.camera))
     if camera is not None:
-        camera = of_images(camera, streams.camera, streams.topic, str(path), streams.remarks)
-    if camera is not None and streams.camera is not None:
-        streams.remarks.extend(_contradicted(camera, _alike(streams.camera, camera, streams.window), path))
-    if camera is None and streams.camera is not None:
-        camera = replace(streams.camera, mounting=robot.mounting, readout=robot.readout)
+        camera = of_images(camera, recorded, streams.topic, str(path), streams.remarks)
+    if camera is not None and recorded is not None:
+        streams.remarks.extend(_contradicted(camera, recorded, path))
+    if camera is None and recorded is not None:
+        camera = replace(recorded, mounting=robot.mounting, readout=robot.readout)
     if camera is None:
         lacking = f" ({streams.lacking})" if streams.lacking else ""
         raise InputError(
             f"{path}: the camera's calibration is unknown{lacking}, expected {ROBOT} to name its file: "
             '[camera] calibration = "calibration.yaml".'
         )
-    camera = _of_frames(camera, streams.window)
     motion = _motion(streams.readings, robot, path)
     recording = Recording(
         name=robot.name,
@@ -145,15 +144,11 @@ def _bare(path: Path) -> str:
     return f"; without one a bag is of a laser scanner ({plain(SCAN)}) or a depth camera (images of depth); {listed}"
 
 
-def _of_frames(camera: Camera, window: Window | None) -> Camera:
+def _of_frames(camera: Camera | None, window: Window | None) -> Camera | None:
     """The camera of the frames, which may be a part of those of a whole one."""
-    return camera if window is None or (camera.width, camera.height) != window.whole else window.of(camera)
-
-
-def _alike(recorded: Camera, given: Camera, window: Window | None) -> Camera:
-    """The recorded camera or, where the given one is of the frames' part, that part."""
-    same = (recorded.width, recorded.height) == (given.width, given.height)
-    return recorded if same else _of_frames(recorded, window)
+    if camera is None or window is None or (camera.width, camera.height) != window.whole:
+        return camera
+    return window.of(camera)
 
 
 def _contradicted(given: Camera, recorded: Camera, path: Path) -> Iterator[str]:

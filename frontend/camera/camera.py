@@ -81,12 +81,18 @@ class Camera:
         A combined pixel's centre is that of its pixels, which for an even number is between two of them.
         """
         (x, y), (right, down) = corner, binning
+
+        def part(fx: float, fy: float, cx: float, cy: float) -> tuple[float, float, float, float]:
+            return fx / right, fy / down, (cx - x + 0.5) / right - 0.5, (cy - y + 0.5) / down - 0.5
+
+        fx, fy, cx, cy = part(*self.focal, *self.centre)
         return replace(
             self,
             width=size[0] // right,
             height=size[1] // down,
-            focal=(self.focal[0] / right, self.focal[1] / down),
-            centre=((self.centre[0] - x + 0.5) / right - 0.5, (self.centre[1] - y + 0.5) / down - 0.5),
+            focal=(fx, fy),
+            centre=(cx, cy),
+            projection=None if self.projection is None else part(*self.projection),
         )
 
     @cached_property

@@ -401,7 +401,7 @@ def test_noise_is_judged_by_median_places_as_by_true_ones() -> None:
     assert words.startswith("against each landmark's median place \N{MIDDLE DOT} typical error as stated")
     assert "measured: range " in words
     assert f"range_sd={known.measured.range_sd:.3g}, bearing_sd=" in words  # pyright: ignore[reportOptionalMemberAccess]
-    assert judge(truth._replace(kind="reference"), None) is None
+    assert judge(log, truth._replace(kind="reference"), None) is None
 
 
 def test_typical_errors_and_far_ones_do_not_contradict_one_another() -> None:

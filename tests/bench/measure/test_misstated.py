@@ -10,9 +10,11 @@ import slamduel
 from room_drives import room_drive
 from slamduel.backends import registry
 from slamduel.bench.measure.cell import Job, run_on
+from slamduel.bench.measure.score import OTHER_WAYS, UNTURNED
 from slamduel.bench.measure.stated_noise import misstated
 from slamduel.core.factors import Log, Truth
 from slamduel.core.se2 import Array
+from slamduel.core.truth_errors import driven_errors
 from slamduel.frontend.markers.noise import ProportionalNoise
 
 OFF = {"nees": 100.0}
@@ -176,3 +178,45 @@ def test_the_room_has_no_remark_and_with_one_constant_for_all_heights_it_is_unev
     (remark,) = misstated(replace(made.log, z_cov=flat), truth, OFF)
     found = re.search(r"uneven: too much for landmarks ([\d, ]+)", remark)
     assert all(int(name) < 12 for name in found[1].split(", "))
+
+
+@pytest.mark.parametrize("jitter", [0.0, 1e-6])
+def test_a_robot_that_stands_most_of_the_time_is_judged_by_the_steps_it_drives(jitter: float) -> None:
+    log, truth = circle()
+    stood = 10 * len(log)
+    jump = np.diff(log.t).mean()
+    still = np.tile([0.0, 0.0, 0.0], (stood, 1)) + jitter * np.random.default_rng(3).standard_normal((stood, 3))
+    t = np.concatenate((log.t, log.t[-1] + jump * np.arange(1, stood + 1)))
+    cov = np.concatenate((log.delta_cov, np.tile(log.delta_cov[-1:], (stood, 1, 1))))
+    long = Log.from_arrays(
+        "long", log.prior, t, np.concatenate((log.delta, still)), cov, log.sighting_step, log.ids, log.z, log.z_cov
+    )
+    known = truth._replace(t=t, poses=np.concatenate((truth.poses, np.tile(truth.poses[-1:], (stood, 1)))))
+    assert len(driven_errors(long, known).row) == len(log) - 1
+    for row in (OFF, {"nees": 0.01}, {"nees": 1.0}):
+        assert list(misstated(long, known, row)) == []
+    (remark,) = misstated(replace(long, delta_cov=cov / 400), known, OFF)
+    assert remark.startswith("the errors of the motions are typically ")
+
+
+def test_frozen_odometry_of_a_robot_that_drives_counts() -> None:
+    log, truth = circle()
+    frozen = replace(log, delta=np.where(np.isnan(log.delta), log.delta, 0.0))
+    assert len(driven_errors(frozen, truth).row) == len(log) - 1
+    stands = truth._replace(poses=np.tile(truth.poses[:1], (len(log), 1)))
+    assert len(driven_errors(frozen, stands).row) == 0
+
+
+@pytest.mark.parametrize("case", ["headings", "millimetres"])
+def test_a_truth_that_cannot_be_the_logs_blames_no_noise(case: str) -> None:
+    log, truth = circle()
+    poses = truth.poses * ([1, 1, 0] if case == "headings" else [1000, 1000, 1])
+    job = Job("ekf", "ekf", registry.find("ekf").options(), 0, 8000)
+    found = run_on(job, lambda: log, lambda: truth._replace(poses=poses))
+    assert found.status == "done"
+    assert "times what is stated" not in found.reason
+    assert "stated standard deviations" not in found.reason
+    assert (UNTURNED if case == "headings" else OTHER_WAYS) in found.reason
+    assert "nees" not in found.row
+    assert "ate_m" in found.row
+    assert ("heading_rad" in found.row) == ("rpe_m" in found.row) == (case != "headings")

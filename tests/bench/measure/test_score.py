@@ -15,7 +15,7 @@ from random_logs import random_log
 from slamduel.backends.api import Solution
 from slamduel.bench.measure.accuracy import Alignment, aligned, ate
 from slamduel.bench.measure.drive import Outcome
-from slamduel.bench.measure.score import TRANSLATION_ONLY, score
+from slamduel.bench.measure.score import SHAPELESS, TRANSLATION_ONLY, score
 from slamduel.bench.record.files import export
 from slamduel.bench.record.schema import COLUMNS, MORE
 from slamduel.bench.words.columns import FINAL, MACHINE, ONLINE
@@ -215,8 +215,14 @@ def test_every_log_is_scored(case: str, mapping: bool) -> None:
         judged = score(log, one, truth)
         assert all_known(judged.row)
         assert set(judged.row) <= {*COLUMNS, *MORE}
-        assert (TRANSLATION_ONLY in judged.remark) == (case in ("one step", "two steps", "standing"))
         prefix = "" if one.solution is None else "final_"
+        shapeless = case in ("one step", "two steps", "standing")
+        assert (SHAPELESS in judged.remark) == shapeless
+        assert TRANSLATION_ONLY not in judged.remark
+        if truth is not None and len(truth.t):
+            assert (f"{prefix}ate_m" not in judged.row) == shapeless
+            assert f"{prefix}ate_origin_m" in judged.row
+            assert f"{prefix}heading_rad" in judged.row
         if case == "another frame":
             assert f"{prefix}landmark_nees" not in judged.row
             assert f"{prefix}nees" not in judged.row

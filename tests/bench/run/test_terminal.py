@@ -386,3 +386,29 @@ def test_a_run_in_a_terminal_is_all_of_it(tmp_path: Path) -> None:
     table = plain.partition("report: ")[0].splitlines()
     assert max(map(len, table)) <= 60
     assert any(line.split()[:2] == ["ekf", "2/2"] or line.split()[:1] == ["ekf"] for line in table)
+
+
+def test_remarks_on_cells_that_are_done_are_below_the_table_of_a_terminal_each_once() -> None:
+    said = "the errors of the sightings are typically {} times what is stated; truth is known at 50 of 101 steps"
+    found = run(
+        *(row(one, seed, reason=said.format(f"{seed + 3}.5e4")) for one in ("ekf", "ukf") for seed in range(3)),
+        row("isam2", 0),
+        row("isam2", 1, "error", reason="lost; and more"),
+    )
+    shown = " ".join(printed(found, 100).split())
+    assert (
+        "cells ekf and ukf, 6 of 7 cells: the errors of the sightings are typically 3.5e4 to 5.5e4 times what" in shown
+    )
+    assert shown.count("what is stated") == 1
+    assert "cells ekf and ukf, 6 of 7 cells: truth is known at 50 of 101 steps" in shown
+    assert "cells lost" not in shown
+    assert "what is stated" not in printed(found, 100, terminal=False)  # each cell has said it in its line
+    many_kinds = run(*(row("ekf", seed, reason="x" * (seed + 1)) for seed in range(12)))
+    assert "4 remarks more: cells.csv has them" in " ".join(printed(many_kinds, 100).split())
+
+
+def test_a_truth_too_small_for_an_ate_is_not_called_a_lack_of_paths() -> None:
+    found = run(*(row("ekf", seed, ate_m=None, ate_origin_m=0.2, reason="ATE takes more") for seed in range(6)))
+    assert "The true path is known at fewer than 3 steps, or in one place." in " ".join(printed(found, 100).split())
+    assert "no ranked backend" not in printed(found, 100)
+    assert "<0.001" not in printed(found, 100)

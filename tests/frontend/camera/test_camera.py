@@ -1,5 +1,7 @@
 """Cameras and their lenses."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -146,3 +148,16 @@ def test_a_fisheye_of_five_coefficients_and_an_unknown_model_are_refused() -> No
     refused("camera distortion: found 5 coefficients, expected 4", fisheye((0.0,) * 5, 200.0).project, np.ones((1, 3)))
     lens = Camera(640, 480, (1.0, 1.0), (0.0, 0.0), (), np.eye(4), "mirror")  # pyright: ignore[reportArgumentType]
     refused("camera model: found 'mirror', expected pinhole or fisheye", lens.project, np.ones((1, 3)))
+
+
+@pytest.mark.parametrize(("corner", "size", "binning"), [((0, 0), (640, 480), (2, 2)), ((40, 30), (320, 240), (1, 2))])
+def test_a_part_of_rectified_images_is_the_rectified_part(
+    corner: tuple[int, int], size: tuple[int, int], binning: tuple[int, int]
+) -> None:
+    raw = Camera(640, 480, (576.0, 570.0), (321.7, 238.4), (-0.2, 0.05, 0.0, 0.0, 0.0), mounting(0, 0, 0, 0))
+    raw = replace(raw, projection=(560.0, 562.0, 318.0, 241.0))
+    assert raw.rectified is not None
+    one, other = raw.rectified.window(corner, size, binning), raw.window(corner, size, binning).rectified
+    assert other is not None
+    assert (one.width, one.height, one.focal, one.centre) == (other.width, other.height, other.focal, other.centre)
+    assert one.focal == (560.0 / binning[0], 562.0 / binning[1])

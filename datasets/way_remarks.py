@@ -1,0 +1,116 @@
+"""Remarks on a log's ways: those of its odometry against the ranges of landmarks, which change by no more."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.dead_reckoning import dead_reckoned
+from ..core.factors import UNKNOWN, Log
+from ..core.se2 import Array
+from ..core.truth_doubts import MOVING
+
+FAR = 1000.0  # m; a median range or stride beyond it may be in millimetres
+FEW = 10  # rows below which nothing is odd
+OTHER_UNIT = 3.0  # way between two sightings of a landmark over the most that their ranges allow, or the reverse: the
+# median is at most 1 where both are in one unit, 1000 in m and mm, 57 in rad and degrees
+RATE = "a frame rate, a clock or a speed is wrong"
+NEAR_CAUSES = (
+    (100.0, "the ranges are in millimetres, or the odometry in kilometres"),
+    (12.0, "the ranges are in centimetres"),
+    (6.0, f"the ranges are in inches or centimetres, or {RATE}"),
+    (0.0, f"{RATE}, or the ranges are in feet"),
+)
+"""By the change of a range over the way. It is a bound: 1,000 times too large, ranges change by 180 to 400 ways."""
+FAR_CAUSES = (
+    (12.0, "it is in millimetres or centimetres, or the ranges in kilometres"),
+    (0.0, f"{RATE}, or it is in centimetres or inches"),
+)
+"""By the way over what ranges allow: 1,000 times too long, it is 16 to 200 times that."""
+CHANGED = 0.1  # share of a range that noise which is stated too small does not change it by
+GROWN = 2.0  # times the change from one sighting to the next, which that of noise is not, however far apart they are
+
+
+class _Pairs(NamedTuple):
+    """Two sightings each of a landmark."""
+
+    a: Array  # (p,) m, their ranges
+    b: Array
+    noise: Array  # (p,) m, stated, of a - b
+    way: Array  # (p,) m, by odometry from one to the other
+    straight: Array  # (p,) m, likewise, between their places
+
+
+def of_ways(log: Log) -> Iterator[str]:
+    """Compares the way between two sightings of a landmark with their ranges, a and b: from |a - b| to a + b."""
+    stride = np.hypot(*log.delta[1:, :2].T)
+    if not len(stride) or max(np.median(stride), np.median(log.z[:, 0])) > FAR:  # which has a remark already
+        return
+    path = dead_reckoned(log)[:, :2]
+    size = float(np.hypot(*np.ptp(path, axis=0)))
+    stands = list(_stands(log, path, size)) if size < MOVING else []
+    yield from stands or _units(log, path)
+
+
+def _pairs(log: Log, path: Array, apart: int) -> _Pairs:
+    """Every sighting with the one of its landmark that is so many sightings later; `path` (n, 2) is the odometry's."""
+    order = np.lexsort((log.sighting_step, log.ids))
+    order = order[log.ids[order] != UNKNOWN]
+    one, other = order[:-apart], order[apart:]
+    same = log.ids[one] == log.ids[other]
+    one, other = one[same], other[same]
+    first, last = log.sighting_step[one], log.sighting_step[other]
+    gone = np.concatenate(([0.0], np.cumsum(np.hypot(*log.delta[1:, :2].T))))
+    noise = np.sqrt(log.z_cov[one, 0, 0] + log.z_cov[other, 0, 0])
+    straight = np.hypot(*(path[last] - path[first]).T)
+    return _Pairs(log.z[one, 0], log.z[other, 0], noise, gone[last] - gone[first], straight)
+
+
+def _stands(log: Log, path: Array, size: float) -> Iterator[str]:
+    """Finds ranges that change though the odometry stays within `size`, m, as those to a robot that drives do.
+
+    Between neighbouring sightings they may change by too little, and after a lap not at all: several distances are
+    tried.
+    """
+    apart, nearest, most = 1, 0.0, (0.0, 0.0)
+    while len((pairs := _pairs(log, path, apart)).a) >= FEW:
+        change = np.abs(pairs.a - pairs.b)
+        typical = float(np.median(change))
+        nearest = nearest or typical
+        surely = 1.0 if typical > GROWN * nearest else 3.0
+        excess = float(np.median(change / (pairs.straight + surely * pairs.noise)))
+        if np.median(change / np.maximum(pairs.a, pairs.b)) > CHANGED:
+            most = max(most, (excess, typical))
+        apart *= 2
+    if most[0] > OTHER_UNIT:
+        moves = f"stays within {size:.2g} m" if size else "never moves"
+        yield (
+            f"the odometry {moves}, but between two sightings of a landmark its range changes by {most[1]:.2g} m "
+            "(median): perhaps its poses or its speed are not filled in, or it is in kilometres"
+        )
+
+
+def _units(log: Log, path: Array) -> Iterator[str]:
+    """Finds ranges and ways that differ as by a unit."""
+    pairs = _pairs(log, path, 1)
+    if len(pairs.a) < FEW:
+        return
+    moving = pairs.way > np.median(pairs.way) / 10
+    if moving.sum() < FEW or not np.median(pairs.way) > 0:
+        return
+    far = float(np.median((pairs.straight / (pairs.a + pairs.b))[moving]))
+    if far > OTHER_UNIT:
+        yield (
+            f"between two sightings of a landmark the odometry goes {far:.3g} times as far as their ranges allow "
+            f"(median): perhaps {_cause(far, FAR_CAUSES)}"
+        )
+    near = float(np.median((np.abs(pairs.a - pairs.b) / (pairs.way + 3 * pairs.noise))[moving]))
+    if near > OTHER_UNIT:
+        yield (
+            f"between two sightings of a landmark its range changes by {near:.3g} times the way of the odometry "
+            f"(median): perhaps {_cause(near, NEAR_CAUSES)}"
+        )
+
+
+def _cause(factor: float, causes: Sequence[tuple[float, str]]) -> str:
+    return next(words for least, words in causes if factor > least)

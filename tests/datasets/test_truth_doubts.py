@@ -1,0 +1,184 @@
+"""A truth that cannot be the log's, odometry that stands, and logs on which neither is so."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slamduel.bench.plan.load import load
+from slamduel.core.factors import Dataset, Log, Truth
+from slamduel.core.se2 import Array
+from slamduel.core.truth_doubts import headings_known, judges, ways
+from slamduel.datasets.published.tum_pioneer import PARTIAL_NOTE
+from slamduel.datasets.remarks import remarks
+from slamduel.datasets.truth import POSES, with_truth
+
+WORLDS = ("circle", "bailey", "aruco-robot", "matlab-report", "laser-floor", "linear", "linear[turning=0.1]")
+SIGHTED = WORLDS[:4]
+
+
+def made(name: str) -> tuple[Log, Truth]:
+    log, truth = load(name)
+    assert truth is not None
+    return log, truth
+
+
+def scaled(truth: Truth, factor: float) -> Truth:
+    return truth._replace(poses=truth.poses * [factor, factor, 1.0])
+
+
+def turned_to(truth: Truth, heading: float) -> Truth:
+    return truth._replace(poses=np.column_stack((truth.poses[:, :2], np.full(len(truth.t), heading))))
+
+
+def part(truth: Truth, rows: Any) -> Truth:
+    return truth._replace(t=truth.t[rows], poses=truth.poses[rows])
+
+
+def driven(log: Log, delta: Array) -> Log:
+    return replace(log, delta=np.where(np.isnan(log.delta), log.delta, delta))
+
+
+@pytest.mark.parametrize("name", SIGHTED)
+@pytest.mark.parametrize("change", ["pose constant", "speed 0", "jitter"])
+def test_odometry_that_stands_while_ranges_change_is_remarked(name: str, change: str) -> None:
+    log, _ = made(name)
+    noise = np.random.default_rng(1).normal(0, [1e-3, 1e-3, 1e-4], log.delta.shape)
+    delta = {"pose constant": 0 * log.delta, "speed 0": log.delta * [0, 0, 1], "jitter": noise}[change]
+    (told,) = remarks(Dataset(driven(log, delta), None))
+    assert told.startswith("the odometry stays within " if change == "jitter" else "the odometry never moves, but ")
+    assert "its range changes by" in told
+
+
+@pytest.mark.parametrize("name", SIGHTED)
+@pytest.mark.parametrize("stated", [1.0, 0.1])
+@pytest.mark.parametrize("slip", [0.0, 1e-3])
+def test_a_robot_that_really_stands_is_not_remarked_whatever_its_noise(name: str, stated: float, slip: float) -> None:
+    """A tenth of the ranges is anything at all, and ten times too little noise may be stated; its GPS wanders."""
+    log, truth = made(name)
+    rng = np.random.default_rng(2)
+    ids, first = np.unique(log.ids, return_index=True)
+    z = log.z[first][np.searchsorted(ids, log.ids)]
+    z = z + rng.standard_normal(z.shape) * np.sqrt(np.einsum("kii->ki", log.z_cov)) / stated
+    odd = rng.uniform(size=len(z)) < 0.1
+    z[:, 0] = np.where(odd, rng.uniform(0.5, 8, len(z)), np.abs(z[:, 0]) + 0.01)
+    stands = replace(driven(log, rng.normal(0, slip, log.delta.shape) if slip else 0 * log.delta), z=z)
+    gps = np.cumsum(rng.normal(0, 0.1, truth.poses.shape), axis=0)
+    for known in (None, truth._replace(poses=np.tile(truth.poses[:1], (len(log), 1))), truth._replace(poses=gps)):
+        assert not [one for one in remarks(Dataset(stands, known)) if "odometry" in one and "never" in one]
+        assert not [one for one in remarks(Dataset(stands, known)) if "the odometry stays" in one]
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_a_truth_as_it_comes_is_the_logs(name: str) -> None:
+    log, truth = made(name)
+    for rows in (slice(None), slice(None, None, 10), slice(0, len(log) // 3), slice(5, 9)):
+        some = part(truth, rows)
+        assert headings_known(log, some)
+        found = ways(log, some)
+        assert found is None or not found.apart
+        assert judges(log, some) == truth.exact
+
+
+@pytest.mark.parametrize("name", WORLDS[:5])
+@pytest.mark.parametrize("heading", [0.0, 2.0])
+def test_headings_that_never_turn_are_not_known(name: str, heading: float) -> None:
+    log, truth = made(name)
+    for rows in (slice(None), slice(None, None, 5)):
+        some = turned_to(part(truth, rows), heading)
+        assert not headings_known(log, some)
+        assert not judges(log, some)
+        assert any(f"the truth's heading is always {heading:.3g} rad" in one for one in remarks(Dataset(log, some)))
+
+
+def test_a_robot_that_slides_at_one_heading_has_a_known_one() -> None:
+    for name in WORLDS[5:]:
+        log, truth = made(name)
+        assert headings_known(log, turned_to(truth, 0.0))
+
+
+FACTORS = [
+    (1000.0, "the truth is in millimetres, or the odometry in kilometres"),
+    (0.001, "the odometry is in millimetres, or the truth in kilometres"),
+    (100.0, "the truth is in centimetres"),
+    (1 / 39.37, "the odometry is in inches"),
+    (3.281, "the truth is in feet"),
+    (0.3048, "the odometry is in feet"),
+    (3.6, "the odometry's speeds were taken for km/h"),
+    (1 / 3.6, "the odometry's speeds are in km/h"),
+    (2.0, "the odometry takes a wheel's radius for its diameter"),
+    (1.7, "a clock, a speed or the size of the wheels is wrong"),
+]
+
+
+@pytest.mark.parametrize("name", [*WORLDS, "city"])
+def test_ways_that_differ_as_by_a_unit_name_it(name: str) -> None:
+    log, truth = made(name)
+    for factor, words in FACTORS:
+        if min(factor, 1.0) * np.ptp(truth.poses[:, :2]) < 0.1:
+            continue  # it hardly moves
+        for rows in (slice(None), slice(None, None, 7)):
+            some = scaled(part(truth, rows), factor)
+            told = [one for one in remarks(Dataset(log, some)) if "truth" in one and "perhaps" in one]
+            assert any(words in one or "stays within" in one for one in told), (factor, told)
+            assert not judges(log, some)
+
+
+@pytest.mark.parametrize("factor", [0.75, 0.9, 1.1, 1.35])
+def test_wheels_of_another_size_are_no_other_unit(factor: float) -> None:
+    for name in WORLDS:
+        log, truth = made(name)
+        assert not any("times as far" in one for one in remarks(Dataset(log, scaled(truth, factor))))
+
+
+def test_a_truth_that_stands_while_the_odometry_goes_is_remarked() -> None:
+    log, truth = made("circle")
+    (told,) = remarks(Dataset(log, truth._replace(poses=np.tile(truth.poses[:1], (len(log), 1)))))
+    assert told.startswith("the truth stays within 0 m, where the odometry is of ")
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.06, 1), (0.59, 1), (0.8, 0), (1.0, 0)])
+def test_a_truth_of_a_part_of_the_log_is_remarked(share: float, told: int) -> None:
+    log, truth = made("circle[steps=200]")
+    n = round(share * len(log))
+    for rows in (slice(0, n), np.linspace(0, len(log) - 1, n).round().astype(int)):
+        found = remarks(Dataset(log, part(truth, rows)))
+        assert [one.startswith(f"the truth is known at {n} of {len(log)} steps, ") for one in found] == [True] * told
+        assert remarks(Dataset(log, part(truth, rows)._replace(words="GPS"))) == []
+        noted = replace(log, notes={**log.notes, PARTIAL_NOTE: "of a part"})
+        assert remarks(Dataset(noted, part(truth, rows))) == []
+
+
+def test_a_truth_in_nanoseconds_names_its_clock() -> None:
+    log, truth = made("circle[steps=200]")
+    of_log, odd = remarks(with_truth(log, truth._replace(t=truth.t * 1e9)))
+    assert re.match(rf"the times of {POSES} go on for \S+ s, those of the log for \S+ s: perhaps they are in ", of_log)
+    assert odd.startswith(f"the truth is known at 1 of {len(log)} steps")
+
+
+def test_known_landmarks_that_are_never_sighted_are_remarked() -> None:
+    log, truth = made("circle")
+    assert truth.map is not None
+    other = truth._replace(map=truth.map._replace(ids=truth.map.ids + 1000), assigned=None)
+    (told,) = remarks(Dataset(log, other))
+    assert told.startswith(
+        f"none of the {len(other.map.ids)} landmarks with a known place (landmarks.csv), of ids from "
+    )
+    one = truth.map.ids.copy() + 1000
+    one[0] = log.ids[0]
+    assert remarks(Dataset(log, truth._replace(map=truth.map._replace(ids=one), assigned=None))) == []
+    unknown = replace(log, ids=np.full_like(log.ids, -1))
+    assert not any("known place" in said for said in remarks(Dataset(unknown, other)))
+
+
+def test_a_folder_says_so_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from slamduel.bench.cli import main
+    from slamduel.datasets.formats import log_folder
+
+    log, truth = made("circle[steps=200]")
+    log_folder.write(tmp_path / "log", log, scaled(truth, 1000.0))
+    assert main(["validate", "--strict", str(tmp_path / "log")]) == 2
+    assert "perhaps the truth is in millimetres" in capsys.readouterr().out
