@@ -38,6 +38,7 @@ class Tried(NamedTuple):
     name: str
     words: str
     j: float  # J per degree of freedom then
+    score: float  # and what larger noise of the motions costs, as in a likelihood
     wrapped: bool  # not all could be taken back
 
 
@@ -45,7 +46,7 @@ class Contradiction(NamedTuple):
     """How far a log agrees with itself, and why it does not."""
 
     found: Agreement
-    tried: list[Tried]  # least J first; none of a log that agrees
+    tried: list[Tried]  # the best first; none of a log that agrees
     stuck: bool  # one wheel's counts stand still, which nothing takes back
 
     @property
@@ -61,10 +62,11 @@ class Contradiction(NamedTuple):
         best, second = self.tried[:2]
         fallen = FALLEN * self.found.j
         explained = best.j < max(EXPLAINED, fallen if best.wrapped else min(fallen, MISSTATED))
-        return best if explained and all(self._above(best.j, j) for j in (second.j, self.found.j)) else None
+        ahead = all(self._above(best.score, one) for one in (second.score, self.found.j))
+        return best if explained and ahead else None
 
-    def _above(self, best: float, j: float) -> bool:
-        return best * AHEAD < j and (j - best) * self.found.dof > SURE
+    def _above(self, best: float, other: float) -> bool:
+        return best * AHEAD < other and (other - best) * self.found.dof > SURE
 
 
 def contradiction(log: Log, *, every: bool = False) -> Contradiction | None:
@@ -78,22 +80,33 @@ def contradiction(log: Log, *, every: bool = False) -> Contradiction | None:
     parts.sort(key=lambda part: agreement([part]).j, reverse=True)  # numbers are found on the one that tells most
     stuck = all(map(on_one_circle, parts))
     undone = [_tried(mistake, parts) for mistake in MISTAKES]
-    tried = sorted((one for one in undone if one is not None), key=lambda one: one.j)
+    tried = sorted((one for one in undone if one is not None), key=lambda one: one.score)
     return Contradiction(found, tried, stuck)
 
 
 def _tried(mistake: Mistake, parts: Sequence[Log]) -> Tried | None:
     """Takes a mistake back, with the number that is best for the first stretch; None where it is not there."""
 
-    def j(number: float, some: Sequence[Log] = parts[:1]) -> float:
-        changed = [mistake.undone(part, number) for part in some]
-        return agreement([log for log in changed if log is not None]).j
+    def undone(number: float, some: Sequence[Log] = parts) -> tuple[float, float]:
+        changed = [log for part in some if (log := mistake.undone(part, number)) is not None]
+        found = agreement(changed)
+        larger = sum(_size(log) for log in changed) - sum(_size(log) for log in some)
+        return found.j, found.j + max(larger, 0.0) / max(found.dof, 1)
 
-    number = min(mistake.numbers, key=j)
+    def score(number: float) -> float:
+        return undone(number, parts[:1])[1]
+
+    number = min(mistake.numbers, key=score)
     if mistake.between:
-        number = _refined(j, mistake.numbers, number)
-    least = j(number, parts)
-    return Tried(mistake.name, sentence(mistake, number), least, mistake.wrapped) if np.isfinite(least) else None
+        number = _refined(score, mistake.numbers, number)
+    j, all_of_it = undone(number)
+    said = sentence(mistake, number)
+    return Tried(mistake.name, said, j, all_of_it, mistake.wrapped) if np.isfinite(j) else None
+
+
+def _size(log: Log) -> float:
+    """The logarithms of the determinants of the motions' covariances."""
+    return float(np.linalg.slogdet(log.delta_cov[1:])[1].sum())
 
 
 def _refined(j: Callable[[float], float], numbers: Sequence[float], best: float) -> float:

@@ -11,15 +11,15 @@ from ...core.se2 import Array
 TINY = 1e-300
 """Keeps the size of a term that no motion has from being 0."""
 
-AS_MODELLED = 0.2
-"""Root mean square of what the model of noise leaves of the variances, over theirs, up to which it is the log's."""
+AS_MODELLED = 0.5
+"""Root mean square of what the model of noise leaves of the variances, over their mean, up to which it is the log's."""
 
 
 class MotionNoise:
     """The variances that a log states for its motions, as sums of a constant and shares of way and turn and squares.
 
-    Readers of logs state noise so; of other logs, such as those of a scan matcher, each motion keeps its covariance,
-    turned as the motion is.
+    Readers of logs state noise so, for the readings between two steps, which may turn more than their sum. Of other
+    logs, such as those of a scan matcher, each motion keeps its covariance, turned as the motion is.
     """
 
     def __init__(self, log: Log) -> None:
@@ -28,17 +28,22 @@ class MotionNoise:
         mean, size = variances.mean(axis=0), np.maximum(terms.max(axis=0), TINY)
         shares = [nnls(terms / size, column / m)[0] * m for column, m in zip(variances.T, mean, strict=True)]
         self._shares, self._least = np.stack(shares) / size, variances.min(axis=0)
-        left = (terms @ self._shares.T - variances) / mean
+        left = (self._model(self._delta) - variances) / mean
         self.modelled = bool(np.sqrt(np.mean(left**2)) < AS_MODELLED)
 
     def cov(self, delta: Array) -> Array:
         """(n - 1, 3, 3) covariances of other motions of the steps, (n - 1, 3)."""
         if self.modelled:
-            return np.maximum(_terms(delta) @ self._shares.T, self._least)[..., None] * np.eye(3)
+            larger = np.sqrt(self._model(delta) / self._model(self._delta))
+            return self._cov * larger[:, :, None] * larger[:, None, :]
         angle = np.arctan2(delta[:, 1], delta[:, 0]) - np.arctan2(self._delta[:, 1], self._delta[:, 0])
         c, s, R = np.cos(angle), np.sin(angle), np.zeros((len(delta), 3, 3))
         R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1], R[:, 2, 2] = c, -s, s, c, 1.0
         return R @ self._cov @ R.swapaxes(1, 2)
+
+    def _model(self, delta: Array) -> Array:
+        """(n - 1, 3) variances, at least the least one that is stated."""
+        return np.maximum(_terms(delta) @ self._shares.T, self._least)
 
 
 def with_motions(log: Log, ways: Array, turns: Array) -> Log:

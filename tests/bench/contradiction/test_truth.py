@@ -1,0 +1,90 @@
+"""Truth that contradicts its log is named; truth that does not, is not."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mistaken_logs import drawn
+from slamduel.bench.contradiction.remark import contradictions
+from slamduel.core.factors import Dataset, Map, Truth
+from slamduel.core.se2 import Array
+
+SEEDS = [3001, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3003, 3005, 3007, 3009, 3011, 3013))]
+
+
+def poses(change: Callable[[Array], Array]) -> Callable[[Truth], Truth]:
+    return lambda truth: truth._replace(poses=change(truth.poses.copy()))
+
+
+def places(change: Callable[[Array], Array]) -> Callable[[Truth], Truth]:
+    def changed(truth: Truth) -> Truth:
+        assert truth.map is not None
+        return truth._replace(map=Map(truth.map.ids, change(truth.map.xy.copy()), None))
+
+    return changed
+
+
+def renumbered(truth: Truth) -> Truth:
+    assert truth.map is not None
+    return truth._replace(map=Map(np.roll(truth.map.ids, 3), truth.map.xy, None))
+
+
+def late(truth: Truth) -> Truth:
+    then = np.column_stack([np.interp(truth.t - 5.0, truth.t, column) for column in truth.poses.T])
+    return truth._replace(poses=then)
+
+
+def elsewhere(xy: Array) -> Array:
+    c, s = np.cos(0.7), np.sin(0.7)
+    return xy @ np.array([[c, s], [-s, c]]) + 100.0
+
+
+CASES: dict[str, tuple[Callable[[Truth], Truth], str]] = {
+    "x and y swapped": (poses(lambda p: p[:, [1, 0, 2]]), "mirror image"),
+    "y of the other sign": (poses(lambda p: p * [1, -1, 1]), "mirror image"),
+    "clockwise headings": (poses(lambda p: p * [1, 1, -1]), "headings of the truth are clockwise"),
+    "headings from north": (
+        poses(lambda p: p + np.array([0, 0, np.pi / 2])),
+        "turned by a constant of about 90 degrees",
+    ),
+    "places in mm": (places(lambda xy: 1000 * xy), "places of landmarks are in millimetres"),
+    "places mirrored": (places(lambda xy: xy[:, ::-1]), "places of landmarks are mirrored"),
+    "places in another frame": (places(elsewhere), "in another frame than the true path"),
+    "places renumbered": (renumbered, "have other ids"),
+    "a late clock": (late, "its clock is about 5 s"),
+}
+
+
+def known(seed: int, folder: Path) -> Dataset:
+    dataset, one = drawn(seed, None, folder)
+    assert dataset.truth is not None
+    return Dataset(dataset.log, dataset.truth._replace(map=Map(np.arange(len(one.landmarks)), one.landmarks, None)))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_right_truth_has_no_remark(seed: int, tmp_path: Path):
+    assert not list(contradictions(known(seed, tmp_path)))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("case", CASES)
+def test_a_mistake_in_the_truth_is_named(case: str, seed: int, tmp_path: Path):
+    log, truth = known(seed, tmp_path)
+    assert truth is not None
+    change, words = CASES[case]
+    said = list(contradictions(Dataset(log, change(truth))))
+    assert said
+    assert all(words in one for one in said)
+
+
+@pytest.mark.parametrize("case", ["places in mm", "places mirrored"])
+def test_places_without_a_true_path_are_compared_among_themselves(case: str, tmp_path: Path):
+    log, truth = known(3001, tmp_path)
+    assert truth is not None
+    alone = truth._replace(t=truth.t[:0], poses=truth.poses[:0])
+    assert not list(contradictions(Dataset(log, alone)))
+    change, words = CASES[case]
+    (said,) = contradictions(Dataset(log, change(alone)))
+    assert words in said
