@@ -14,6 +14,7 @@
 # make study-locating       200 starts anywhere on six maps and as many on maps of other worlds, 100 robots carried elsewhere
 # make study-settings      the front ends' settings and the smoother's, each halved and doubled: half an hour; SLAMDUEL_DATA=
 # make study-laser         70 laser logs, each 20 times with changes that should not matter: two hours; SLAMDUEL_DATA=
+# make study-mistakes       1,050 logs with one of 25 mistakes or none: how often it is named, an hour
 # make study-noise          how often the intervals of bench noise have the true noise: 600 simulated logs
 # make study-kills          a study killed at 20 random moments ends as if it had been left in peace
 # All make their own environment in .venv first; another Python is named by PYTHON=python3.12.
@@ -30,7 +31,7 @@ PYTEST := env OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-slow test-dist test-older test-newest coverage lint types types-strict unit clean docs docs-tables gallery study-city \
-	study-statistics study-kills study-mutations study-locating study-noise study-settings study-laser
+	study-statistics study-kills study-mutations study-locating study-noise study-settings study-laser study-mistakes
 
 demo: $(VENV)/.installed
 	rm -rf results/demo
@@ -123,6 +124,9 @@ study-settings: $(VENV)/.installed-dev
 
 study-laser: $(VENV)/.installed-dev
 	PYTHONPATH=tests/support env OMP_NUM_THREADS=1 $(BIN)/python tests/support/laser_trials.py
+
+study-mistakes: $(VENV)/.installed-dev
+	PYTHONPATH=tests/support env OMP_NUM_THREADS=1 $(BIN)/python tests/support/mistaken_logs.py
 
 study-noise: $(VENV)/.installed-dev
 	PYTHONPATH=tests/support $(BIN)/python -m noise_coverage 200

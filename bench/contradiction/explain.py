@@ -43,7 +43,7 @@ class Tried(NamedTuple):
 
 
 class Contradiction(NamedTuple):
-    """How far a log agrees with itself, and why it does not."""
+    """The agreement of a log with itself, and the reasons against it."""
 
     found: Agreement
     tried: list[Tried]  # the best first; none of a log that agrees

@@ -26,14 +26,14 @@ INFINITE = 1e12
 
 
 class Part(NamedTuple):
-    """What is left of the measurements of one kind."""
+    """The rest of the measurements of one kind at an optimum."""
 
     components: int
     size: float  # of a normalised square over its dimension: below 1 where they are as stated, as the fit takes some
 
 
 class Fitted(NamedTuple):
-    """The optimum of a robust fit of a stretch, and what is left there of its measurements."""
+    """The optimum of a robust fit of a stretch, and the rest of its measurements there."""
 
     path: Array  # (n, 3)
     landmarks: Map
@@ -49,7 +49,7 @@ class Fitted(NamedTuple):
 
 
 class Agreement(NamedTuple):
-    """What the stretches of a log say together."""
+    """The rests of all stretches of a log together."""
 
     j: float  # J per degree of freedom, robust: about 1 where noise is as stated; infinite where no fit succeeds
     dof: int

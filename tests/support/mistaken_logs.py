@@ -2,8 +2,8 @@
 
     python tests/support/mistaken_logs.py [LOGS]
 
-prints how often `bench validate` names the mistake: a table of docs/contradictions.md. Worlds, speeds, noise, lengths,
-sensors and rates are drawn at random. Nothing here is taken from the code that finds the mistakes.
+(`make study-mistakes`) prints how often `bench validate` names the mistake: the table of docs/contradictions.md. Worlds,
+speeds, noise, lengths, sensors and rates are drawn at random. Nothing here is of the code that finds the mistakes.
 """
 
 import re
@@ -26,6 +26,9 @@ from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.formats.csv_tables import Options, make
+
+FIRST = 1000
+"""Seed of the first log; tests have others."""
 
 Form = Literal["poses", "motions", "speeds"]
 HEADERS: dict[Form, str] = {"poses": "t,x,y,heading", "motions": "t,dx,dy,dtheta", "speeds": "t,v,omega"}
@@ -290,13 +293,13 @@ def _of(made: tuple[Dataset, Drive]) -> tuple[Log, Drive]:
 
 
 def main(seeds: int) -> None:
-    """Prints the table, of that many logs a mistake and twelve times as many without."""
+    """Prints the table, of that many logs with each mistake and ten times as many without."""
     total = Counter[str]()
     print("| mistake | logs | named | another is named | a remark | the error doubles, a remark |")
     print("| --- | --- | --- | --- | --- | --- |")
     with tempfile.TemporaryDirectory() as folder:
         for mistake in (*MISTAKES, None):
-            found = [outcome(seed, mistake, Path(folder)) for seed in range(seeds if mistake else 12 * seeds)]
+            found = [outcome(seed, mistake, Path(folder)) for seed in range(FIRST, FIRST + (seeds if mistake else 10 * seeds))]
             counts = {
                 "logs": len(found),
                 "named": sum(one.named for one in found),
