@@ -10,6 +10,7 @@ import pytest
 
 import recorded
 from refusals import refused
+from slamduel.bench.contradiction.remark import remarks as all_remarks
 from slamduel.bench.plan.load import load, made
 from slamduel.bench.study import file as study_file
 from slamduel.core.factors import REMARKS, Dataset
@@ -33,13 +34,13 @@ def at_hand(name: str) -> bool:
 
 @pytest.mark.parametrize("name", DRAWN)
 def test_a_log_as_it_comes_has_no_remark(name: str) -> None:
-    assert remarks(load(name)) == []
+    assert all_remarks(load(name)) == []
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_a_published_log_has_no_remark(name: str) -> None:
     path = recorded.at_hand(PUBLISHED[name])
-    assert remarks(load(f"{name}path={path}]" if "[" in name else f"{name}[path={path}]")) == []
+    assert all_remarks(load(f"{name}path={path}]" if "[" in name else f"{name}[path={path}]")) == []
 
 
 PARTIAL = {"intel-lab", "fr079"}
@@ -61,7 +62,7 @@ def test_no_log_of_a_packaged_study_has_a_remark(name: str) -> None:
         if seed in of or len(of) == 2 or not at_hand(dataset.name) or dataset.name in PARTIAL:
             continue
         of.add(seed)
-        odd = remarks(made(dataset, seed))
+        odd = all_remarks(made(dataset, seed))
         if dataset.name == "victoria-park-raw":
             (without_ids,) = odd
             assert "have no id: " in without_ids

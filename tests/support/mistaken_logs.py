@@ -2,7 +2,7 @@
 
     python tests/support/mistaken_logs.py [LOGS]
 
-(`make study-mistakes`) prints how often `bench validate` names the mistake: the table of docs/contradictions.md. Worlds,
+(`make study-mistakes`) prints how often `bench validate` names the mistake, as in docs/contradictions.md. Worlds,
 speeds, noise, lengths, sensors and rates are drawn at random. Nothing here is of the code that finds the mistakes.
 """
 
@@ -299,7 +299,10 @@ def main(seeds: int) -> None:
     print("| --- | --- | --- | --- | --- | --- |")
     with tempfile.TemporaryDirectory() as folder:
         for mistake in (*MISTAKES, None):
-            found = [outcome(seed, mistake, Path(folder)) for seed in range(FIRST, FIRST + (seeds if mistake else 10 * seeds))]
+            found = [
+                outcome(seed, mistake, Path(folder))
+                for seed in range(FIRST, FIRST + (seeds if mistake else 10 * seeds))
+            ]
             counts = {
                 "logs": len(found),
                 "named": sum(one.named for one in found),
