@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.factors import Log, Prior
-from ...core.se2 import Ints
 
 STRETCHES = 3
 ENOUGH = 600
@@ -61,6 +61,6 @@ def part_of(log: Log, first: int, end: int) -> Log:
     )
 
 
-def _loops(log: Log, first: int, end: int) -> Ints:
+def _loops(log: Log, first: int, end: int) -> NDArray[np.bool_]:
     """Tells which of the loop closures of the steps are with one of them."""
     return log.loop_to[log.loop_first[first] : log.loop_first[end]] >= first

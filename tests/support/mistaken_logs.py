@@ -11,7 +11,7 @@ import sys
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -72,7 +72,7 @@ def drive(rng: Generator) -> Drive:
         rows.append(np.column_stack((np.full(len(seen), k * dt), seen, z[:, 0], wrap(z[:, 1]))))
     stated = {"forward": forward, "turning": turning, "turning_by_turn": by_turn}
     return Drive(
-        np.arange(n) * dt, true, speeds, np.concatenate(rows), rng.uniform(0.15, 0.5), landmarks,
+        dt * np.arange(n, dtype=float), true, speeds, np.concatenate(rows), rng.uniform(0.15, 0.5), landmarks,
         stated | {"range_sd": range_sd, "bearing_sd": bearing_sd},
     )  # fmt: skip
 
@@ -231,7 +231,8 @@ def log(one: Drive, found: Tables, folder: Path, *, truth: bool) -> Dataset:
             folder / "truth.csv", np.column_stack((one.t, poses)), "%.9g", ",", header=HEADERS["poses"], comments=""
         )
         files["truth"] = str(folder / "truth.csv")
-    return make(Options(**files, **one.noise, max_speed=1e6), np.random.default_rng(0))
+    options = replace(Options(max_speed=1e6), **files, **one.noise)
+    return make(options, np.random.default_rng(0))
 
 
 def drawn(seed: int, mistake: str | None, folder: Path) -> tuple[Dataset, Drive]:
