@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtr, chdtri
 
 from ...backends.api import Diverged
 from ...backends.common_options import LOSSES
@@ -15,11 +16,8 @@ from ..measure.misfit import loop_misfits, misfits
 
 LOSS = "cauchy"
 TOLERANCE, ITERATIONS = 1e-4, 30
-KEPT = 0.9
-"""Share of each kind that counts, the least: outliers are fewer than the rest, and what contradicts is not."""
-
-KEPT_MEAN = {2: 0.7442, 3: 0.7972}
-"""Dimension -> mean of the least 90 % of chi-square over the dimension."""
+KEPT, KEPT_LOOPS = 0.8, 0.6
+"""Share of motions and sightings, and of loop closures, that counts, the least: outliers are fewer than the others."""
 
 INFINITE = 1e12
 """Squares beyond are this."""
@@ -72,7 +70,7 @@ def fitted(log: Log) -> Fitted | None:
     motions = np.einsum("ni,ni->n", moved, np.linalg.solve(log.delta_cov[1:], moved[..., None])[..., 0])
     loops = loop_misfits(log, path)
     dof = 2 * (len(log.ids) - len(landmarks.ids)) + 3 * len(loops)
-    return Fitted(path, landmarks, dof, _part(motions, 3), _part(sighted, 2), _part(loops, 3))
+    return Fitted(path, landmarks, dof, _part(motions, 3, KEPT), _part(sighted, 2, KEPT), _part(loops, 3, KEPT_LOOPS))
 
 
 def agreement(parts: Sequence[Log]) -> Agreement:
@@ -91,9 +89,14 @@ def agreement(parts: Sequence[Log]) -> Agreement:
     return Agreement(sum(one.left for one in done) / dof, dof, sizes)
 
 
-def _part(squares: Array, k: int) -> Part:
-    """Sums up normalised squares (n,) of dimension k."""
+def _part(squares: Array, k: int, share: float) -> Part:
+    """Sums up normalised squares (n,) of dimension k, by the mean of the least `share` over that of chi-square."""
     if not len(squares):
         return Part(0, 0.0)
-    kept = np.sort(np.minimum(squares, INFINITE))[: max(1, round(KEPT * len(squares)))]
-    return Part(k * len(squares), float(kept.mean()) / (k * KEPT_MEAN[k]))
+    kept = np.sort(np.minimum(squares, INFINITE))[: max(1, round(share * len(squares)))]
+    return Part(k * len(squares), float(kept.mean()) / kept_mean(k, share))
+
+
+def kept_mean(k: int, share: float) -> float:
+    """Returns the mean of the least `share` of chi-square of k degrees of freedom."""
+    return k * float(chdtr(k + 2, chdtri(k, 1 - share))) / share

@@ -63,16 +63,20 @@ def _shorter(log: Log, factor: float) -> Log:
     return with_motions(log, log.delta[1:, :2] / factor, log.delta[1:, 2])
 
 
-def _nearer(log: Log, factor: float) -> Log:
+def _nearer(log: Log, factor: float) -> Log | None:
     """With shorter ranges, whose noise goes with them unless it is one constant."""
+    if not len(log.ids):
+        return None
     sd = np.sqrt(log.z_cov[:, 0, 0])
-    constant = len(sd) == 0 or float(np.ptp(sd)) < 0.01 * float(sd.mean())
+    constant = float(np.ptp(sd)) < 0.01 * float(sd.mean())
     d = np.array([1.0 if constant else 1 / factor, 1.0])
     return replace(log, z=log.z / [factor, 1.0], z_cov=log.z_cov * np.outer(d, d))
 
 
-def _bearings_to_degrees(log: Log, _: float) -> Log:
+def _bearings_to_degrees(log: Log, _: float) -> Log | None:
     """A reader that expects degrees has divided; one that expects radians refuses degrees."""
+    if not len(log.ids):
+        return None
     return replace(log, z=np.column_stack((log.z[:, 0], wrap(log.z[:, 1] / DEGREE))))
 
 
@@ -119,8 +123,10 @@ def _along_the_path(log: Log, _: float) -> Log | None:
     return with_motions(log, _rotated(ways, -at_steps[:-1]), np.diff(at_steps))
 
 
-def _earlier(log: Log, delay: float) -> Log:
+def _earlier(log: Log, delay: float) -> Log | None:
     """With sightings that were taken before the time of their step, the robot having moved evenly since."""
+    if not len(log.ids):
+        return None
     path, step = dead_reckoned(log), log.sighting_step
     path[:, 2] = _headings(log)
     time = np.clip(log.t[step] - delay, log.t[0], log.t[-1])

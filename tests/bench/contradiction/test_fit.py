@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from mistaken_logs import drawn
-from slamduel.bench.contradiction.fit import KEPT, KEPT_MEAN, agreement, fitted
+from slamduel.bench.contradiction.fit import agreement, fitted, kept_mean
 from slamduel.bench.contradiction.motions import MotionNoise
 from slamduel.bench.contradiction.stretch import ENOUGH, degrees_of_freedom, part_of, stretches
 from slamduel.core.factors import Log
@@ -21,10 +21,11 @@ def log_of(name: str, **options: object) -> Log:
     return source.make(source.options(**options), np.random.default_rng(0)).log
 
 
-@pytest.mark.parametrize("k", KEPT_MEAN)
-def test_the_mean_of_the_least_part_of_chi_square(k: int):
-    most = chi2.ppf(KEPT, k)
-    assert KEPT_MEAN[k] == pytest.approx(chi2.cdf(most, k + 2) / KEPT, abs=1e-4)
+@pytest.mark.parametrize("share", [0.6, 0.8, 1.0])
+@pytest.mark.parametrize("k", [2, 3])
+def test_the_mean_of_the_least_part_of_chi_square(k: int, share: float):
+    middles = chi2.ppf((np.arange(20_000) + 0.5) / 20_000 * share, k)
+    assert kept_mean(k, share) == pytest.approx(middles.mean(), rel=1e-3)
 
 
 def test_a_stretch_is_its_part_of_the_log():
