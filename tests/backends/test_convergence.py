@@ -10,7 +10,7 @@ from driven import final, run
 from random_logs import random_log
 from slamduel.backends.api import Diverged
 from slamduel.backends.registry import find
-from slamduel.backends.smoothing import _graph, forest
+from slamduel.backends.smoothing import _graph, forest, valleys
 from slamduel.bench.measure.cell import NOT_CONVERGED, Job, run_on
 from slamduel.bench.measure.misfit import misfit
 from slamduel.core.factors import Log, Map
@@ -41,6 +41,7 @@ def test_where_no_share_of_a_step_lowers_j_it_is_damped(monkeypatch: pytest.Monk
     assert damped.path == pytest.approx(usual.path, abs=1e-5)
     assert damped.cov == pytest.approx(usual.cov, rel=1e-3, abs=1e-9)
     monkeypatch.setattr(forest, "FIRST_DAMPING", 2 * forest.MOST_DAMPING)
+    monkeypatch.setattr(valleys, "descend", lambda *_: False)
     stuck = final("smoother", log)
     assert stuck.converged is False
     assert cost(log, stuck.path, stuck.map) > 2 * cost(log, usual.path, usual.map)
@@ -53,6 +54,7 @@ def test_where_j_is_flat_at_the_end_it_is_where_damping_began(
     """Damped eliminations go well and the last one does not, or none goes well: the path and covariances of before."""
     log = with_wrong_ids(5)
     monkeypatch.setattr(forest, "HALVINGS", 1)
+    monkeypatch.setattr(valleys, "descend", lambda *_: False)
     with monkeypatch.context() as patch:
         patch.setattr(forest, "FIRST_DAMPING", 2 * forest.MOST_DAMPING)
         before = final("smoother", log)
@@ -63,7 +65,7 @@ def test_where_j_is_flat_at_the_end_it_is_where_damping_began(
     found = final("smoother", log)
     assert found.converged is False
     assert np.array_equal(found.cov, before.cov)
-    assert cost(log, found.path, found.map) < cost(log, before.path, before.map)  # without the step that raises it
+    assert cost(log, found.path, found.map) <= cost(log, before.path, before.map)  # neither takes a step that raises it
 
 
 def test_a_log_on_which_the_iterations_run_out_says_so() -> None:
