@@ -158,4 +158,4 @@ class Isam2:
             raise Diverged(failure(error)) from None
 
 
-build = Builder(Isam2, options=Options, loops=True, implementation=GTSAM_WHEEL)
+build = Builder(Isam2, options=Options, loops=True, minimises=common_options.without_loss, implementation=GTSAM_WHEEL)

@@ -20,7 +20,7 @@ from ...core.se2 import Array, Ints
 from .. import common_options
 from .._expected_arrays import ExpectedArrays
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
-from ..common_options import LOSSES
+from ..common_options import LOSSES, without_loss
 from ..expected import as_expected, filled, room_for, roomier
 from ..newcomers import Newcomers
 from ..vicinity import Vicinity, first_expected, with_held
@@ -299,4 +299,4 @@ def _checked(variable: int) -> int:
     return variable
 
 
-build = Builder(Smoother, options=Options, loops=True, implementation=COMPILED_HERE)
+build = Builder(Smoother, options=Options, loops=True, minimises=without_loss, implementation=COMPILED_HERE)

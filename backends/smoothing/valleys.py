@@ -18,8 +18,8 @@ import numpy as np
 from ...core.se2 import Array
 from ..api import Diverged
 from . import _cost, _offsets, _relinearise
-from ._graph import NEAR_SDS, POINT, SIGHTINGS, STEPS, Graph
-from .forest import FIRST_DAMPING, TENFOLD, Estimate, Forest
+from ._graph import LANDMARK, NEAR_SDS, POINT, POSE, SIGHTINGS, STEPS, Graph
+from .forest import FIRST_DAMPING, STILL, TENFOLD, Estimate, Forest
 
 CLOSE, NOTHING = 1e-6, 1e-12
 """At a minimum, a step is predicted to lower J by no more than that share of it, or by no more than that."""
@@ -39,13 +39,13 @@ def settled(forest: Forest, iterations: int) -> tuple[Estimate, bool | None]:
         return estimate, converged
     if at_rest(forest, here(forest)):
         converged = True
-    elif descend(forest, iterations) or here(forest) <= _cost.cost(forest.g, estimate.path, estimate.values):
-        estimate, converged = forest.estimate(np.inf), at_rest(forest, here(forest))
     else:
-        converged = False
+        converged = descend(forest, iterations)
+        if converged or here(forest) <= _cost.cost(forest.g, estimate.path, estimate.values):
+            estimate = forest.estimate(np.inf)
     if near(forest.g) and freed(forest, partial(forest.settled, iterations)):
         converged = descend(forest, iterations)
-        return forest.estimate(np.inf), converged
+        estimate = forest.estimate(np.inf)
     return estimate, converged
 
 
@@ -70,7 +70,8 @@ def at_rest(forest: Forest, cost: float) -> bool:
 def descend(forest: Forest, iterations: int) -> bool:
     """Goes down the valley from the linearisation points; True if it ends at rest. All is eliminated there.
 
-    Nothing moves where it does not get lower, or where J is flat.
+    Nothing moves where it does not get lower, or where J is flat. That is the end, too, where the robot is at the very
+    place of a landmark: J has a corner there, and no derivative.
     """
     cost, damping = here(forest), 0.0
     for _ in range(iterations):
@@ -79,12 +80,20 @@ def descend(forest: Forest, iterations: int) -> bool:
         found = None
         while found is None:
             if damping > STIFFEST:
-                return False
+                return at_corner(forest.g)
             found = _lower(forest, cost, damping)
             if found is None:
                 damping = max(damping * TENFOLD, FIRST_DAMPING)
         cost, damping = found, damping / TENFOLD if damping > FIRST_DAMPING else 0.0
     return at_rest(forest, cost)
+
+
+def at_corner(g: Graph) -> bool:
+    """Tells if a sighting is of a landmark at the robot's own place."""
+    seen = g.sightings[: g.state[SIGHTINGS]]
+    seen = seen[seen[:, LANDMARK] >= 0]
+    off = g.values[seen[:, LANDMARK], :2] - g.values[seen[:, POSE], :2]
+    return bool((np.abs(off).max(axis=1, initial=0.0) < STILL).any())
 
 
 def near(g: Graph) -> bool:
