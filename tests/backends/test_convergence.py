@@ -91,7 +91,6 @@ def test_a_log_on_which_the_iterations_run_out_says_so() -> None:
             "diverged",
             r"the smoothing ended at a J of .*, where one of .* is in reach: no optim",
         ),
-        ({"final_iterations": 1, "loss": "huber"}, "diverged", NOT_CONVERGED),
     ],
 )
 def test_a_cell_that_did_not_get_to_the_optimum_is_not_done(options: dict[str, Any], status: str, reason: str) -> None:
