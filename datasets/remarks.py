@@ -43,8 +43,6 @@ FAR_CAUSES = (
 """By the way over what ranges allow: 1,000 times too long, it is 16 to 200 times that."""
 TOO_NEAR = 3.0  # standard deviations of a range; within it, noise across turns the bearing by 0.36 rad and more
 TOO_SURE = 25.0  # noise along over that across, as stated of such a sighting: in a published log it is up to 20
-MUCH_SURER = 100.0
-"""A place stated so many times better across the bearing than is usual in the log: in published logs it is up to 7."""
 UNKNOWN_HEADING = 1.0  # rad; a sine is 16 % off its slope there, so a linearised filter's covariance holds no more
 KIDNAPPED = "kidnapped at step"  # in a log's notes, under "faults"
 NO_SIGHTING = "there is no sighting and no loop closure in it, so every backend gives dead reckoning"
@@ -198,14 +196,6 @@ def _near(log: Log) -> Iterator[str]:
             f"range, the nearest at {r[one]:.2g} m, stated to {sd[one]:.2g} m, with a bearing stated to "
             f"{turn[one]:.2g} rad: the noise across, which turns it, is hardly that much smaller than the one along; "
             "csv[xy_sd=...] states that of x and y"
-        )
-    surer = ~near & (MUCH_SURER * r * turn < np.median(r * turn))
-    if surer.any():
-        one = int(np.flatnonzero(surer)[np.argmin((r * turn)[surer])])
-        yield (
-            f"{_count(int(surer.sum()), 'sighting')} of {len(r)} with a place stated more than {MUCH_SURER:g} times "
-            f"better across than is usual, the best to {(r * turn)[one]:.2g} m at a range of {r[one]:.2g} m: a bearing "
-            "from so near is hardly that good"
         )
 
 

@@ -145,7 +145,6 @@ def test_a_start_whose_heading_is_unknown_is_noticed(sd: float, told: int) -> No
         (0.003, 0.005, 0.02, "1 sighting of .* from within 3 standard deviations .* at 0.003 m, stated to 0.005 m,"),
         (0.003, 0.005, 1.5, ""),  # as noise in x and y has it
         (0.2, 0.005, 0.02, ""),
-        (3e-4, 1e-5, 0.03, "1 sighting of .* with a place stated more than 100 times better across .* to 9e-06 m at"),
     ],
 )
 def test_a_bearing_from_right_above_a_landmark_is_noticed(range_: float, sd: float, turn: float, words: str) -> None:
