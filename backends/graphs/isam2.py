@@ -132,7 +132,7 @@ class Isam2:
         return Solution(path, self._factors.with_newcomers(path, landmarks), None, converged)
 
     def _settled(self) -> tuple[bool | None, gtsam.Values]:
-        """Whether relinearization has ended, None without any, and the best estimate then."""
+        """True if relinearization has ended, None without any, and the best estimate then."""
         converged = None
         for _ in range(self._options.final_updates):
             result = self._update(gtsam.NonlinearFactorGraph(), gtsam.Values(), relinearize=True)
