@@ -209,6 +209,12 @@ class Builder:
     forgets: bool = False
     """It drops landmarks long out of view, so that it does not close loops."""
 
+    minimises: bool | Callable[[Any], bool] = False
+    """Its solution is the minimum of J, without a robust loss or rejection, always or with some options.
+
+    Where a few steps from it lower J by much, its cell ends as `diverged`.
+    """
+
     linear: bool = False
     """It linearises the models at a heading that is not its estimate.
 
@@ -244,6 +250,10 @@ class Builder:
     def can_associate(self) -> bool:
         """True if data association is one of its options."""
         return callable(self.associates)
+
+    def minimising(self, options: Any) -> bool:
+        """True if its solution is the minimum of J with these options."""
+        return self.minimises if isinstance(self.minimises, bool) else self.minimises(options)
 
     def associating(self, options: Any) -> bool:
         """True if it does data association with these options."""

@@ -28,6 +28,11 @@ def loss(of: str) -> Any:
     return option("none", f"robust loss of {of}", choices=tuple(LOSSES))
 
 
+def without_loss(options: Any) -> bool:
+    """True without a robust loss."""
+    return options.loss == "none"
+
+
 def loss_scale() -> Any:
     """The scale of that loss."""
     return option(

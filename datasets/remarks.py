@@ -25,6 +25,8 @@ NARROW = 0.1  # rad; bearings that are all nearer to 0 may have been divided by 
 SLOW = 100.0  # s; a median time between steps beyond it may be in milliseconds
 SPINNING = 5.0  # rad/s; a median turning rate beyond it may be in degrees per second
 UNNAMED = 0.1  # share of sightings without an id: a detector's false alarms are fewer, 3 % in DLR's log
+TOO_NEAR = 3.0  # standard deviations of a range; within it, noise across turns the bearing by 0.36 rad and more
+TOO_SURE = 25.0  # noise along over that across, as stated of such a sighting: in a published log it is up to 20
 UNKNOWN_HEADING = 1.0  # rad; a sine is 16 % off its slope there, so a linearised filter's covariance holds no more
 KIDNAPPED = "kidnapped at step"  # in a log's notes, under "faults"
 NO_SIGHTING = "there is no sighting and no loop closure in it, so every backend gives dead reckoning"
@@ -59,6 +61,7 @@ def _remarks(log: Log) -> Iterator[str]:
             yield NO_SIGHTING
         return
     yield from _sightings(log)
+    yield from _near(log)
     yield from _landmarks(log)
     yield from of_ways(log)
 
@@ -161,6 +164,23 @@ def _sightings(log: Log) -> Iterator[str]:
     unknown = int(np.sum(log.ids == UNKNOWN))
     if unknown > UNNAMED * len(r) and HIDDEN_NOTE not in log.notes:
         yield f"{unknown} of {len(r)} sightings have no id: a backend that does not associate leaves them out"
+
+
+def _near(log: Log) -> Iterator[str]:
+    """Finds sightings from so near that their bearings cannot be as good as stated: a robot passes over a landmark.
+
+    Of a point known to s in x and y, the bearing is known to s / r at a range r beyond s, and not at all at less.
+    """
+    r, sd, turn = log.z[:, 0], *np.sqrt(np.einsum("sii->is", log.z_cov))
+    near = (r < TOO_NEAR * sd) & (turn * np.maximum(r, sd) < sd / TOO_SURE)
+    if near.any():
+        one = int(np.flatnonzero(near)[np.argmin(r[near])])
+        yield (
+            f"{_count(int(near.sum()), 'sighting')} of {len(r)} from within {TOO_NEAR:g} standard deviations of the "
+            f"range, the nearest at {r[one]:.2g} m, stated to {sd[one]:.2g} m, with a bearing stated to "
+            f"{turn[one]:.2g} rad: the noise across, which turns it, is hardly that much smaller than the one along; "
+            "csv[xy_sd=...] states that of x and y"
+        )
 
 
 def _landmarks(log: Log) -> Iterator[str]:

@@ -33,6 +33,7 @@ from ..smoothing._graph import (
 from ..smoothing.forest import FIRST_DAMPING, NO_COVARIANCE, Forest
 from ..smoothing.maps import add_map, joint_map
 from ..smoothing.smoother import LEAST, PATIENCE
+from ..smoothing.valleys import descend
 from ._whole_log import Columns, linearise_at, write_steps
 from .first_values import first_values
 from .gauss_newton import Fit, eliminate, minimise
@@ -143,21 +144,23 @@ class Batch:
         g, ids = self.forest.g, np.fromiter(self.variable, np.int64, len(self.variable))
         return g.steps[: len(self.log), POINT:].copy(), Map(ids, g.values[self._variables(), :2], None)
 
-    def solution(self, joint_up_to: int, converged: bool) -> Solution:
+    def solution(self, joint_up_to: int, iterations: int, converged: bool) -> Solution:
         """The estimate and, if J is curved in every direction, the covariances of poses and map.
 
-        The map's is joint, computed for at most that many landmarks. `converged` is passed on.
+        The map's is joint, computed for at most that many landmarks. The fit, which `converged` or not, goes on in at
+        most that many iterations where J is a narrow valley.
         """
         forest = self.forest
+        curved = eliminate(forest)
+        if curved:
+            converged = descend(forest, iterations)
         path, landmarks = self.place()
         if not np.isfinite(path).all() or not np.isfinite(landmarks.xy).all():
             raise Diverged("the optimum is not finite")
         cov = None
-        if eliminate(forest):
+        if curved:
             cov = forest.pose_covariances()
-            if len(landmarks.ids) <= joint_up_to:
-                with contextlib.suppress(Diverged):  # with all landmarks last, precision may not suffice
-                    landmarks = joint_map(forest, landmarks.ids, self._variables(), forest.g.values)
+            landmarks = joint_map(forest, landmarks.ids, self._variables(), forest.g.values, joint_up_to)
         return Solution(path, landmarks, cov, converged)
 
     def _variables(self) -> Ints:

@@ -52,4 +52,9 @@ def implementation(options: Options) -> str:
     return COMPILED_HERE if options.solver == "own" else GTSAM_WHEEL
 
 
-build = Builder(Graph, options=Options, online=False, loops=True, implementation=implementation)
+def minimises(options: Options) -> bool:
+    """True without a robust loss or rejection."""
+    return options.loss == "none" and not options.gnc
+
+
+build = Builder(Graph, options=Options, online=False, loops=True, minimises=minimises, implementation=implementation)

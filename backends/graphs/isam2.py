@@ -18,6 +18,8 @@ from ...core.options import option
 from ...core.se2 import Array, rotation
 from .. import common_options
 from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Expected, Pose, Solution
+from ..smoothing._graph import NEAR_SDS
+from ..smoothing.smoother import SMALL
 from ..vicinity import Vicinity, first_expected
 from ._gtsam import FAILURES, Factors, array, failure, joint_covariance, path_and_map, pose2, to_world
 from .neighbourhood import Neighbourhood
@@ -46,15 +48,9 @@ class Isam2:
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         del rng
-        params = gtsam.ISAM2Params()
-        params.setRelinearizeThreshold(options.relinearize_threshold)
-        params.relinearizeSkip = options.relinearize_skip
-        params.enablePartialRelinearizationCheck = options.partial_check
-        params.setFactorization(options.factorization.upper())
-        # Always back-substitute in full: results then do not depend on earlier queries.
-        params.setOptimizationParams(gtsam.ISAM2GaussNewtonParams(0.0))
         self._options = options
-        self._isam = gtsam.ISAM2(params)
+        self._isam = gtsam.ISAM2(_params(options, options.relinearize_threshold))
+        self._closest = math.inf  # m; the nearest sighting's range, or NEAR_SDS standard deviations of it
         self._factors = Factors(prior, options.loss, options.loss_scale)
         self._prior, self._vicinity, self._around = prior, Vicinity(follows=True), Neighbourhood(self._isam)
         self._steps = 0
@@ -65,6 +61,8 @@ class Isam2:
         """Adds the step's factors at the current estimate and returns the latest pose alone."""
         if self._vicinity.used:
             self._vicinity.move(step.odometry)
+        if len(step.sightings.ids):
+            self._closest = min(self._closest, _closest(step.sightings))
         guess = self._pose if step.odometry is None else self._pose.compose(pose2(step.odometry.delta))
         graph, values = self._factors.step(self._steps, step, guess)
         done = self._update(graph, values)
@@ -111,15 +109,37 @@ class Isam2:
         return landmarks._replace(cov=cov)
 
     def finish(self) -> Solution:
-        """Relinearizes until nothing moves by more than the threshold, then solves with full back-substitution."""
+        """Relinearizes until nothing moves by more than the threshold, then solves with full back-substitution.
+
+        Landmarks that are near lower the threshold: a tree with the new one is made of all factors, and kept if its J
+        is lower.
+        """
+        converged, values = self._settled()
+        threshold = self._closest / SMALL
+        if threshold < self._options.relinearize_threshold:
+            graph, before = self._isam.getFactorsUnsafe(), self._isam
+            self._isam = gtsam.ISAM2(_params(self._options, threshold))
+            try:
+                self._update(graph, values)
+                finer, found = self._settled()
+            except Diverged:
+                finer, found = None, values
+            if graph.error(found) < graph.error(values):
+                converged, values = finer, found
+            else:
+                self._isam, converged = before, False
+        path, landmarks = path_and_map(self._factors.keys, self._steps, values)
+        return Solution(path, self._factors.with_newcomers(path, landmarks), None, converged)
+
+    def _settled(self) -> tuple[bool | None, gtsam.Values]:
+        """True if relinearization has ended, None without any, and the best estimate then."""
         converged = None
         for _ in range(self._options.final_updates):
             result = self._update(gtsam.NonlinearFactorGraph(), gtsam.Values(), relinearize=True)
             converged = result.getVariablesRelinearized() == 0
             if converged:
                 break
-        path, landmarks = path_and_map(self._factors.keys, self._steps, self._isam.calculateBestEstimate())
-        return Solution(path, self._factors.with_newcomers(path, landmarks), None, converged)
+        return converged, self._isam.calculateBestEstimate()
 
     def _update(
         self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool = False
@@ -158,4 +178,21 @@ class Isam2:
             raise Diverged(failure(error)) from None
 
 
-build = Builder(Isam2, options=Options, loops=True, implementation=GTSAM_WHEEL)
+def _params(options: Options, threshold: float) -> gtsam.ISAM2Params:
+    """GTSAM's parameters, with that relinearize threshold."""
+    params = gtsam.ISAM2Params()
+    params.setRelinearizeThreshold(threshold)
+    params.relinearizeSkip = options.relinearize_skip
+    params.enablePartialRelinearizationCheck = options.partial_check
+    params.setFactorization(options.factorization.upper())
+    # Always back-substitute in full: results then do not depend on earlier queries.
+    params.setOptimizationParams(gtsam.ISAM2GaussNewtonParams(0.0))
+    return params
+
+
+def _closest(sightings: RangeBearing) -> float:
+    """The least range (m) of sightings, one or more, or NEAR_SDS standard deviations of it if that is more."""
+    return float(np.maximum(sightings.z[:, 0], NEAR_SDS * np.sqrt(sightings.cov[:, 0, 0])).min())
+
+
+build = Builder(Isam2, options=Options, loops=True, minimises=common_options.without_loss, implementation=GTSAM_WHEEL)

@@ -12,10 +12,10 @@ each clique handing what is left on its separators to its parent. The offsets of
 
 import numpy as np
 
+from ...core.kernels._cholesky import unsigned
 from ...core.kernels._planar import add_turned, levered
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from ._cholesky import unsigned
 from ._front import places
 from ._graph import (
     BOUND,

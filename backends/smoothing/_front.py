@@ -6,10 +6,10 @@ rows. The part of the root from cliques that do not contain the pose is stored s
 
 import numpy as np
 
+from ...core.kernels._cholesky import factor, unsigned
 from ...core.kernels._planar import information, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._cholesky import factor, unsigned
 from ._factors import add_link, add_pose, add_sighting
 from ._graph import (
     BOUND,

@@ -32,7 +32,7 @@ class Graph(Arrays):
     rest: Numbers  # the root's part from cliques that do not contain its pose
     work: Numbers  # one front; between calls, the root's [R d]
     spots: Integers  # rows of a clique's separators in its parent's front: see `_front.places`
-    settings: Numbers  # (8,) robust loss and its scale; range of the furthest sighting; see below for the rest
+    settings: Numbers  # (9,) robust loss and its scale; range of the furthest sighting; see below for the rest
 
 
 graph = at(Graph)
@@ -49,8 +49,10 @@ LANDMARK, POSE = range(2)
 A, B, NEXT_A, NEXT_B, LOOP = range(5)
 # linked: the measured offset of B, its information; a loop closure's motion, covariance and weight, 0 if left out
 OFFSET, INFORMATION, MOTION, COVARIANCE, WEIGHT = 0, 3, 9, 12, 18
-# settings; LATEST is the estimate of the last pose, the new linearisation point if it is off by more than ENOUGH
-LOSS, SCALE, FURTHEST, DAMPING, LATEST, ENOUGH = 0, 1, 2, 3, 4, 7
+# settings; LATEST is the estimate of the last pose, the new linearisation point if it is off by more than ENOUGH;
+# CLOSEST is the range of the nearest sighting, or NEAR_SDS standard deviations of that range
+LOSS, SCALE, FURTHEST, DAMPING, LATEST, ENOUGH, CLOSEST = 0, 1, 2, 3, 4, 7, 8
+NEAR_SDS = 3.0
 # steps
 DELTA, NOISE, POINT = 0, 3, 9
 # cliques: MEMBERS variables, the first FRONTALS of them frontal; SIZE scalars, the first FRONT of them frontal

@@ -1,6 +1,6 @@
 """Adds a step's data: its motion, pose, sightings and links."""
 
-from math import cos, sin
+from math import cos, sin, sqrt
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from ._graph import (
     CLIQUE,
+    CLOSEST,
     COVARIANCE,
     DELTA,
     END,
@@ -20,6 +21,7 @@ from ._graph import (
     LOOP,
     MARK,
     MOTION,
+    NEAR_SDS,
     NEXT_A,
     NEXT_B,
     NO_VARIABLE,
@@ -169,6 +171,7 @@ def add_sightings_of(g: Graph, pose: int, landmarks: Ints, seen: Array) -> tuple
         g.seen[s, 0], g.seen[s, 1] = seen[i, 0], seen[i, 1]
         g.seen[s, 2], g.seen[s, 3], g.seen[s, 4] = bb * d, -rb * d, rr * d
         g.settings[FURTHEST] = max(g.settings[FURTHEST], seen[i, 0])
+        g.settings[CLOSEST] = min(g.settings[CLOSEST], max(seen[i, 0], NEAR_SDS * sqrt(rr)))
         if v >= 0 and g.variables[v, WIDTH] and g.variables[v, SLOT] < 0:
             if g.variables[v, CLIQUE] > 0:
                 outside += 1

@@ -42,7 +42,7 @@ def made(loss: int, scale: float, enough: float = 0.0) -> Graph:
         rest=np.zeros(0),
         work=np.zeros(0),
         spots=np.zeros(0, np.int64),
-        settings=np.array((loss, scale, 0.0, 0.0, 0.0, 0.0, 0.0, enough)),
+        settings=np.array((loss, scale, 0.0, 0.0, 0.0, 0.0, 0.0, enough, np.inf)),
     )
     g.state[CLIQUES], g.state[DSYRK] = 1, routine("dsyrk")
     return with_front(with_root(g, 32), 70)

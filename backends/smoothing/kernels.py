@@ -30,6 +30,7 @@ def kernels() -> Kernels:
         (_opening.sighted, (g, 0)),
         (_offsets.top_down, (g,)),
         (_offsets.offsets, (g, ints, table)),
+        (_offsets.predicted_fall, (g, ints)),
         (_offsets.candidate, (g, table, table, 0.0, 0.0, table, table)),
         (_cost.cost, (g, table, table)),
         (_ordering.plan, (g, 0, ints, ints, True)),

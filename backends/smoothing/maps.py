@@ -5,6 +5,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ...core.factors import Map
 from ...core.se2 import Array, Ints
+from ..api import Diverged
 from . import _graph, _log, _tree
 from ._graph import FACTOR, FAR, GIVEN, GIVEN_INTS, GIVEN_REALS, INTS, LISTED, NEXT, REALS, TODO, UPDATE, WIDTH
 from .arrays import with_front, with_rows
@@ -32,15 +33,23 @@ def add_map(forest: Forest, known: Map) -> dict[int, int]:
     return dict(zip(known.ids.tolist(), variables, strict=True))
 
 
-def joint_map(forest: Forest, ids: Ints, variables: Ints, values: Array) -> Map:
-    """Landmarks with these ids and variables (n,), at `values` (v, 3); zero covariance for those held fixed."""
-    n = len(ids)
+def joint_map(forest: Forest, ids: Ints, variables: Ints, values: Array, up_to: int) -> Map:
+    """Landmarks with these ids and variables (n,), at `values` (v, 3); zero covariance for those held fixed.
+
+    There is none for more than `up_to` landmarks, nor where precision does not suffice with all of them last.
+    """
+    n, places = len(ids), values[variables, :2]
+    if n > up_to:
+        return Map(ids, places, None)
     cov = np.zeros((2 * n, 2 * n))
     moving = np.flatnonzero(forest.g.variables[variables, WIDTH])
     if len(moving):
         rows = (2 * moving[:, None] + (0, 1)).ravel()
-        cov[np.ix_(rows, rows)] = forest.joint(variables[moving])[:-3, :-3]
-    return Map(ids, values[variables, :2], cov)
+        try:
+            cov[np.ix_(rows, rows)] = forest.joint(variables[moving])[:-3, :-3]
+        except Diverged:
+            return Map(ids, places, None)
+    return Map(ids, places, cov)
 
 
 def _add(forest: Forest, variables: Ints, mean: Array, cov: Array) -> None:

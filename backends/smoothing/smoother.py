@@ -20,16 +20,17 @@ from ...core.se2 import Array, Ints
 from .. import common_options
 from .._expected_arrays import ExpectedArrays
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
-from ..common_options import LOSSES
+from ..common_options import LOSSES, without_loss
 from ..expected import as_expected, filled, room_for, roomier
 from ..newcomers import Newcomers
 from ..vicinity import Vicinity, first_expected, with_held
 from . import _log, _opening, _step
-from ._graph import FULL, FURTHEST, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, SIGHTINGS, WIDTH, WORK
+from ._graph import CLOSEST, FULL, FURTHEST, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, SIGHTINGS, WIDTH, WORK
 from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, plain_step
 from .arrays import as_rows
 from .forest import INDEFINITE_J, NO_COVARIANCE, NOBODY, Forest
 from .maps import add_map, joint_map
+from .valleys import settled
 
 CAP, REACH, PATIENCE = 48, 2.0, 15.0
 """Limits of the root.
@@ -37,6 +38,12 @@ CAP, REACH, PATIENCE = 48, 2.0, 15.0
 Most landmarks of a root, unless one step needs more; the radius around the pose they are taken from, in ranges of the
 furthest sighting; and the multiple of a full elimination's work after which everything is reordered. Measured:
 docs/settings.md.
+"""
+
+SMALL = 16.0
+"""Distance of the nearest landmark over the most by which a linearisation point may be off.
+
+A near one lowers the relinearize threshold, and has it checked at every step: see docs/settings.md.
 """
 
 EARLY = 7.0  # offset of a root variable, in thresholds, that triggers a check early
@@ -113,7 +120,7 @@ class Smoother:
         self._since += 1
         if (looks or closes) and self._due():
             self._since = 0
-            forest.relinearise(self._options.relinearize_threshold)
+            forest.relinearise(self._threshold())
         pose = forest.pose.copy()
         if not math.isfinite(pose[0] + pose[1] + pose[2]):
             raise Diverged("the latest pose is not finite")
@@ -163,7 +170,7 @@ class Smoother:
     def finish(self) -> Solution:
         """Relinearises until nothing moves; returns the path with the covariances of its poses, and the map."""
         forest = self._forest
-        estimate, converged = forest.settled(self._options.final_iterations)
+        estimate, converged = settled(forest, self._options.final_iterations)
         path, values = estimate.path, estimate.values
         if not (np.isfinite(path).all() and np.isfinite(values).all()):
             raise Diverged("the optimum is not finite")
@@ -179,8 +186,14 @@ class Smoother:
         skip, tenth = self._options.relinearize_skip, max(1, self._options.relinearize_skip // 10)
         if self._since >= skip:
             return True
+        if (threshold := self._threshold()) < self._options.relinearize_threshold:
+            return _step.root_offset(self._forest.g.address) > threshold
         early = EARLY * self._options.relinearize_threshold
         return self._since % tenth == 0 and _step.root_offset(self._forest.g.address) > early
+
+    def _threshold(self) -> float:
+        """The relinearize threshold (m, rad), lower where landmarks are near."""
+        return min(self._options.relinearize_threshold, self._forest.g.settings[CLOSEST] / SMALL)
 
     def _plain_step(self, landmarks: Ints) -> None:
         """A step that sees landmarks on the map and new ones only."""
@@ -276,10 +289,7 @@ class Smoother:
 
     def _map(self, values: Array) -> Map:
         """All landmarks, at the variables' `values` (v, 3)."""
-        ids, variables = self._landmarks()
-        if len(ids) > self._options.joint_up_to:
-            return Map(ids, values[variables, :2], None)
-        return joint_map(self._forest, ids, variables, values)
+        return joint_map(self._forest, *self._landmarks(), values, self._options.joint_up_to)
 
 
 def _checked(variable: int) -> int:
@@ -289,4 +299,4 @@ def _checked(variable: int) -> int:
     return variable
 
 
-build = Builder(Smoother, options=Options, loops=True, implementation=COMPILED_HERE)
+build = Builder(Smoother, options=Options, loops=True, minimises=without_loss, implementation=COMPILED_HERE)

@@ -15,11 +15,11 @@ from math import sqrt
 
 import numpy as np
 
+from ...core.kernels._cholesky import unsigned
 from ...core.kernels._planar import add_turned, information
 from ...core.kernels._small import factored
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ..smoothing._cholesky import unsigned
 from ..smoothing._factors import add_seen
 from ..smoothing._links import motion_offset
 from ._window import (

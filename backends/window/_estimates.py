@@ -6,10 +6,10 @@ that variable's stage on. The variable is then Y' d, and its covariance Y' Y.
 
 import numpy as np
 
+from ...core.kernels._cholesky import factor, unsigned
 from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ..smoothing._cholesky import factor, unsigned
 from ..smoothing._front import last_three, solve_rows
 from ._chain import DONE, INDEFINITE
 from ._window import AT, BEGIN, DSYRK, MANY, NAME, NOW, OWN, POSE, POSES, SLOTS, STAGES, Window, row

@@ -23,8 +23,6 @@ from .drive import Outcome, drive, path_digest, timed_again, warm_up
 from .memory import Peak, limited
 from .score import score
 
-NOT_CONVERGED = "the smoothing ended without converging"  # the remark on a cell whose backend says so
-
 TOLD = "was given the ground truth: linearised there"  # the remark on a cell whose backend made use of it
 
 
@@ -118,7 +116,7 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     if held is not None and compiled.made() == made:
         row["peak_mb"] = held
     loops += outcome.left_out
-    return _scored(builder, log, outcome, read_truth(), loops, row)
+    return _scored(builder, job, log, outcome, read_truth(), loops, row)
 
 
 def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
@@ -135,12 +133,14 @@ def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
 
 
 def _scored(
-    builder: Builder, log: Log, outcome: Outcome, truth: Truth | None, loops: int, row: dict[str, Any]
+    builder: Builder, job: Job, log: Log, outcome: Outcome, truth: Truth | None, loops: int, row: dict[str, Any]
 ) -> Result:
     """Scores the outcome; `loops` are the closures that the backend was not given, or had kept no pose for."""
-    judged = score(log, outcome, truth, sightings=builder.sightings)
+    minimises = builder.minimising(job.options)
+    judged = score(log, outcome, truth, sightings=builder.sightings, minimises=minimises)
+    if judged.failed:
+        return Result("diverged", judged.failed, row)
     said = [TOLD] * outcome.told
-    said += [NOT_CONVERGED] * (outcome.solution is not None and outcome.solution.converged is False)
     said += [f"{loops} loop closure{' is' if loops == 1 else 's are'} left out"] * bool(loops)
     said += [judged.remark] * bool(judged.remark)
     row |= {"told": int(outcome.told)} | judged.row

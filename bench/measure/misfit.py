@@ -9,10 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...backends.api import Diverged
 from ...backends.models import innovation, sight
 from ...core.factors import UNKNOWN, Log, Map
 from ...core.se2 import Array, between
 from ...core.truth_errors import difference, rows_of
+
+STEPS = 20  # of the batch solver, from an estimate whose J is judged
 
 
 class Misfit(NamedTuple):
@@ -46,6 +49,18 @@ def misfit(log: Log, path: Array, landmarks: Map) -> Misfit | None:
         sightings=float(sighted.sum()),
         loops=float(loop_misfits(log, path).sum()),
     )
+
+
+def lowest_near(log: Log, path: Array, landmarks: Map) -> float | None:
+    """Computes the least J to which a few steps of the batch solver lead from a path and a map; None if they fail."""
+    from ...backends.graphs.batch import Batch  # numba
+
+    try:
+        batch = Batch(log.identified(), 0, 0.0)
+        batch.start_at(path, landmarks)
+        return batch.fit(0.0, STEPS).cost
+    except Diverged:
+        return None
 
 
 def misfits(log: Log, path: Array, landmarks: Map) -> Array | None:

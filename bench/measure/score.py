@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...backends.api import Diverged
+from ...backends.api import Diverged, Solution
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints
 from ...core.truth_doubts import headings_known, judges, other_ways
@@ -15,13 +15,23 @@ from .cpu_time import step_cost
 from .drive import Outcome
 from .kept import kept
 from .locating import from_the_fix_on, locating
-from .misfit import Misfit, misfit
+from .misfit import Misfit, lowest_near, misfit
 from .nees import nees, nees_columns, not_covariances
 from .relations import counted_relations, relation_columns
 from .stated_noise import misstated
 from .times import length
 
 FEW = 0.9  # truth at a smaller share of the steps is remarked on
+
+FAR_ABOVE = 1.1
+"""J of a smoother over the least one near it from which on the smoother has failed.
+
+Incremental ones that end within their threshold are up to 5 % above it, on Huang's circle.
+"""
+
+NO_MORE = 1e-9  # J; a difference below it is none
+
+NOT_CONVERGED = "the smoothing ended without converging"  # the remark on a cell whose backend says so
 
 TRANSLATION_ONLY = "aligned by translation only: the path is straight or standing"
 SHAPELESS = "ATE takes a truth of 3 steps in several places"
@@ -30,11 +40,12 @@ OTHER_WAYS = "the ways of truth and odometry differ as by a unit: no NEES is jud
 
 
 class Score(NamedTuple):
-    """A row's values by column name, arrays by name, and a remark for the row's reason ("" for none)."""
+    """A row's values by column name, arrays by name, a remark for the row's reason, and why it is no answer, or ""."""
 
     row: dict[str, Any]
     arrays: dict[str, Array | Ints]
     remark: str
+    failed: str
 
 
 class _End(NamedTuple):
@@ -47,8 +58,8 @@ class _End(NamedTuple):
     row: dict[str, Any]
 
 
-def score(log: Log, outcome: Outcome, truth: Truth | None, *, sightings: bool = True) -> Score:
-    """Scores the outcome of a backend that uses `sightings`, or does not.
+def score(log: Log, outcome: Outcome, truth: Truth | None, *, sightings: bool = True, minimises: bool = False) -> Score:
+    """Scores the outcome of a backend that uses `sightings`, or does not, and `minimises` J, or does not.
 
     Online and final are never mixed; a value that does not exist is absent from the row.
     """
@@ -86,7 +97,27 @@ def score(log: Log, outcome: Outcome, truth: Truth | None, *, sightings: bool = 
         arrays["cost_terms"] = np.array(fit)
     row |= _measured_from(truth) | _inner(log, outcome) | {"landmarks": len(last.map.ids)}
     row |= locating(log, outcome, truth if headings else None) | step_cost(log, outcome)
-    return Score(row, arrays, "; ".join(remarks))
+    failed = "" if outcome.solution is None else _failed(log, outcome.solution, fit if minimises else None, truth)
+    if outcome.solution is not None and outcome.solution.converged is False:
+        remarks.insert(0, NOT_CONVERGED)
+    return Score(row, arrays, "; ".join(remarks), failed)
+
+
+def _failed(log: Log, solution: Solution, fit: Misfit | None, truth: Truth | None) -> str:
+    """Says why a smoother's solution, whose misfit `fit` should be the least, is none; "" if it is one.
+
+    One that has converged may be at another minimum: then J of a plain batch optimum tells, where there is one.
+    """
+    if fit is None or log.prior.start != "known":
+        return NOT_CONVERGED if solution.converged is False else ""
+    found = [lowest_near(log, solution.path, solution.map)]
+    if truth is not None and truth.kind == "reference" and not truth.words and truth.places == "reference":
+        other = None if truth.map is None else _fit(log, truth.poses, truth.map)
+        found.append(None if other is None else other.total)
+    least = min((J for J in found if J is not None), default=fit.total)
+    if fit.total <= FAR_ABOVE * least + NO_MORE:
+        return ""
+    return f"the smoothing ended at a J of {fit.total:.4g}, where one of {least:.4g} is in reach: no optimum"
 
 
 def _ends(outcome: Outcome, truth: Truth | None) -> dict[str, _End]:

@@ -22,6 +22,7 @@ from ...core.truth_errors import named
 from ...datasets import archive, cache
 from ...datasets import registry as datasets
 from ...datasets.ready import made_ready
+from ...datasets.remarks import remarked
 from ..measure.accuracy import align
 from ..measure.misfit import loop_misfits, misfits
 from .given_map import localising
@@ -29,6 +30,7 @@ from .given_map import localising
 MEDIAN, LOOP_MEDIAN = 1.386, 2.366  # median of chi-square with 2 degrees of freedom, and 3
 FAR, LOOP_FAR = 18.42, 21.11  # chi-square with 2 degrees of freedom, and 3, exceeds it once in 10,000
 MANY = 5e-3  # share of sightings or loops beyond FAR that rules the optimum: fifty times that of correct noise
+NO_REFERENCE = "no true path is known and no batch optimum was found: nothing is measured from either"
 FEWEST = 3  # landmarks needed to align two maps
 
 
@@ -66,7 +68,10 @@ def made_with_reference(
     """
     made = made_ready(name, datasets.find(name), options, seed)
     log = made.log if given is None else localising(made.log, given, f"dataset {name}", start)
-    return Dataset(log, known(log, made.truth))
+    truth = known(log, made.truth)
+    if truth is None or (not len(truth.t) and truth.relations is None):
+        log = remarked(log, [NO_REFERENCE])
+    return Dataset(log, truth)
 
 
 def known(log: Log, truth: Truth | None) -> Truth | None:
@@ -140,9 +145,10 @@ def _optimum(log: Log, loss: str = "none") -> Solution | None:
     for step in log.identified():
         batch.step(step)
     try:
-        return batch.finish()
+        found = batch.finish()
     except Diverged:
         return None
+    return None if found is None or found.converged is False else found  # another path would be as good a reference
 
 
 def _key(log: Log) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.csv_values import header_names, no_number, number, other_count, other_header, shown
+from ...core.csv_values import digits_lost, header_names, no_number, number, other_count, other_header, shown
 from ...core.errors import InputError
 from ...core.se2 import Array, Ints
 from ...core.table import CHUNK, Table, text
@@ -38,6 +38,16 @@ def read_columns(path: Path, *choices: Sequence[str], remarks: list[str] | None 
         raise InputError(f"{path}: found no rows, expected at least one below the header.")
     rows = _rows(path, lines, numbers, header, places)
     return Table(path, tuple(chosen), rows, numbers).finite()
+
+
+def in_order(table: Table, *, strictly: bool) -> Table:
+    """Returns the table; InputError for a time that is earlier than the one before or, with `strictly`, equal."""
+    t = table.column("t")
+    late = np.diff(t) <= 0 if strictly else np.diff(t) < 0
+    for row in np.flatnonzero(late) + 1:
+        wanted = "later than" if strictly else "no earlier than"
+        raise table.fault(row, f"t is {t[row]!s}, expected {wanted} {t[row - 1]!s}{digits_lost(t.tolist())}")
+    return table
 
 
 def _rows(path: Path, lines: list[str], numbers: Ints, header: Sequence[str], places: Sequence[int]) -> Array:

@@ -1,19 +1,23 @@
 """The end of a smoother: damped where it must be, and whether it converged is said."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from driven import final, run
 from random_logs import random_log
-from slamduel.backends.api import Diverged
+from slamduel.backends.api import Builder, Diverged, Solution
 from slamduel.backends.registry import find
-from slamduel.backends.smoothing import _graph, forest
-from slamduel.bench.measure.cell import NOT_CONVERGED, Job, run_on
+from slamduel.backends.smoothing import _graph, forest, valleys
+from slamduel.bench.measure.cell import Job, run_on
+from slamduel.bench.measure.drive import drive
 from slamduel.bench.measure.misfit import misfit
-from slamduel.core.factors import Log, Map
+from slamduel.bench.measure.score import NOT_CONVERGED, score
+from slamduel.core.factors import Log, Map, Step
 from slamduel.core.se2 import Array
 
 
@@ -41,6 +45,7 @@ def test_where_no_share_of_a_step_lowers_j_it_is_damped(monkeypatch: pytest.Monk
     assert damped.path == pytest.approx(usual.path, abs=1e-5)
     assert damped.cov == pytest.approx(usual.cov, rel=1e-3, abs=1e-9)
     monkeypatch.setattr(forest, "FIRST_DAMPING", 2 * forest.MOST_DAMPING)
+    monkeypatch.setattr(valleys, "descend", lambda *_: False)
     stuck = final("smoother", log)
     assert stuck.converged is False
     assert cost(log, stuck.path, stuck.map) > 2 * cost(log, usual.path, usual.map)
@@ -53,6 +58,7 @@ def test_where_j_is_flat_at_the_end_it_is_where_damping_began(
     """Damped eliminations go well and the last one does not, or none goes well: the path and covariances of before."""
     log = with_wrong_ids(5)
     monkeypatch.setattr(forest, "HALVINGS", 1)
+    monkeypatch.setattr(valleys, "descend", lambda *_: False)
     with monkeypatch.context() as patch:
         patch.setattr(forest, "FIRST_DAMPING", 2 * forest.MOST_DAMPING)
         before = final("smoother", log)
@@ -63,7 +69,7 @@ def test_where_j_is_flat_at_the_end_it_is_where_damping_began(
     found = final("smoother", log)
     assert found.converged is False
     assert np.array_equal(found.cov, before.cov)
-    assert cost(log, found.path, found.map) < cost(log, before.path, before.map)  # without the step that raises it
+    assert cost(log, found.path, found.map) <= cost(log, before.path, before.map)  # neither takes a step that raises it
 
 
 def test_a_log_on_which_the_iterations_run_out_says_so() -> None:
@@ -76,12 +82,53 @@ def test_a_log_on_which_the_iterations_run_out_says_so() -> None:
         assert final(name, right).converged is True
 
 
-def test_a_cell_that_did_not_converge_has_a_remark() -> None:
+@pytest.mark.parametrize(
+    ("options", "status", "reason"),
+    [
+        ({}, "done", ""),
+        (
+            {"final_iterations": 1},
+            "diverged",
+            r"the smoothing ended at a J of .*, where one of .* is in reach: no optim",
+        ),
+    ],
+)
+def test_a_cell_that_did_not_get_to_the_optimum_is_not_done(options: dict[str, Any], status: str, reason: str) -> None:
     log = with_wrong_ids(5)
-    for iterations, said in ((1, NOT_CONVERGED), (50, "")):
-        options = find("smoother").options(final_iterations=iterations)
-        done = run_on(Job("smoother", "smoother", options, 0, 4000), lambda: log, lambda: None)
-        assert (done.status, done.reason) == ("done", said)
+    done = run_on(Job("smoother", "smoother", find("smoother").options(**options), 0, 4000), lambda: log, lambda: None)
+    assert done.status == status
+    assert re.match(reason, done.reason)
+    assert ("final_ate_m" in done.row, "cost_j" in done.row) == (False, status == "done")
+
+
+def test_one_that_is_at_the_optimum_though_it_says_otherwise_is_done() -> None:
+    log, _ = random_log(np.random.default_rng(4), 50, 10, noise=0.3, blind=0.0, radius=20.0)
+    backend, _ = run("smoother", log)
+    found = backend.finish()
+    doubted = Builder(lambda *_: Told(found._replace(converged=False)), online=False, minimises=True)
+    for builder, failed in ((doubted, ""), (replace(doubted, minimises=False), NOT_CONVERGED)):
+        outcome = drive(builder, None, log, lambda: np.random.default_rng(0))
+        judged = score(log, outcome, None, minimises=builder.minimising(None))
+        assert (judged.remark, judged.failed) == (NOT_CONVERGED, failed)
+
+
+class Told:
+    """A batch with that solution."""
+
+    def __init__(self, solution: Solution) -> None:
+        self._solution = solution
+
+    def step(self, step: Step) -> None:
+        """No estimate."""
+
+    def belief(self) -> None:
+        """None."""
+
+    def map(self) -> Map:
+        return self._solution.map
+
+    def finish(self) -> Solution:
+        return self._solution
 
 
 def test_motions_without_a_covariance_are_no_interpolation_from_one_side() -> None:

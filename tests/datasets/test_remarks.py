@@ -140,6 +140,23 @@ def test_a_start_whose_heading_is_unknown_is_noticed(sd: float, told: int) -> No
     assert all(f"the heading of the prior has a standard deviation of {sd:.3g} rad" in one for one in found)
 
 
+@pytest.mark.parametrize(
+    ("range_", "sd", "turn", "words"),
+    [
+        (0.003, 0.005, 0.02, "1 sighting of .* from within 3 standard deviations .* at 0.003 m, stated to 0.005 m,"),
+        (0.003, 0.005, 1.5, ""),  # as noise in x and y has it
+        (0.2, 0.005, 0.02, ""),
+    ],
+)
+def test_a_bearing_from_right_above_a_landmark_is_noticed(range_: float, sd: float, turn: float, words: str) -> None:
+    log, _ = load("circle")
+    z, cov = log.z.copy(), log.z_cov.copy()
+    z[100, 0], cov[100] = range_, np.diag([sd, turn]) ** 2
+    found = [one for one in remarks(Dataset(replace(log, z=z, z_cov=cov), None)) if "sighting of" in one]
+    assert len(found) == bool(words)
+    assert not words or re.match(words, found[0])
+
+
 def test_a_readers_remark_goes_wherever_the_log_goes(tmp_path: Path) -> None:
     log, truth = small_dataset()
     told = replace(log, notes={**log.notes, REMARKS: ["readings are missing", "so are frames"]})

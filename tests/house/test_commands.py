@@ -188,7 +188,8 @@ def test_every_command_does_what_it_says(
         assert "Traceback" not in out + err, (words, out, err)
         if "is not on this machine: bench fetch" in err:
             pytest.skip(f"{' '.join(words)}: {err}")
-        assert status == 0, (words, out, err)
+        failed = "in reach: no optimum" in out + err  # isam2 on MRCLAM 6, robot 3, as docs/datasets.md says
+        assert status == (1 if failed else 0), (words, out, err)
 
 
 def test_what_is_left_out_is_there() -> None:

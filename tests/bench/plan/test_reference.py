@@ -5,13 +5,15 @@ import numpy as np
 import pytest
 
 from random_logs import random_log
+from slamduel.backends.api import Solution
+from slamduel.backends.graphs import graph
 from slamduel.bench.measure.accuracy import align, aligned, ate, own_map_rmse
 from slamduel.bench.plan import reference
 from slamduel.bench.report.tables import accuracy_table
 from slamduel.bench.run.terminal import tables
 from slamduel.bench.verdict.summary import lines
 from slamduel.bench.verdict.verdict import verdict
-from slamduel.core.factors import Dataset, Truth
+from slamduel.core.factors import Dataset, Map, Truth
 from slamduel.core.se2 import act
 from slamduel.datasets.hidden_ids import hidden
 from slamduel.datasets.worlds.outliers import swapped
@@ -109,3 +111,17 @@ def test_what_the_reference_is_stands_wherever_distances_do(tmp_path: Path) -> N
     assert not any("map" in sentence for sentence in said["field"])
     assert [use.purpose for use in verdict(park).uses] == ["online", "final", "map"]
     assert list(verdict(park).comparisons) == ["map_rmse_m", "final_map_rmse_m"]
+
+
+def test_a_batch_that_has_not_converged_is_no_reference(monkeypatch: pytest.MonkeyPatch, world: Dataset) -> None:
+    here = world.log.head(5)
+    stopped = Solution(np.zeros((5, 3)), Map(here.ids[:0], here.z[:0], None), None, converged=False)
+    monkeypatch.setattr(graph.Graph, "finish", lambda _: stopped)
+    assert reference._found(here) is None
+
+
+def test_a_log_without_truth_or_reference_has_a_remark(monkeypatch: pytest.MonkeyPatch, world: Dataset) -> None:
+    monkeypatch.setattr(reference, "made_ready", lambda *_: Dataset(world.log, None))
+    for found, remarks in ((world.truth, []), (None, [reference.NO_REFERENCE])):
+        monkeypatch.setattr(reference, "reference", lambda _, found=found: found)
+        assert reference.made_with_reference("circle", None, 0).log.remarks == remarks

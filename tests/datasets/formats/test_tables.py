@@ -14,7 +14,7 @@ from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.core.tum import write_tum
-from slamduel.datasets.formats import csv_tables
+from slamduel.datasets.formats import csv_sightings, csv_tables
 
 DT = 0.1
 
@@ -111,6 +111,40 @@ def test_points_ahead_and_to_the_left_are_ranges_and_bearings(files: dict[str, A
     rows = np.column_stack((t, ids, r * np.cos(b), r * np.sin(b)))
     log = made(files | {"detections": csv(tmp_path / "points.csv", "t,id,x,y", rows)}).log
     np.testing.assert_allclose(log.z, expected.z, atol=1e-12)
+
+
+def points(files: dict[str, Any], at: Path) -> dict[str, Any]:
+    """The options with the detections as points."""
+    t, ids, r, b = np.loadtxt(files["detections"], delimiter=",", skiprows=1).T
+    return files | {"detections": csv(at, "t,id,x,y", np.column_stack((t, ids, r * np.cos(b), r * np.sin(b))))}
+
+
+def test_noise_of_x_and_y_is_that_of_range_and_bearing_by_their_derivatives(
+    files: dict[str, Any], tmp_path: Path
+) -> None:
+    log = made(points(files, tmp_path / "points.csv") | {"xy_sd": 0.05}).log
+    r, b = log.z.T
+    turns = np.array([[np.cos(b), np.sin(b)], [-np.sin(b) / r, np.cos(b) / r]]).transpose(2, 0, 1)
+    np.testing.assert_allclose(log.z_cov, turns @ (0.05**2 * np.eye(2)) @ turns.transpose(0, 2, 1), atol=1e-15)
+    assert log.notes["noise"]["xy_sd"] == 0.05
+    assert "range_sd" not in log.notes["noise"]
+    assert log.remarks == []
+
+
+@pytest.mark.parametrize("times", [0.0, 0.1, 0.4, 0.9, 1.1, 1.7, 2.2, 2.8, 3.5, 6.0, 9.9, 10.1, 30.0])
+def test_noise_of_x_and_y_is_that_of_places_around_the_point(times: float) -> None:
+    """From right above it, too, where no derivative holds: places are drawn around a point at so many of its sds."""
+    places = np.random.default_rng(0).normal((times, 0.0), 1.0, (400_000, 2))
+    along, across = csv_sightings.of_points(np.array([0.005 * times]), 0.005)
+    drawn = (np.hypot(*places.T) - times) ** 2, np.arctan2(places[:, 1], places[:, 0]) ** 2
+    assert along[0] == pytest.approx(0.005**2 * drawn[0].mean(), rel=0.05)
+    assert across[0] == pytest.approx(drawn[1].mean(), rel=0.05)
+
+
+def test_noise_of_x_and_y_is_of_points_only(files: dict[str, Any]) -> None:
+    refused(
+        r"option xy_sd=0.05 of dataset csv: .*t,id,range,bearing, expected t,id,x,y, or", made, files | {"xy_sd": 0.05}
+    )
 
 
 def test_noise_is_as_stated_and_composes(files: dict[str, Any]) -> None:

@@ -1,6 +1,6 @@
 """Partial Cholesky factorisation of a front: its first rows become [R d], the others the Schur complement.
 
-A front is as in `_factors`: m rows of w = m + 1 numbers, the upper triangle and the right-hand side. Rows are
+A front has m rows of w = m + 1 numbers, the upper triangle and the right-hand side. Rows are
 eliminated four at a time, so that the rest is read and written once for four; wide fronts use BLAS for the rest.
 """
 
@@ -8,9 +8,9 @@ from math import sqrt
 
 import numpy as np
 
-from ...core.kernels._blas import add_upper_square
-from ...core.kernels.compiled import compiled
-from ...core.se2 import Array
+from ..se2 import Array
+from ._blas import add_upper_square
+from .compiled import compiled
 
 WIDE, PANEL = 96, 48
 """Scalars from which a front uses BLAS, and rows eliminated before each call."""

@@ -1,0 +1,43 @@
+"""The options of a log from CSV tables: files, units and noise."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.options import option
+
+
+@dataclass(frozen=True)
+class Options:
+    """The files and their noise."""
+
+    odometry: str | None = option(None, "CSV file with t,x,y,heading or t,dx,dy,dtheta or t,v,omega")
+    detections: str | None = option(None, "CSV file with t,id,range,bearing or t,id,x,y; id -1 is unknown")
+    truth: str | None = option(None, "CSV file with t,x,y,heading, or a TUM file")
+    landmarks: str | None = option(None, "CSV file with the landmarks' true positions: id,x,y")
+    ignore: str = option("", "ids to leave out, such as those of moving objects: 5;14;23")
+    angles: str = option("radians", "unit of angles in the CSV files", choices=("radians", "degrees"))
+    range_sd: float = option(0.1, "standard deviation of a range, m", minimum=1e-6, maximum=1e3)
+    range_share: float = option(0.0, "growth of that with the range, as a share of the range", minimum=0.0, maximum=1.0)
+    bearing_sd: float = option(0.02, "standard deviation of a bearing, rad", minimum=1e-6, maximum=3.0)
+    xy_sd: float | None = option(
+        None, "standard deviation of x and of y of t,id,x,y, m, in place of these three", minimum=1e-6, maximum=1e3
+    )
+    forward: float = option(0.05, "motion noise, m per root metre driven", minimum=0.0, maximum=10.0)
+    turning: float = option(0.03, "motion noise, rad per root metre driven", minimum=0.0, maximum=10.0)
+    turning_by_turn: float = option(0.05, "motion noise, rad per root radian turned", minimum=0.0, maximum=10.0)
+    floor_position: float = option(1e-3, "motion noise of every factor, m", minimum=1e-6, maximum=10.0)
+    floor_heading: float = option(1e-3, "motion noise of every factor, rad", minimum=1e-6, maximum=3.0)
+    every: float = option(1.0, "longest time between keyframes, s", minimum=1e-3, maximum=1e6)
+    max_speed: float = option(50.0, "faster motion counts as a misreading, m/s", minimum=1e-3, maximum=1e6)
+    start_x: float | None = option(None, "initial x, m; not given: from the ground truth, else 0")
+    start_y: float | None = option(None, "initial y, m")
+    start_heading: float | None = option(None, "initial heading, rad", minimum=-np.pi, maximum=np.pi)
+    start_sd: float | tuple[float, float] = option(
+        1e-3, "standard deviation of the initial pose: of m and rad alike, or of m;rad", minimum=1e-9, maximum=1e3
+    )
+
+    @property
+    def radians(self) -> float:
+        """The unit of angles in the CSV files, rad."""
+        return 1.0 if self.angles == "radians" else np.pi / 180

@@ -1,0 +1,122 @@
+"""The detections of a log from CSV tables, and their noise as that of ranges and bearings.
+
+Noise in x and y alone, of standard deviation s, is s along the range and s / r across it where the range r is well
+beyond s. Nearer, a bearing says less and less, and in the end nothing: its variance is that of all angles, pi^2 / 3.
+The place is then anywhere around the point that was measured, and the covariance is the mean square by which range and
+bearing of a place drawn from there differ from that point's (S. O. Rice, Bell System Technical Journal 24, 1945, has
+the densities of both).
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core.elementary import arctan2, hypot
+from ...core.errors import InputError
+from ...core.factors import UNKNOWN
+from ...core.se2 import Array, Ints
+from ...core.table import MOST
+from ...frontend.wheels.holes import outside
+from .columns import in_order, read_columns
+from .csv_options import Options
+
+SIGHTINGS = ("t", "id", "range", "bearing")
+POINTS = ("t", "id", "x", "y")
+
+FAR = 10.0  # standard deviations; ranges beyond it are taken as well beyond the noise: bearings are then 0.5 % better
+NEAR = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, FAR])
+ALONG = np.array(
+    [2.0000, 1.4886, 1.1696, 0.9895, 0.9029, 0.8734, 0.8752, 0.9105, 0.9440, 0.9645, 0.9825, 0.9893, 0.9947, 0.9975]
+)
+ACROSS = np.array(
+    [3.2899, 2.6830, 2.1306, 1.6497, 1.2489, 1.4510, 1.5356, 1.4720, 1.3105, 1.1861, 1.0789, 1.0454, 1.0216, 1.0103]
+)
+"""At these ranges, in standard deviations of x and y: the variance of the range over theirs, and that of the bearing
+times the square of the range in them, or of 1 if that is more."""
+
+
+class Detections(NamedTuple):
+    """Sightings in order of time, and the numbers left out: outside the odometry's time, and ignored."""
+
+    t: Array  # (s,)
+    ids: Ints  # (s,)
+    z: Array  # (s, 2)
+    z_cov: Array  # (s, 2, 2)
+    outside: int
+    ignored: int
+
+
+def detections(path: Path, options: Options, start: float, end: float, remarks: list[str]) -> Detections:
+    """Reads the detections from `start` to `end`, s."""
+    table = in_order(read_columns(path, SIGHTINGS, POINTS, remarks=remarks), strictly=False)
+    if options.xy_sd is not None and table.columns != POINTS:
+        raise InputError(
+            f"option xy_sd={options.xy_sd:g} of dataset csv: {path} has {','.join(SIGHTINGS)}, expected "
+            f"{','.join(POINTS)}, or options range_sd and bearing_sd."
+        )
+    ids, t = table.whole("id"), table.column("t")
+    for row in np.flatnonzero((ids < UNKNOWN) | (ids > MOST)):
+        raise table.fault(row, f"id is {ids[row]}, expected 0 to {MOST}, or {UNKNOWN} for unknown")
+    order = np.lexsort((ids, t))
+    twin = (np.diff(t[order]) == 0) & (np.diff(ids[order]) == 0) & (ids[order[1:]] != UNKNOWN)
+    for row in np.sort(order[1:][twin]):
+        raise table.fault(row, f"id {ids[row]} occurs twice at t {t[row]!s}, expected once")
+    z = table.rows[:, 2:]
+    if table.columns == POINTS:
+        z = np.stack((hypot(*z.T), arctan2(z[:, 1], z[:, 0])), axis=-1)
+    else:
+        z = z * np.array([1.0, options.radians])
+        for row in np.flatnonzero(np.abs(z[:, 1]) > np.pi):
+            found = f"bearing is {table.column('bearing')[row]!s} {options.angles}"
+            raise table.fault(row, f"{found}, expected at most half a turn: wrap it, or set the unit by option angles")
+    for row in np.flatnonzero(~((z[:, 0] > 0) & np.isfinite(z[:, 0]))):
+        raise table.fault(row, f"the range is {z[row, 0]!s}, expected more than 0")
+    inside = (start <= t) & (t <= end)
+    ignored = _ignored(options)
+    left_out = np.isin(ids, ignored)
+    remarks += [
+        f"option ignore={options.ignore}: {path} has no detection of id {name}, which is to be left out"
+        for name in np.setdiff1d(ignored, ids).tolist()
+    ]
+    if not inside.any():
+        raise InputError(
+            f"{path}: its times, {t[0]!s} to {t[-1]!s} s, are outside the odometry's, {start!s} to "
+            f"{end!s} s; expected the same clock."
+        )
+    kept = inside & ~left_out
+    clock = f"before or after the odometry, {start:.10g} to {end:.10g} s"
+    remarks += outside(str(path), int((~inside).sum()), len(t), "detection", clock)
+    cov = _noise(z[kept], options)
+    return Detections(t[kept], ids[kept], z[kept], cov, int((~inside).sum()), int((inside & left_out).sum()))
+
+
+def _ignored(options: Options) -> list[int]:
+    """Parses the ids to leave out."""
+    names = [name.strip() for name in options.ignore.split(";") if name.strip()]
+    for name in names:
+        if not (name.isascii() and name.removeprefix("-").isdigit()):
+            raise InputError(
+                f"option ignore={options.ignore} of dataset csv: found {name!r}, expected ids as in 5;14;23."
+            )
+    return [int(name) for name in names]
+
+
+def _noise(z: Array, options: Options) -> Array:
+    """(s, 2, 2) the covariances set by the options."""
+    cov = np.zeros((len(z), 2, 2))
+    if options.xy_sd is not None:
+        cov[:, 0, 0], cov[:, 1, 1] = of_points(z[:, 0], options.xy_sd)
+        return cov
+    cov[:, 0, 0] = (options.range_sd + options.range_share * z[:, 0]) ** 2
+    cov[:, 1, 1] = options.bearing_sd**2
+    return cov
+
+
+def of_points(r: Array, sd: float) -> tuple[Array, Array]:
+    """The variances (n,) of ranges (m^2) and bearings (rad^2) of points at `r` (n,), m, known to `sd` in x and in y."""
+    times = r / sd
+    far = times >= FAR
+    along = np.where(far, 1.0, np.interp(times, NEAR, ALONG))
+    across = np.where(far, 1.0, np.interp(times, NEAR, ACROSS))
+    return sd**2 * along, across / np.maximum(times, 1.0) ** 2
