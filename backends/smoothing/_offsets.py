@@ -87,14 +87,14 @@ def offsets(g: Graph, order: Ints, out: Array) -> None:
 @compiled
 def predicted_fall(g: Graph, order: Ints) -> float:
     """The decrease of J by all offsets if its residuals were linear: the sum of squares of d in all [R d]."""
-    m, total = 2 * g.state[ROOT] + 3, 0.0
+    m, total = 2 * int(g.state[ROOT]) + 3, 0.0
     for i in range(m):
-        total += g.work[i * (m + 1) + m] ** 2
+        total += float(g.work[i * (m + 1) + m]) ** 2
     for c in order:
         if g.cliques[c, FRONTALS] > 0:
             size, at = g.cliques[c, SIZE], g.cliques[c, FACTOR]
             for i in range(g.cliques[c, FRONT]):
-                total += g.reals[at + i * (size + 1) + size] ** 2
+                total += float(g.reals[at + i * (size + 1) + size]) ** 2
     return total
 
 

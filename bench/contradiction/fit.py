@@ -16,8 +16,11 @@ from ..measure.misfit import loop_misfits, misfits
 
 LOSS = "cauchy"
 TOLERANCE, ITERATIONS = 1e-4, 30
-KEPT, KEPT_LOOPS = 0.8, 0.6
-"""Share of motions and sightings, and of loop closures, that counts, the least: outliers are fewer than the others."""
+MOST, FEWEST = 0.9, 0.6
+"""Share of each kind that counts, the least; and that with outliers, of which more are none."""
+
+TAIL = 1.5
+"""Mean of the one share over that of the other, each over that of chi-square, above which there are outliers."""
 
 INFINITE = 1e12
 """Squares beyond are this."""
@@ -70,7 +73,7 @@ def fitted(log: Log) -> Fitted | None:
     motions = np.einsum("ni,ni->n", moved, np.linalg.solve(log.delta_cov[1:], moved[..., None])[..., 0])
     loops = loop_misfits(log, path)
     dof = 2 * (len(log.ids) - len(landmarks.ids)) + 3 * len(loops)
-    return Fitted(path, landmarks, dof, _part(motions, 3, KEPT), _part(sighted, 2, KEPT), _part(loops, 3, KEPT_LOOPS))
+    return Fitted(path, landmarks, dof, _part(motions, 3), _part(sighted, 2), _part(loops, 3))
 
 
 def agreement(parts: Sequence[Log]) -> Agreement:
@@ -89,12 +92,15 @@ def agreement(parts: Sequence[Log]) -> Agreement:
     return Agreement(sum(one.left for one in done) / dof, dof, sizes)
 
 
-def _part(squares: Array, k: int, share: float) -> Part:
-    """Sums up normalised squares (n,) of dimension k, by the mean of the least `share` over that of chi-square."""
+def _part(squares: Array, k: int) -> Part:
+    """Sums up normalised squares (n,) of dimension k, by the mean of those that count over that of chi-square."""
     if not len(squares):
         return Part(0, 0.0)
-    kept = np.sort(np.minimum(squares, INFINITE))[: max(1, round(share * len(squares)))]
-    return Part(k * len(squares), float(kept.mean()) / kept_mean(k, share))
+    ordered = np.sort(np.minimum(squares, INFINITE))
+    most, fewest = (
+        float(ordered[: max(1, round(share * len(squares)))].mean()) / kept_mean(k, share) for share in (MOST, FEWEST)
+    )
+    return Part(k * len(squares), most if most < TAIL * fewest else fewest)
 
 
 def kept_mean(k: int, share: float) -> float:

@@ -10,9 +10,12 @@ from ...core.truth_errors import named
 from ...datasets.remarks import remarks as of_columns
 from ..words.numerals import number
 from . import truth as of_truth
-from .explain import MISSTATED, STUCK, Contradiction, contradiction
+from .explain import STUCK, Contradiction, contradiction
 from .fit import fitted
 from .stretch import stretches
+
+MISSTATED = 25.0
+"""J per degree of freedom up to which noise alone may be the cause: it is five times what is stated there."""
 
 
 def remarks(dataset: Dataset) -> list[str]:
@@ -43,11 +46,12 @@ def sentence(found: Contradiction) -> str:
     if not found.contradicts:
         return ""
     kinds = ", ".join(f"{kind} {number(size)}" for kind, size in found.found.parts.items())
-    noise = f"noise is {number(np.sqrt(found.found.j))} times what is stated, or "
-    perhaps = noise if found.found.j < MISSTATED else ""
+    causes = [f"noise is {number(np.sqrt(found.found.j))} times what is stated"] * (found.found.j < MISSTATED)
+    causes += ["ids are wrong or landmarks move"] * ("sightings" in found.found.parts)
+    causes += ["loop closures are false"] * ("loops" in found.found.parts)
     return (
-        f"{begun} at the optimum J is {j} per degree of freedom ({kinds}), where 1 is expected: {perhaps}a frame, "
-        "a sign, a unit or a clock is wrong; bench validate --explain tries the usual mistakes"
+        f"{begun} at the optimum J is {j} per degree of freedom ({kinds}), where 1 is expected: {', '.join(causes)}, "
+        "or a frame, a sign, a unit or a clock is wrong; bench validate --explain tries the usual mistakes"
     )
 
 

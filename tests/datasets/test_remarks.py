@@ -21,6 +21,8 @@ from slamduel.datasets.published import catalogue
 from slamduel.datasets.remarks import NO_SIGHTING, refuse, remarks
 from small_log import small_dataset
 
+CONTRADICTION = "the measurements contradict one another: at the optimum"
+
 DRAWN = ("aruco-robot", "bailey", "circle", "city", "linear", "matlab-report", "victoria-park")
 
 MRCLAM = "mrclam/MRCLAM_Dataset6"
@@ -43,6 +45,9 @@ def test_a_published_log_has_no_remark(name: str) -> None:
     assert all_remarks(load(f"{name}path={path}]" if "[" in name else f"{name}[path={path}]")) == []
 
 
+WRONG = {"misstated-noise", "moving-landmarks", "outliers", "false-loops"}
+"""Studies of logs that contradict themselves, by noise, landmarks, ids or loops; no usual mistake explains them."""
+
 PARTIAL = {"intel-lab", "fr079"}
 """Laser logs whose copies at hand lack scans that relations are about, or the odometry."""
 
@@ -63,6 +68,7 @@ def test_no_log_of_a_packaged_study_has_a_remark(name: str) -> None:
             continue
         of.add(seed)
         odd = all_remarks(made(dataset, seed))
+        odd = [one for one in odd if not (name in WRONG and CONTRADICTION in one)]
         if dataset.name == "victoria-park-raw":
             (without_ids,) = odd
             assert "have no id: " in without_ids

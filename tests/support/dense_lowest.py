@@ -8,7 +8,7 @@ import numpy as np
 from dense_fit import sighted
 from motions import between_jacobians
 from slamduel.core.factors import Log, Map
-from slamduel.core.se2 import Array, between, wrap
+from slamduel.core.se2 import Array, Ints, between, wrap
 from slamduel.core.truth_errors import rows_of
 
 
@@ -17,11 +17,11 @@ def lowest(log: Log, path: Array, landmarks: Map, iterations: int = 60) -> float
     n, damping = len(path), 1e-6
     x = np.concatenate((path.ravel(), landmarks.xy.ravel()))
     row = rows_of(landmarks.ids, log.ids)
-    r, A = whitened(log, x, n, row)
+    r, slopes = whitened(log, x, n, row)
     for _ in range(iterations):
         found = None
         while found is None and damping < 1e6:
-            trial, there, slope = x, r, A
+            trial, there, slope = x, r, slopes
             for _ in range(2):
                 trial = trial + step(slope, there, damping)
                 there, slope = whitened(log, trial, n, row)
@@ -32,7 +32,7 @@ def lowest(log: Log, path: Array, landmarks: Map, iterations: int = 60) -> float
         if found is None:
             break
         done = found[1] @ found[1] > (1 - 1e-10) * (r @ r)
-        x, r, A = found
+        x, r, slopes = found
         damping = max(damping, 1e-12)
         if done:
             break
@@ -46,7 +46,7 @@ def step(A: Array, r: Array, damping: float) -> Array:
     return np.linalg.lstsq(rows, np.concatenate((-r, np.zeros(len(size)))), rcond=None)[0] / size
 
 
-def whitened(log: Log, x: Array, n: int, row: Array) -> tuple[Array, Array]:
+def whitened(log: Log, x: Array, n: int, row: Ints) -> tuple[Array, Array]:
     """All residuals by the square roots of their information, and their derivatives; `row` has sightings' landmarks."""
     path, xy = x[: 3 * n].reshape(n, 3), x[3 * n :].reshape(-1, 2)
     r, A = list[Array](), list[Array]()

@@ -4,7 +4,7 @@ import numpy as np
 
 from driven import NO_LOOPS, NO_SIGHTINGS
 from slamduel.core.factors import Dataset, Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
-from slamduel.core.se2 import Array, between, compose, wrap
+from slamduel.core.se2 import Array, Ints, between, compose, wrap
 from slamduel.datasets.formats.csv_sightings import of_points
 
 RADIUS, REACH, SD = 1.2, 0.5, 0.005  # m; of the way, of the sight, and noise of a sighting's x and y
@@ -42,13 +42,13 @@ def near_log(
         c, s = np.cos(pose[2]), np.sin(pose[2])
         place = (xy - pose[:2]) @ np.array([[c, -s], [s, c]])
         seen = np.flatnonzero(np.hypot(*place.T) < REACH)
-        made.append(Step(float(k), odometry, sightings(seen, place[seen], rng, bearing), NO_LOOPS))
+        made.append(Step(float(k), odometry, sightings(seen.astype(np.int64), place[seen], rng, bearing), NO_LOOPS))
     log = Log.from_steps("near", Prior(np.zeros(3), 1e-6 * np.eye(3)), made)
     ids = np.unique(log.ids)
     return Dataset(log, Truth(log.t, np.array(poses), Map(ids, xy[ids], None), None, "truth"))
 
 
-def sightings(ids: Array, place: Array, rng: np.random.Generator, bearing: float | None) -> RangeBearing:
+def sightings(ids: Ints, place: Array, rng: np.random.Generator, bearing: float | None) -> RangeBearing:
     """Sightings of landmarks at a `place` (k, 2) in the body frame, with noise."""
     if not len(ids):
         return NO_SIGHTINGS

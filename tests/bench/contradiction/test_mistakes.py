@@ -59,7 +59,7 @@ def test_noise_that_is_stated_too_small_is_said_without_a_mistake(tmp_path: Path
     (log, _), _ = drawn(3001, None, tmp_path)
     smaller = replace(log, z_cov=log.z_cov / 4, delta_cov=log.delta_cov / 4)
     (said,) = contradictions(Dataset(smaller, None))
-    found = re.search(r"noise is ([\d.]+) times what is stated, or a frame", said)
+    found = re.search(r"noise is ([\d.]+) times what is stated, ids", said)
     assert found
     assert 1.8 < float(found[1]) < 2.2
 

@@ -117,7 +117,7 @@ def test_a_batch_that_has_not_converged_is_no_reference(monkeypatch: pytest.Monk
     here = world.log.head(5)
     stopped = Solution(np.zeros((5, 3)), Map(here.ids[:0], here.z[:0], None), None, converged=False)
     monkeypatch.setattr(graph.Graph, "finish", lambda _: stopped)
-    assert reference._found(here) is None
+    assert reference.reference(here) is None
 
 
 def test_a_log_without_truth_or_reference_has_a_remark(monkeypatch: pytest.MonkeyPatch, world: Dataset) -> None:
