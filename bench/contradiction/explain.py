@@ -37,8 +37,8 @@ class Tried(NamedTuple):
 
     name: str
     words: str
-    j: float  # J per degree of freedom then
-    score: float  # and what larger noise of the motions costs, as in a likelihood
+    found: Agreement  # then
+    larger: float  # by which noise of the motions that is larger then makes the log less likely, per degree of freedom
     wrapped: bool  # not all could be taken back
 
 
@@ -46,27 +46,36 @@ class Contradiction(NamedTuple):
     """The agreement of a log with itself, and the reasons against it."""
 
     found: Agreement
-    tried: list[Tried]  # the best first; none of a log that agrees
+    tried: list[Tried]  # none of a log that agrees
     stuck: bool  # one wheel's counts stand still, which nothing takes back
 
     @property
     def contradicts(self) -> bool:
-        """True where noise as stated does not explain the log, of which there is an optimum."""
-        return CONTRADICTS < self.found.j < np.inf
+        """True where neither noise as stated nor outliers explain the log, of which there is an optimum."""
+        return CONTRADICTS < self.found.bulk < np.inf
 
     @property
-    def named(self) -> Tried | None:
-        """The mistake, if it is a single one that explains the contradiction."""
-        if len(self.tried) < 2 or self.stuck or not np.isfinite(self.found.j):
+    def named(self) -> tuple[float, Tried, float] | None:
+        """J of the log, the mistake if a single one explains it, and J then: of all, or else without outliers."""
+        if len(self.tried) < 2 or self.stuck:
             return None
-        best, second = self.tried[:2]
-        fallen = FALLEN * self.found.j
-        explained = best.j < max(EXPLAINED, fallen if best.wrapped else min(fallen, MISSTATED))
-        ahead = all(self._above(best.score, one) for one in (second.score, self.found.j))
-        return best if explained and ahead else None
+        for j in (_all, _bulk):
+            best, second = sorted(self.tried, key=lambda one: j(one.found) + one.larger)[:2]
+            told, least, next_best = j(self.found), j(best.found), j(second.found) + second.larger
+            fallen = FALLEN * told if j is _bulk and best.wrapped else min(FALLEN * told, MISSTATED)
+            explained = least < max(EXPLAINED, fallen)
+            ahead = min(told, next_best) - best.larger
+            if explained and least * AHEAD < ahead < np.inf and (ahead - least) * self.found.dof > SURE:
+                return told, best, least
+        return None
 
-    def _above(self, best: float, other: float) -> bool:
-        return best * AHEAD < other and (other - best) * self.found.dof > SURE
+
+def _all(found: Agreement) -> float:
+    return found.j
+
+
+def _bulk(found: Agreement) -> float:
+    return found.bulk
 
 
 def contradiction(log: Log, *, every: bool = False) -> Contradiction | None:
@@ -80,28 +89,28 @@ def contradiction(log: Log, *, every: bool = False) -> Contradiction | None:
     parts.sort(key=lambda part: agreement([part]).j, reverse=True)  # numbers are found on the one that tells most
     stuck = all(map(on_one_circle, parts))
     undone = [_tried(mistake, parts) for mistake in MISTAKES]
-    tried = sorted((one for one in undone if one is not None), key=lambda one: one.score)
-    return Contradiction(found, tried, stuck)
+    return Contradiction(found, [one for one in undone if one is not None], stuck)
 
 
 def _tried(mistake: Mistake, parts: Sequence[Log]) -> Tried | None:
     """Takes a mistake back, with the number that is best for the first stretch; None where it is not there."""
 
-    def undone(number: float, some: Sequence[Log] = parts) -> tuple[float, float]:
+    def undone(number: float, some: Sequence[Log] = parts) -> tuple[Agreement, float]:
         changed = [log for part in some if (log := mistake.undone(part, number)) is not None]
         found = agreement(changed)
         larger = sum(_size(log) for log in changed) - sum(_size(log) for log in some)
-        return found.j, found.j + max(larger, 0.0) / max(found.dof, 1)
+        return found, max(larger, 0.0) / max(found.dof, 1)
 
     def score(number: float) -> float:
-        return undone(number, parts[:1])[1]
+        found, larger = undone(number, parts[:1])
+        return found.j + larger
 
     number = min(mistake.numbers, key=score)
     if mistake.between:
         number = _refined(score, mistake.numbers, number)
-    j, all_of_it = undone(number)
-    said = sentence(mistake, number)
-    return Tried(mistake.name, said, j, all_of_it, mistake.wrapped) if np.isfinite(j) else None
+    found, larger = undone(number)
+    tried = Tried(mistake.name, sentence(mistake, number), found, larger, mistake.wrapped)
+    return tried if np.isfinite(found.j) else None
 
 
 def _size(log: Log) -> float:

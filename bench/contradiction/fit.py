@@ -14,6 +14,7 @@ from ...core.se2 import Array, between
 from ...core.truth_errors import difference
 from ..measure.misfit import loop_misfits, misfits
 
+KINDS = ("motions", "sightings", "loops")
 LOSS = "cauchy"
 TOLERANCE, ITERATIONS = 1e-4, 30
 MOST, FEWEST = 0.9, 0.6
@@ -31,6 +32,7 @@ class Part(NamedTuple):
 
     components: int
     size: float  # of a normalised square over its dimension: below 1 where they are as stated, as the fit takes some
+    bulk: float  # likewise without outliers
 
 
 class Fitted(NamedTuple):
@@ -44,17 +46,18 @@ class Fitted(NamedTuple):
     loops: Part
 
     @property
-    def left(self) -> float:
-        """J, robust."""
-        return sum(part.components * part.size for part in (self.motions, self.sightings, self.loops))
+    def kinds(self) -> tuple[Part, Part, Part]:
+        """The parts."""
+        return self.motions, self.sightings, self.loops
 
 
 class Agreement(NamedTuple):
     """The rests of all stretches of a log together."""
 
-    j: float  # J per degree of freedom, robust: about 1 where noise is as stated; infinite where no fit succeeds
+    j: float  # J per degree of freedom: about 1 where noise is as stated; infinite where no fit succeeds
+    bulk: float  # likewise without outliers
     dof: int
-    parts: dict[str, float]  # kind -> size
+    parts: dict[str, float]  # kind -> size without outliers
 
 
 def fitted(log: Log) -> Fitted | None:
@@ -76,31 +79,33 @@ def fitted(log: Log) -> Fitted | None:
     return Fitted(path, landmarks, dof, _part(motions, 3), _part(sighted, 2), _part(loops, 3))
 
 
-def agreement(parts: Sequence[Log]) -> Agreement:
+def agreement(stretches: Sequence[Log]) -> Agreement:
     """Fits every stretch."""
-    found = [fitted(part) for part in parts]
+    found = [fitted(log) for log in stretches]
     done = [one for one in found if one is not None]
     if len(done) < len(found) or not done:
-        return Agreement(np.inf, 0, {})
+        return Agreement(np.inf, np.inf, 0, {})
     sizes = dict[str, float]()
-    for kind in ("motions", "sightings", "loops"):
-        of_kind: list[Part] = [getattr(one, kind) for one in done]
+    for kind, of_kind in zip(KINDS, zip(*(one.kinds for one in done), strict=True), strict=True):
         count = sum(part.components for part in of_kind)
         if count:
-            sizes[kind] = sum(part.components * part.size for part in of_kind) / count
+            sizes[kind] = sum(part.components * part.bulk for part in of_kind) / count
     dof = sum(one.dof for one in done)
-    return Agreement(sum(one.left for one in done) / dof, dof, sizes)
+    parts = [part for one in done for part in one.kinds]
+    j = sum(part.components * part.size for part in parts) / dof
+    bulk = sum(part.components * part.bulk for part in parts) / dof
+    return Agreement(j, bulk, dof, sizes)
 
 
 def _part(squares: Array, k: int) -> Part:
-    """Sums up normalised squares (n,) of dimension k, by the mean of those that count over that of chi-square."""
+    """Sums up normalised squares (n,) of dimension k, by the means of those that count over those of chi-square."""
     if not len(squares):
-        return Part(0, 0.0)
+        return Part(0, 0.0, 0.0)
     ordered = np.sort(np.minimum(squares, INFINITE))
     most, fewest = (
         float(ordered[: max(1, round(share * len(squares)))].mean()) / kept_mean(k, share) for share in (MOST, FEWEST)
     )
-    return Part(k * len(squares), most if most < TAIL * fewest else fewest)
+    return Part(k * len(squares), most, most if most < TAIL * fewest else fewest)
 
 
 def kept_mean(k: int, share: float) -> float:

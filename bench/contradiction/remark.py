@@ -37,16 +37,16 @@ def contradictions(dataset: Dataset) -> Iterator[str]:
 
 def sentence(found: Contradiction) -> str:
     """Says that a log contradicts itself, and why; nothing of one that does not."""
-    j, begun = number(found.found.j), "the measurements contradict one another:"
+    j, begun = number(found.found.bulk), "the measurements contradict one another:"
     if found.stuck and found.contradicts:
         return f"J is {j} per degree of freedom, where 1 is expected, and {STUCK}"
-    cause = found.named
-    if cause is not None:
-        return f"{begun} J falls from {j} to {number(cause.j)} per degree of freedom if {cause.words}"
+    if found.named is not None:
+        told, cause, least = found.named
+        return f"{begun} J falls from {number(told)} to {number(least)} per degree of freedom if {cause.words}"
     if not found.contradicts:
         return ""
     kinds = ", ".join(f"{kind} {number(size)}" for kind, size in found.found.parts.items())
-    causes = [f"noise is {number(np.sqrt(found.found.j))} times what is stated"] * (found.found.j < MISSTATED)
+    causes = [f"noise is {number(np.sqrt(found.found.bulk))} times what is stated"] * (found.found.bulk < MISSTATED)
     causes += ["ids are wrong or landmarks move"] * ("sightings" in found.found.parts)
     causes += ["loop closures are false"] * ("loops" in found.found.parts)
     return (
@@ -62,7 +62,7 @@ def explained(name: str, dataset: Dataset) -> str:
         return f"{name}: too few landmarks are sighted again, and too few loops closed, to tell if the log agrees."
     kinds = ", ".join(f"{kind} {number(size)}" for kind, size in found.found.parts.items())
     said = [f"{name}: J is {number(found.found.j)} per degree of freedom, where 1 is expected ({kinds}). It would be"]
-    said += [f"  {number(one.j):>8}  if {one.words}" for one in found.tried]
+    said += [f"  {number(one.found.j):>8}  if {one.words}" for one in sorted(found.tried, key=lambda one: one.found.j)]
     return "\n".join(said + [f"  and {STUCK}"] * found.stuck)
 
 
