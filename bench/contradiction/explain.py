@@ -38,7 +38,7 @@ class Tried(NamedTuple):
     name: str
     words: str
     found: Agreement  # then
-    larger: float  # by which noise of the motions that is larger then makes the log less likely, per degree of freedom
+    larger: float  # -2 log of what noise that is larger then, for its measurements, costs, per degree of freedom
     wrapped: bool  # not all could be taken back
 
 
@@ -99,6 +99,7 @@ def _tried(mistake: Mistake, parts: Sequence[Log]) -> Tried | None:
         changed = [log for part in some if (log := mistake.undone(part, number)) is not None]
         found = agreement(changed)
         larger = sum(_size(log) for log in changed) - sum(_size(log) for log in some)
+        larger += 2 * sum(mistake.squeeze(log, number) for log in some)
         return found, max(larger, 0.0) / max(found.dof, 1)
 
     def score(number: float) -> float:
@@ -114,8 +115,8 @@ def _tried(mistake: Mistake, parts: Sequence[Log]) -> Tried | None:
 
 
 def _size(log: Log) -> float:
-    """The logarithms of the determinants of the motions' covariances."""
-    return float(np.linalg.slogdet(log.delta_cov[1:])[1].sum())
+    """The logarithms of the determinants of all covariances."""
+    return float(np.linalg.slogdet(log.delta_cov[1:])[1].sum() + np.linalg.slogdet(log.z_cov)[1].sum())
 
 
 def _refined(j: Callable[[float], float], numbers: Sequence[float], best: float) -> float:

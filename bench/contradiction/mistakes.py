@@ -7,6 +7,7 @@ Some changes have a number that nobody knows, such as a delay: several are tried
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import log as ln
 from math import pi, tau
 from typing import NamedTuple
 
@@ -47,6 +48,8 @@ class Mistake(NamedTuple):
     numbers: tuple[float, ...] = (0.0,)  # that are tried
     between: bool = False  # the number may be any between those
     wrapped: bool = False  # large turns were added up and wrapped, so that not all can be taken back
+    squeeze: Callable[[Log, float], float] = lambda *_: 0.0
+    """By how much the logarithm of the space of the measurements shrinks: all agree if they are near 0."""
 
 
 def _mirrored(log: Log, _: float) -> Log:
@@ -174,16 +177,40 @@ def _rotated(xy: Array, angle: Array | float) -> Array:
     return np.stack((c * xy[:, 0] - s * xy[:, 1], s * xy[:, 0] + c * xy[:, 1]), axis=-1)
 
 
+def _of_ways(log: Log, factor: float) -> float:
+    return 2 * (len(log) - 1) * ln(factor)
+
+
+def _of_ranges(log: Log, factor: float) -> float:
+    return len(log.ids) * ln(factor)
+
+
+def _of_turns(log: Log, _: float) -> float:
+    return (len(log) - 1) * ln(1 / DEGREE)
+
+
 LENGTHS = tuple(factor for factor, name in FACTORS.items() if name != "km/h")
 
 MISTAKES = (
     Mistake("mirrored", "bearings, or turning rates, are positive to the other side", _mirrored),
     Mistake("turned", "the sensor, or the frame of the headings, is turned by 90 degrees", _turned, (90.0, -90.0)),
     Mistake("backwards", "the sensor looks backwards, or forward motions have the other sign", _turned, (180.0,)),
-    Mistake("motions' unit", "motions are in {unit}", _shorter, tuple(FACTORS)),
-    Mistake("ranges' unit", "ranges are in {unit}", _nearer, LENGTHS),
-    Mistake("turning rates in degrees", "turning rates are in degrees a second", _rates_from_degrees, wrapped=True),
-    Mistake("headings in degrees", "headings are in degrees", _headings_from_degrees, wrapped=True),
+    Mistake("motions' unit", "motions are in {unit}", _shorter, tuple(FACTORS), squeeze=_of_ways),
+    Mistake("ranges' unit", "ranges are in {unit}", _nearer, LENGTHS, squeeze=_of_ranges),
+    Mistake(
+        "turning rates in degrees",
+        "turning rates are in degrees a second",
+        _rates_from_degrees,
+        wrapped=True,
+        squeeze=_of_turns,
+    ),
+    Mistake(
+        "headings in degrees",
+        "headings are in degrees",
+        _headings_from_degrees,
+        wrapped=True,
+        squeeze=_of_turns,
+    ),
     Mistake("bearings in radians", "bearings are in radians, and were read as degrees", _bearings_to_degrees),
     Mistake("world", "motions are in the world's frame, not in the robot's", _from_the_world, DIRECTIONS, True),
     Mistake("clockwise", "headings are clockwise, as a compass's", _from_clockwise, DIRECTIONS, True),

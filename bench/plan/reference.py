@@ -148,7 +148,9 @@ def _optimum(log: Log, loss: str = "none") -> Solution | None:
         found = batch.finish()
     except Diverged:
         return None
-    return None if found is None or found.converged is False else found  # another path would be as good a reference
+    if found is not None and found.converged is False and loss == "none":
+        return None  # another path would be as good a reference; a robust one hardly moves where it goes on
+    return found
 
 
 def _key(log: Log) -> str:
