@@ -125,11 +125,12 @@ def _beside(places: Map, onto: Map) -> Map:
 
 
 def _found(log: Log) -> Truth | None:
-    solution, words = _optimum(log), ""
+    plain, words = _optimum(log), ""
+    solution = None if plain is None or plain.converged is False else plain  # another would be as good a reference
     if solution is None or outliers(log, solution).many or loop_outliers(log, solution).many:
         robust = _optimum(log, loss="cauchy")
-        if robust is not None:
-            solution = robust
+        if robust is not None and (solution is not None or robust.converged is not False):
+            solution = robust  # which hardly moves where it goes on
             odd = {"sightings": outliers(log, robust), "loop closures": loop_outliers(log, robust)}
             said = " and ".join(f"{one.found} of {one.of} {what}" for what, one in odd.items() if one.of)
             words = f"the batch optimum with a Cauchy loss ({said} do not fit)"
@@ -145,12 +146,9 @@ def _optimum(log: Log, loss: str = "none") -> Solution | None:
     for step in log.identified():
         batch.step(step)
     try:
-        found = batch.finish()
+        return batch.finish()
     except Diverged:
         return None
-    if found is not None and found.converged is False and loss == "none":
-        return None  # another path would be as good a reference; a robust one hardly moves where it goes on
-    return found
 
 
 def _key(log: Log) -> str:
