@@ -39,7 +39,7 @@ class Tried(NamedTuple):
     words: str
     found: Agreement  # then
     larger: float  # -2 log of what noise that is larger then, for its measurements, costs, per degree of freedom
-    wrapped: bool  # not all could be taken back
+    mistake: Mistake
 
 
 class Contradiction(NamedTuple):
@@ -62,12 +62,20 @@ class Contradiction(NamedTuple):
         for j in (_all, _bulk):
             best, second = sorted(self.tried, key=lambda one: j(one.found) + one.larger)[:2]
             told, least, next_best = j(self.found), j(best.found), j(second.found) + second.larger
-            fallen = FALLEN * told if j is _bulk and best.wrapped else min(FALLEN * told, MISSTATED)
-            explained = least < max(EXPLAINED, fallen)
+            explained = least < max(EXPLAINED, _left(told, best.mistake, outliers=j is _all))
             ahead = min(told, next_best) - best.larger
             if explained and least * AHEAD < ahead < np.inf and (ahead - least) * self.found.dof > SURE:
                 return told, best, least
         return None
+
+
+def _left(told: float, mistake: Mistake, *, outliers: bool) -> float:
+    """The J that a mistake may leave of a log's, beyond what noise explains."""
+    if mistake.wrapped and not mistake.between and not outliers:
+        return FALLEN * told
+    if mistake.between and not mistake.wrapped:
+        return 0.0  # a number that is fitted takes some of any J
+    return min(FALLEN * told, MISSTATED)
 
 
 def _all(found: Agreement) -> float:
@@ -110,7 +118,7 @@ def _tried(mistake: Mistake, parts: Sequence[Log]) -> Tried | None:
     if mistake.between:
         number = _refined(score, mistake.numbers, number)
     found, larger = undone(number)
-    tried = Tried(mistake.name, sentence(mistake, number), found, larger, mistake.wrapped)
+    tried = Tried(mistake.name, sentence(mistake, number), found, larger, mistake)
     return tried if np.isfinite(found.j) else None
 
 

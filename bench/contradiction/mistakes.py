@@ -199,14 +199,14 @@ MISTAKES = (
     Mistake("ranges' unit", "ranges are in {unit}", _nearer, LENGTHS, squeeze=_of_ranges),
     Mistake(
         "turning rates in degrees",
-        "turning rates are in degrees a second",
+        "turning rates or headings are in degrees",
         _rates_from_degrees,
         wrapped=True,
         squeeze=_of_turns,
     ),
     Mistake(
         "headings in degrees",
-        "headings are in degrees",
+        "headings or turning rates are in degrees",
         _headings_from_degrees,
         wrapped=True,
         squeeze=_of_turns,

@@ -60,10 +60,12 @@ def explained(name: str, dataset: Dataset) -> str:
     found = contradiction(named(*dataset), every=True)
     if found is None:
         return f"{name}: too few landmarks are sighted again, and too few loops closed, to tell if the log agrees."
-    kinds = ", ".join(f"{kind} {number(size)}" for kind, size in found.found.parts.items())
-    said = [f"{name}: J is {number(found.found.j)} per degree of freedom, where 1 is expected ({kinds}). It would be"]
-    said += [f"  {number(one.found.j):>8}  if {one.words}" for one in sorted(found.tried, key=lambda one: one.found.j)]
-    return "\n".join(said + [f"  and {STUCK}"] * found.stuck)
+    j, bulk = number(found.found.j), number(found.found.bulk)
+    outliers = f", and {j} with its outliers" if j != bulk else ""
+    said = [f"{name}: J is {bulk} per degree of freedom, where 1 is expected{outliers}. It would be"]
+    best_first = sorted(found.tried, key=lambda one: one.found.bulk)
+    said += [f"  {number(one.found.bulk):>8}  if {one.words}" for one in best_first]
+    return "\n".join([*said, *[f"  and {STUCK}"] * found.stuck, "A difference of less than a tenth is noise."])
 
 
 def contradicting_truth(dataset: Dataset) -> Iterator[str]:

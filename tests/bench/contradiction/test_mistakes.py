@@ -73,7 +73,8 @@ def test_a_log_without_too_many_measurements_is_left_alone(tmp_path: Path):
 
 def test_every_mistake_is_tried_on_a_good_log_too(tmp_path: Path):
     dataset, _ = drawn(3000, None, tmp_path)
-    first, *rest = explained("drive", dataset).splitlines()
+    first, *rest, noise = explained("drive", dataset).splitlines()
+    assert "is noise" in noise
     j = [float(line.split()[0].replace(",", "")) for line in rest]
     assert re.match(r"drive: J is (0\.[89]|1\.[01])", first)
     assert len(j) == len(MISTAKES_TRIED) - 1
