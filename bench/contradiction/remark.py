@@ -1,7 +1,6 @@
 """Remarks on a log: those on its columns, and on measurements or truth that contradict one another."""
 
 from collections.abc import Iterator
-from itertools import chain
 
 import numpy as np
 
@@ -75,6 +74,9 @@ def contradicting_truth(dataset: Dataset) -> Iterator[str]:
         return
     log = named(log, truth).identified()
     parts = [(part, fit) for part in stretches(log) if (fit := fitted(part)) is not None]
-    yield from chain.from_iterable(of_truth.of_path(part, fit, truth) for part, fit in parts)
+    said = [of_truth.of_path(part, fit, truth) for part, fit in parts]
+    of_paths = list(dict.fromkeys(one.path for one in said if one.path))
+    of_headings = list(dict.fromkeys(one.headings for one in said if one.headings))
+    yield from of_paths or (of_headings if len(of_headings) == 1 else [])  # of a wrong path, headings tell nothing
     for _, fit in parts[:1]:
         yield from of_truth.of_map(log, truth, fit)

@@ -35,38 +35,44 @@ class Moved(NamedTuple):
     off: float  # root mean square distance over that of the others from their middle
 
 
-def of_path(log: Log, fit: Fitted, truth: Truth) -> Iterator[str]:
-    """Yields what is wrong with the true path of a stretch and its headings."""
+class Said(NamedTuple):
+    """The mistakes in the truth of a stretch, in words; "" for none."""
+
+    path: str = ""
+    headings: str = ""
+
+
+def of_path(log: Log, fit: Fitted, truth: Truth) -> Said:
+    """Says what is wrong with the true path of a stretch, or with its headings."""
     row = rows_of(truth.t, log.t)
     known = row >= 0
     if known.sum() < FEWEST:
-        return
+        return Said()
     path, poses = fit.path[known], truth.poses[row[known]]
     moved = onto(poses[:, :2], path[:, :2])
     if moved.off < OFF:
-        yield from _of_headings(wrap(poses[:, 2]), path[:, 2], moved.angle)
-        return
+        return Said(headings=_of_headings(wrap(poses[:, 2]), path[:, 2], moved.angle))
     if onto(poses[:, [1, 0]], path[:, :2]).off < RIGHT:
-        yield "the truth is the mirror image of the log's path: x and y are swapped, or one has the other sign"
-        return
+        return Said("the truth is the mirror image of the log's path: x and y are swapped, or one has the other sign")
     for delay in DELAYS:
         then = np.column_stack([np.interp(log.t[known] + delay, truth.t, truth.poses[:, k]) for k in (0, 1)])
         if onto(then, path[:, :2]).off < RIGHT:
             side = "late" if delay > 0 else "early"
-            yield f"the truth fits the log's path if its clock is about {abs(delay):g} s {side}"
-            return
+            return Said(f"the truth fits the log's path if its clock is about {abs(delay):g} s {side}")
+    return Said()
 
 
-def _of_headings(told: Array, right: Array, angle: float) -> Iterator[str]:
+def _of_headings(told: Array, right: Array, angle: float) -> str:
     if np.median(np.abs(wrap(told + angle - right))) < TURNED or np.ptp(np.unwrap(right)) < TURNED:
-        return
+        return ""
     for words, off in (
         ("turned by a constant of about {:.0f} degrees from the robot's", wrap(told + angle - right)),
         ("clockwise, as a compass's", wrap(told - angle + right)),
     ):
         mean = np.exp(1j * off).mean()
         if abs(mean) > STEADY:
-            yield f"the headings of the truth are {words.format(np.rad2deg(np.angle(mean)))}"
+            return f"the headings of the truth are {words.format(10 * np.rint(np.rad2deg(np.angle(mean)) / 10))}"
+    return ""
 
 
 def of_map(log: Log, truth: Truth, fit: Fitted) -> Iterator[str]:
