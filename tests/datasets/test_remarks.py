@@ -46,7 +46,7 @@ def test_a_published_log_has_no_remark(name: str) -> None:
 
 
 WRONG = {"misstated-noise", "moving-landmarks", "outliers", "false-loops", "rgbdslam2014"}
-"""Studies of logs that contradict themselves, by noise, landmarks, ids, loops, or odometry that follows who walks by."""
+"""Studies of logs that contradict themselves, by noise, landmarks, ids, loops, or odometry that follows a mover."""
 
 PARTIAL = {"intel-lab", "fr079"}
 """Laser logs whose copies at hand lack scans that relations are about, or the odometry."""
