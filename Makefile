@@ -13,8 +13,8 @@
 # make study-mutations      2,000 mutated logs, bags, plug-ins and records: each refused, remarked on, or as good as before
 # make study-locating       200 starts anywhere on six maps and as many on maps of other worlds, 100 robots carried elsewhere
 # make study-settings      the front ends' settings and the smoother's, each halved and doubled: half an hour; SLAMDUEL_DATA=
-# make study-laser         70 laser logs, each 20 times with changes that should not matter: two hours; SLAMDUEL_DATA=
-# make study-mistakes       1,050 logs with one of 25 mistakes or none: how often it is named, an hour
+# make study-laser         63 laser logs, each 20 times with changes that should not matter: two hours; SLAMDUEL_DATA=
+# make study-mistakes      1,050 logs with one of 25 mistakes or none: how often it is named, an hour
 # make study-noise          how often the intervals of bench noise have the true noise: 600 simulated logs
 # make study-kills          a study killed at 20 random moments ends as if it had been left in peace
 # All make their own environment in .venv first; another Python is named by PYTHON=python3.12.
