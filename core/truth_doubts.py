@@ -36,7 +36,7 @@ def ways(log: Log, truth: Truth) -> Ways | None:
     """Compares the ways; None with fewer than FEWEST true poses, or where neither path is longer than MOVING."""
     if truth.kind != "truth" or len(truth.t) < FEWEST:
         return None
-    known, reckoned = truth.poses[:, :2], dead_reckoned(log)[np.searchsorted(log.t, truth.t), :2]
+    known, reckoned = truth.poses[:, :2], dead_reckoned(log)[_steps(log, truth), :2]
     sizes = [float(np.hypot(*np.ptp(path, axis=0))) for path in (known, reckoned)]
     if max(sizes) < MOVING:
         return None
@@ -49,7 +49,7 @@ def headings_known(log: Log, truth: Truth) -> bool:
     """False where the truth's heading never turns, as of one that is not filled in, though path and odometry do."""
     if truth.kind != "truth" or len(truth.t) < FEWEST or np.ptp(np.unwrap(truth.poses[:, 2])) > UNTURNED:
         return True
-    turned = np.concatenate(([0.0], np.cumsum(log.delta[1:, 2])))[np.searchsorted(log.t, truth.t)]
+    turned = np.concatenate(([0.0], np.cumsum(log.delta[1:, 2])))[_steps(log, truth)]
     if np.ptp(turned) < TURNING:
         return True
     return not any(_follows(truth.poses[ends, :2], turned[ends]) for ends in _stretches(len(truth.t) - 1))
@@ -64,6 +64,11 @@ def other_ways(log: Log, truth: Truth) -> bool:
     """True where ways by truth and by odometry differ as by a unit; not where the odometry never moves."""
     found = ways(log, truth)
     return found is not None and found.apart and found.odometry >= MOVING
+
+
+def _steps(log: Log, truth: Truth) -> Ints:
+    """(m,) the steps of the true poses, whose times are those of the log; of others the nearest after, or the last."""
+    return np.minimum(np.searchsorted(log.t, truth.t), len(log) - 1)
 
 
 def _stretches(last: int) -> Iterator[Ints]:

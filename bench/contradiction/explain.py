@@ -19,7 +19,7 @@ EXPLAINED = 1.5
 CONTRADICTS = 2.0
 """J per degree of freedom from which on a log contradicts itself: its noise is 1.4 times what is stated, or more."""
 
-FALLEN, MISSTATED = 0.05, 9.0
+FALLEN, THREEFOLD = 0.05, 9.0
 """Share of J that may be left: of a log whose noise is three times what is stated, or whose turns were wrapped."""
 
 AHEAD, SURE = 1.1, 50.0
@@ -35,7 +35,6 @@ STUCK = "every motion is an arc of one circle, as where one wheel's counts stand
 class Tried(NamedTuple):
     """A mistake that was taken back."""
 
-    name: str
     words: str
     found: Agreement  # then
     larger: float  # -2 log of what noise that is larger then, for its measurements, costs, per degree of freedom
@@ -75,7 +74,7 @@ def _left(told: float, mistake: Mistake, *, outliers: bool) -> float:
         return FALLEN * told
     if mistake.between and not mistake.wrapped:
         return 0.0  # a number that is fitted takes some of any J
-    return min(FALLEN * told, MISSTATED)
+    return min(FALLEN * told, THREEFOLD)
 
 
 def _all(found: Agreement) -> float:
@@ -118,7 +117,7 @@ def _tried(mistake: Mistake, parts: Sequence[Log]) -> Tried | None:
     if mistake.between:
         number = _refined(score, mistake.numbers, number)
     found, larger = undone(number)
-    tried = Tried(mistake.name, sentence(mistake, number), found, larger, mistake)
+    tried = Tried(sentence(mistake, number), found, larger, mistake)
     return tried if np.isfinite(found.j) else None
 
 

@@ -1,5 +1,6 @@
 """Motions written otherwise, with the noise that their log would state for them."""
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -25,11 +26,11 @@ class MotionNoise:
     def __init__(self, log: Log) -> None:
         self._delta, self._cov = log.delta[1:], log.delta_cov[1:]
         terms, variances = _terms(self._delta), np.einsum("nii->ni", self._cov)
-        mean, size = variances.mean(axis=0), np.maximum(terms.max(axis=0), TINY)
-        shares = [nnls(terms / size, column / m)[0] * m for column, m in zip(variances.T, mean, strict=True)]
+        mean, size = np.maximum(variances.mean(axis=0), TINY), np.maximum(terms.max(axis=0), TINY)
+        shares = [_fitted(terms / size, column / m) * m for column, m in zip(variances.T, mean, strict=True)]
         self._shares, self._least = np.stack(shares) / size, variances.min(axis=0)
         left = (self._model(self._delta) - variances) / mean
-        self.modelled = bool(np.sqrt(np.mean(left**2)) < AS_MODELLED)
+        self.modelled = bool(np.sqrt(np.mean(left**2)) < AS_MODELLED)  # not where one is not a number
 
     def cov(self, delta: Array) -> Array:
         """(n - 1, 3, 3) covariances of other motions of the steps, (n - 1, 3)."""
@@ -44,6 +45,14 @@ class MotionNoise:
     def _model(self, delta: Array) -> Array:
         """(n - 1, 3) variances, at least the least one that is stated."""
         return np.maximum(_terms(delta) @ self._shares.T, self._least)
+
+
+def _fitted(terms: Array, values: Array) -> Array:
+    """The shares (5,), none negative, of terms (n, 5) nearest to the values (n,); NaN where there are none."""
+    if np.isfinite(terms).all() and np.isfinite(values).all():
+        with contextlib.suppress(RuntimeError):  # too many iterations
+            return nnls(terms, values)[0]
+    return np.full(terms.shape[1], np.nan)
 
 
 def with_motions(log: Log, ways: Array, turns: Array) -> Log:

@@ -13,7 +13,7 @@ from .explain import STUCK, Contradiction, contradiction
 from .fit import fitted
 from .stretch import stretches
 
-MISSTATED = 25.0
+FIVEFOLD = 25.0
 """J per degree of freedom up to which noise alone may be the cause: it is five times what is stated there."""
 
 
@@ -22,16 +22,14 @@ def remarks(dataset: Dataset) -> list[str]:
     return list(dict.fromkeys((*of_columns(dataset), *contradictions(dataset))))
 
 
-def contradictions(dataset: Dataset) -> Iterator[str]:
-    """Yields how a log contradicts itself, and what in it or in its truth would make it fit."""
-    found = contradiction(named(*dataset))
-    if found is None:
-        return
-    said = sentence(found)
-    if said:
-        yield said
-        return
-    yield from contradicting_truth(dataset)
+def contradictions(dataset: Dataset) -> list[str]:
+    """Lists how a log contradicts itself, and what in it or in its truth would make it fit."""
+    with np.errstate(all="ignore"):  # what is beyond all numbers agrees with nothing
+        found = contradiction(named(*dataset))
+        if found is None:
+            return []
+        said = sentence(found)
+        return [said] if said else list(contradicting_truth(dataset))
 
 
 def sentence(found: Contradiction) -> str:
@@ -45,7 +43,7 @@ def sentence(found: Contradiction) -> str:
     if not found.contradicts:
         return ""
     kinds = ", ".join(f"{kind} {number(size)}" for kind, size in found.found.parts.items())
-    causes = [f"noise is {number(np.sqrt(found.found.bulk))} times what is stated"] * (found.found.bulk < MISSTATED)
+    causes = [f"noise is {number(np.sqrt(found.found.bulk))} times what is stated"] * (found.found.bulk < FIVEFOLD)
     causes += ["ids are wrong or landmarks move"] * ("sightings" in found.found.parts)
     causes += ["loop closures are false"] * ("loops" in found.found.parts)
     return (
@@ -56,7 +54,8 @@ def sentence(found: Contradiction) -> str:
 
 def explained(name: str, dataset: Dataset) -> str:
     """Says how far a log agrees with itself, and with each usual mistake taken back, best first."""
-    found = contradiction(named(*dataset), every=True)
+    with np.errstate(all="ignore"):
+        found = contradiction(named(*dataset), every=True)
     if found is None:
         return f"{name}: too few landmarks are sighted again, and too few loops closed, to tell if the log agrees."
     j, bulk = number(found.found.j), number(found.found.bulk)
