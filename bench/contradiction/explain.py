@@ -8,7 +8,7 @@ import numpy as np
 from ...core.factors import Log
 from .fit import Agreement, agreement
 from .mistakes import MISTAKES, Mistake, on_one_circle, sentence
-from .stretch import stretches
+from .stretch import stretches, tells
 
 AGREES = 1.15
 """J per degree of freedom up to which no mistake is looked for. Made-up logs have 0.85 to 1.1, recorded ones less."""
@@ -104,7 +104,7 @@ def _tried(mistake: Mistake, parts: Sequence[Log]) -> Tried | None:
 
     def undone(number: float, some: Sequence[Log] = parts) -> tuple[Agreement, float]:
         changed = [log for part in some if (log := mistake.undone(part, number)) is not None]
-        found = agreement(changed)
+        found = agreement(changed if any(map(tells, changed)) else [])
         larger = sum(_size(log) for log in changed) - sum(_size(log) for log in some)
         larger += 2 * sum(mistake.squeeze(log, number) for log in some)
         return found, max(larger, 0.0) / max(found.dof, 1)

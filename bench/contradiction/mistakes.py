@@ -31,9 +31,6 @@ EITHER = tuple(-base for base in reversed(BASES)) + BASES
 
 FACTORS = {1000.0: "millimetres", 100.0: "centimetres", 3.6: "km/h", 1 / 0.3048: "feet", 1 / 0.0254: "inches"}
 
-ABOVE = 3.0
-"""Standard deviations, of a way and either way of a range; less tells nothing."""
-
 DEGREE = pi / 180
 NEVER = 1e-6
 """rad; headings that change by less never do."""
@@ -65,9 +62,8 @@ def _turned(log: Log, degrees: float) -> Log:
     return with_motions(log, _rotated(log.delta[1:, :2], degrees * DEGREE), log.delta[1:, 2])
 
 
-def _shorter(log: Log, factor: float) -> Log | None:
-    found = with_motions(log, log.delta[1:, :2] / factor, log.delta[1:, 2])
-    return found if _tells(found) else None
+def _shorter(log: Log, factor: float) -> Log:
+    return with_motions(log, log.delta[1:, :2] / factor, log.delta[1:, 2])
 
 
 def _nearer(log: Log, factor: float) -> Log | None:
@@ -77,22 +73,7 @@ def _nearer(log: Log, factor: float) -> Log | None:
     sd = np.sqrt(log.z_cov[:, 0, 0])
     constant = float(np.ptp(sd)) < 0.01 * float(sd.mean())
     d = np.array([1.0 if constant else 1 / factor, 1.0])
-    found = replace(log, z=log.z / [factor, 1.0], z_cov=log.z_cov * np.outer(d, d))
-    return found if _tells(found) else None
-
-
-def _tells(log: Log) -> bool:
-    """True where way and ranges are of a robot that drives: what noise swallows agrees with any unit."""
-    way, variance = np.hypot(*log.delta[1:, :2].T).sum(), log.delta_cov[1:, 0, 0].sum()
-    if not len(log.ids):
-        return bool(way > ABOVE * np.sqrt(variance))
-    _, of = np.unique(log.ids, return_inverse=True)
-    farthest, nearest = np.full(of.max() + 1, -np.inf), np.full(of.max() + 1, np.inf)
-    np.maximum.at(farthest, of, log.z[:, 0])
-    np.minimum.at(nearest, of, log.z[:, 0])
-    again = farthest > nearest
-    change = np.median((farthest - nearest)[again]) if again.any() else 0.0
-    return bool(way > ABOVE * np.sqrt(variance) and change > 2 * ABOVE * np.sqrt(np.median(log.z_cov[:, 0, 0])))
+    return replace(log, z=log.z / [factor, 1.0], z_cov=log.z_cov * np.outer(d, d))
 
 
 def _bearings_to_degrees(log: Log, _: float) -> Log | None:

@@ -17,6 +17,9 @@ LEAST = 30
 SHORTEST, LONGEST = 100, 3_200
 """Steps: a stretch is twice as long until it has enough."""
 
+ABOVE = 3.0
+"""Standard deviations, of a way and either way of a range; less tells nothing."""
+
 START = 1e-6
 """m^2 and rad^2; the variance of a stretch's start, which its measurements say nothing about."""
 
@@ -38,6 +41,20 @@ def degrees_of_freedom(log: Log, first: int, end: int) -> int:
     """Measurements of the steps from `first` to before `end` less what they determine: poses and landmarks."""
     seen = slice(log.sighting_first[first], log.sighting_first[end])
     return 2 * (seen.stop - seen.start - len(np.unique(log.ids[seen]))) + 3 * int(_loops(log, first, end).sum())
+
+
+def tells(log: Log) -> bool:
+    """True where way and ranges are of a robot that drives: what noise swallows agrees with everything."""
+    way, variance = np.hypot(*log.delta[1:, :2].T).sum(), log.delta_cov[1:, 0, 0].sum()
+    if not len(log.ids):
+        return bool(way > ABOVE * np.sqrt(variance))
+    _, of = np.unique(log.ids, return_inverse=True)
+    farthest, nearest = np.full(of.max() + 1, -np.inf), np.full(of.max() + 1, np.inf)
+    np.maximum.at(farthest, of, log.z[:, 0])
+    np.minimum.at(nearest, of, log.z[:, 0])
+    again = farthest > nearest
+    change = np.median((farthest - nearest)[again]) if again.any() else 0.0
+    return bool(way > ABOVE * np.sqrt(variance) and change > 2 * ABOVE * np.sqrt(np.median(log.z_cov[:, 0, 0])))
 
 
 def part_of(log: Log, first: int, end: int) -> Log:

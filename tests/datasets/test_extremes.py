@@ -13,12 +13,12 @@ import pytest
 
 import bags
 import floor_drives as floor
+from slamduel.bench.contradiction.remark import remarks
 from slamduel.bench.plan.load import load
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset
 from slamduel.datasets.readings import read_readings
 from slamduel.datasets.recordings.rosbag import Topics, read
-from slamduel.datasets.remarks import remarks
 from slamduel.datasets.scans.open import open_scans
 from slamduel.datasets.truth import read_truth
 

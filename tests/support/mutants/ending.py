@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slamduel.backends import registry
+from slamduel.bench.contradiction.remark import remarks
 from slamduel.bench.measure.cell import Job, run_on
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset
-from slamduel.datasets.remarks import remarks
 
 WORSE = 2.0  # times the unmutated ATE
 BAND = 0.3, 3.0  # of NEES over its dimension, a multiple of the unmutated one if that is above 1
