@@ -77,7 +77,7 @@ def main(namespace: argparse.Namespace) -> int:
 
 def as_json(label: str, seed: int, subject: Subject) -> dict[str, Any]:
     """The numbers as JSON takes them: m, rad and s, null for what the log has not."""
-    about = {"log": label, "seed": seed, "path": subject.shown.words, "remarks": remarks(subject.dataset)}
+    about = {"log": label, "seed": seed, "path": subject.shown.words, "remarks": subject.remarks.all}
     return about | _plain(subject.numbers)
 
 
@@ -92,9 +92,9 @@ def _print(console: Console, subject: Subject) -> None:
     shown_facts = Table.grid(padding=(0, 2))
     shown_facts.add_column(no_wrap=True, style="dim")
     shown_facts.add_column()
-    for heading, text in facts(subject.numbers, subject.shown.words):
+    for heading, text in facts(subject.numbers, subject.shown.words, mistaken=subject.remarks.mistaken):
         shown_facts.add_row(heading, plain(text))
-    for remark in remarks(subject.dataset):
+    for remark in subject.remarks.all:
         shown_facts.add_row("remark", plain(remark))
     for heading, text in noted(subject.dataset.log.notes, settings=False):
         shown_facts.add_row(plain(heading), plain(text))

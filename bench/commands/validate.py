@@ -81,7 +81,8 @@ def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argpars
     if odd and wanted.strict:
         print(f"{place}: {len(odd)} remark{'s' * (len(odd) > 1)}, which --strict refuses.")
         return 2
-    print(f"{place}: good; {_counts(dataset)}.")
+    found = f"can be read, with {counted(len(odd), 'remark')}" if odd else "good"
+    print(f"{place}: {found}; {_counts(dataset)}.")
     return 0
 
 

@@ -27,6 +27,10 @@ INFINITE = 1e12
 """Squares beyond are this."""
 
 
+FAR = float(chdtri(2, 0.001))
+"""Normalised squares of sightings beyond are far out: 0.1 % are by chance, and at most 0.8 % in published logs."""
+
+
 class Part(NamedTuple):
     """The rest of the measurements of one kind at an optimum."""
 
@@ -40,6 +44,7 @@ class Fitted(NamedTuple):
 
     path: Array  # (n, 3)
     landmarks: Map
+    squares: Array  # (s,) of the sightings, normalised
     dof: int
     motions: Part
     sightings: Part
@@ -60,11 +65,14 @@ class Agreement(NamedTuple):
     parts: dict[str, float]  # kind -> size without outliers
 
 
-def fitted(log: Log) -> Fitted | None:
-    """Fits a path and a map to a stretch from dead reckoning; None where that does not succeed."""
+def fitted(log: Log, start: Fitted | None = None) -> Fitted | None:
+    """Fits a path and a map to a stretch, from dead reckoning or a `start`; None where that does not succeed."""
     batch = Batch(log, list(LOSSES).index(LOSS), LOSSES[LOSS])
     try:
-        batch.start_by_odometry()
+        if start is None:
+            batch.start_by_odometry()
+        else:
+            batch.start_at(start.path, start.landmarks)
         batch.fit(TOLERANCE, ITERATIONS)
     except Diverged:
         return None
@@ -76,12 +84,11 @@ def fitted(log: Log) -> Fitted | None:
     motions = np.einsum("ni,ni->n", moved, np.linalg.solve(log.delta_cov[1:], moved[..., None])[..., 0])
     loops = loop_misfits(log, path)
     dof = 2 * (len(log.ids) - len(landmarks.ids)) + 3 * len(loops)
-    return Fitted(path, landmarks, dof, _part(motions, 3), _part(sighted, 2), _part(loops, 3))
+    return Fitted(path, landmarks, sighted, dof, _part(motions, 3), _part(sighted, 2), _part(loops, 3))
 
 
-def agreement(stretches: Sequence[Log]) -> Agreement:
-    """Fits every stretch."""
-    found = [fitted(log) for log in stretches]
+def agreement(found: Sequence[Fitted | None]) -> Agreement:
+    """Sums up the fits of all stretches."""
     done = [one for one in found if one is not None]
     if len(done) < len(found) or not done:
         return Agreement(np.inf, np.inf, 0, {})

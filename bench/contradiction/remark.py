@@ -1,35 +1,60 @@
 """Remarks on a log: those on its columns, and on measurements or truth that contradict one another."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from ...core.factors import Dataset
+from ...core.factors import Dataset, Log
 from ...core.truth_errors import named
 from ...datasets.remarks import remarks as of_columns
 from ..words.numerals import number
 from . import truth as of_truth
 from .explain import STUCK, Contradiction, contradiction
-from .fit import fitted
-from .stretch import stretches
+from .filtered import nis
+from .fit import Fitted
+from .outliers import outliers
 
 FIVEFOLD = 25.0
 """J per degree of freedom up to which noise alone may be the cause: it is five times what is stated there."""
 
 
-def remarks(dataset: Dataset) -> list[str]:
-    """Lists everything odd about the log: one sentence each, without its full stop."""
-    return list(dict.fromkeys((*of_columns(dataset), *contradictions(dataset))))
+class Remarks(NamedTuple):
+    """Everything odd about a log, one sentence each, without its full stop."""
+
+    columns: list[str]
+    contradictions: list[str]  # between measurements, or with the truth
+    outliers: list[str]  # sightings that do not fit a log which else agrees with itself
+    mistaken: bool  # by more than noise: what looks like errors of the measurements is a mistake
+
+    @property
+    def all(self) -> list[str]:
+        """Lists them."""
+        return list(dict.fromkeys((*self.columns, *self.contradictions, *self.outliers)))
 
 
-def contradictions(dataset: Dataset) -> list[str]:
-    """Lists how a log contradicts itself, and what in it or in its truth would make it fit."""
+def remarked(dataset: Dataset) -> Remarks:
+    """Looks at the log's columns, and at how far its measurements and truth agree."""
+    columns = of_columns(dataset)
     with np.errstate(all="ignore"):  # what is beyond all numbers agrees with nothing
         found = contradiction(named(*dataset))
         if found is None:
-            return []
+            return Remarks(columns, [], [], mistaken=False)
         said = sentence(found)
-        return [said] if said else list(contradicting_truth(dataset))
+        if said:
+            return Remarks(columns, [said], [], mistaken=found.named is not None or found.stuck or not noisy(found))
+        wrong_truth = list(contradicting_truth(dataset, found.fits))
+        return Remarks(columns, wrong_truth, list(outliers(found.fits)), mistaken=bool(wrong_truth))
+
+
+def remarks(dataset: Dataset) -> list[str]:
+    """Lists everything odd about the log: one sentence each, without its full stop."""
+    return remarked(dataset).all
+
+
+def noisy(found: Contradiction) -> bool:
+    """Tells if noise alone may be the cause of a contradiction."""
+    return found.found.bulk < FIVEFOLD
 
 
 def sentence(found: Contradiction) -> str:
@@ -42,8 +67,8 @@ def sentence(found: Contradiction) -> str:
         return f"{begun} J falls from {number(told)} to {number(least)} per degree of freedom if {cause.words}"
     if not found.contradicts:
         return ""
-    kinds = ", ".join(f"{kind} {number(size)}" for kind, size in found.found.parts.items())
-    causes = [f"noise is {number(np.sqrt(found.found.bulk))} times what is stated"] * (found.found.bulk < FIVEFOLD)
+    kinds = ", ".join(f"{kind} {number(size)}" for kind, size in found.found.parts.items()) + _nis(found)
+    causes = [f"noise is {number(np.sqrt(found.found.bulk))} times what is stated"] * noisy(found)
     causes += ["ids are wrong or landmarks move"] * ("sightings" in found.found.parts)
     causes += ["loop closures are false"] * ("loops" in found.found.parts)
     return (
@@ -56,26 +81,30 @@ def explained(name: str, dataset: Dataset) -> str:
     """Says how far a log agrees with itself, and with each usual mistake taken back, best first."""
     with np.errstate(all="ignore"):
         found = contradiction(named(*dataset), every=True)
+        filtered = "" if found is None else _nis(found)
     if found is None:
         return f"{name}: too few landmarks are sighted again, and too few loops closed, to tell if the log agrees."
     j, bulk = number(found.found.j), number(found.found.bulk)
-    outliers = f", and {j} with its outliers" if j != bulk else ""
-    said = [f"{name}: J is {bulk} per degree of freedom, where 1 is expected{outliers}. It would be"]
+    with_outliers = f", and {j} with its outliers" if j != bulk else ""
+    said = [f"{name}: J is {bulk} per degree of freedom, where 1 is expected{with_outliers}{filtered}. It would be"]
     best_first = sorted(found.tried, key=lambda one: one.found.bulk)
     said += [f"  {number(one.found.bulk):>8}  if {one.words}" for one in best_first]
     return "\n".join([*said, *[f"  and {STUCK}"] * found.stuck, "A difference of less than a tenth is noise."])
 
 
-def contradicting_truth(dataset: Dataset) -> Iterator[str]:
-    """Yields what of the truth contradicts a log that agrees with itself."""
+def _nis(found: Contradiction) -> str:
+    value = nis([log.without_loops() for log, _ in found.fits])
+    return "" if value is None else f"; the EKF's NIS is {number(value)}"
+
+
+def contradicting_truth(dataset: Dataset, fits: Sequence[tuple[Log, Fitted]]) -> Iterator[str]:
+    """Yields what of the truth contradicts a log that agrees with itself, by the fits of its stretches."""
     log, truth = dataset
     if truth is None or truth.kind != "truth":
         return
-    log = named(log, truth).identified()
-    parts = [(part, fit) for part in stretches(log) if (fit := fitted(part)) is not None]
-    said = [of_truth.of_path(part, fit, truth) for part, fit in parts]
+    said = [of_truth.of_path(part, fit, truth) for part, fit in fits]
     of_paths = list(dict.fromkeys(one.path for one in said if one.path))
     of_headings = list(dict.fromkeys(one.headings for one in said if one.headings))
-    yield from of_paths or (of_headings if len(of_headings) == 1 else [])  # of a wrong path, headings tell nothing
-    for _, fit in parts[:1]:
-        yield from of_truth.of_map(log, truth, fit)
+    yield from of_paths[:1] or (of_headings if len(of_headings) == 1 else [])  # of a wrong path, headings tell nothing
+    for _, fit in fits[:1]:
+        yield from of_truth.of_map(named(log, truth).identified(), truth, fit)

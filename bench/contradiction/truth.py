@@ -1,9 +1,10 @@
 """Truth that contradicts its log: a path, headings or landmarks in another frame, unit, numbering or time."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from ...core.factors import Log, Truth
 from ...core.se2 import Array, wrap
@@ -24,7 +25,12 @@ TURNED = 0.5
 STEADY = 0.98
 """Mean resultant length of angles that are one but for 0.2 rad."""
 
-DELAYS = np.array([-10.0, -5.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 5.0, 10.0])  # s
+DELAYS = (-10.0, -5.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+"""s; a clock's delay is looked for between two of them."""
+
+NEARER, NOTICED = 3.0, 0.05
+"""Times as near to the path as without a delay, and the least delay, s, that is named."""
+
 FACTORS = {1000.0: "millimetres", 100.0: "centimetres", 1 / 0.3048: "feet"}
 
 
@@ -50,16 +56,32 @@ def of_path(log: Log, fit: Fitted, truth: Truth) -> Said:
         return Said()
     path, poses = fit.path[known], truth.poses[row[known]]
     moved = onto(poses[:, :2], path[:, :2])
+    if moved.off > OFF and onto(poses[:, [1, 0]], path[:, :2]).off < RIGHT:
+        return Said("the truth is the mirror image of the log's path: x and y are swapped, or one has the other sign")
+    delay, off = _delay(log.t[known], path[:, :2], truth)
+    if off < min(RIGHT, moved.off / NEARER) and abs(delay) > NOTICED:
+        side = "late" if delay > 0 else "early"
+        return Said(f"the truth fits the log's path if its clock is about {abs(delay):.2g} s {side}")
     if moved.off < OFF:
         return Said(headings=_of_headings(wrap(poses[:, 2]), path[:, 2], moved.angle))
-    if onto(poses[:, [1, 0]], path[:, :2]).off < RIGHT:
-        return Said("the truth is the mirror image of the log's path: x and y are swapped, or one has the other sign")
-    for delay in DELAYS:
-        then = np.column_stack([np.interp(log.t[known] + delay, truth.t, truth.poses[:, k]) for k in (0, 1)])
-        if onto(then, path[:, :2]).off < RIGHT:
-            side = "late" if delay > 0 else "early"
-            return Said(f"the truth fits the log's path if its clock is about {abs(delay):g} s {side}")
     return Said()
+
+
+def _delay(t: Array, path: Array, truth: Truth) -> tuple[float, float]:
+    """The delay (s) of the truth's clock with which it is nearest to a path (n, 2) at times t (n,), and how near."""
+
+    def off(delay: float) -> float:
+        within = (t + delay >= truth.t[0]) & (t + delay <= truth.t[-1])
+        if within.sum() < FEWEST:
+            return np.inf
+        then = np.column_stack([np.interp(t[within] + delay, truth.t, truth.poses[:, k]) for k in (0, 1)])
+        return onto(then, path[within]).off
+
+    best = int(np.argmin([off(delay) for delay in DELAYS]))
+    if not 0 < best < len(DELAYS) - 1:
+        return DELAYS[best], off(DELAYS[best])
+    found: Any = minimize_scalar(off, bounds=(DELAYS[best - 1], DELAYS[best + 1]), method="bounded")
+    return float(found.x), float(found.fun)
 
 
 def _of_headings(told: Array, right: Array, angle: float) -> str:

@@ -16,6 +16,8 @@ OUTLIERS = 0.01  # share of errors far out from which on they are called outlier
 ALL_ROUND = 5.0  # rad; a wider field of view has no sides
 NAMED = 12  # ids that are named; of more, the number of the rest
 
+MISTAKEN = "no noise is measured: see the remark"
+
 DEGREE = "\N{DEGREE SIGN}"
 
 
@@ -33,8 +35,11 @@ def headline(found: Numbers) -> str:
     return ", ".join([*parts, _comes_back(found)])
 
 
-def facts(found: Numbers, path: str) -> Iterator[tuple[str, str]]:
-    """Yields one (heading, facts) per line; `path` describes the picture's path."""
+def facts(found: Numbers, path: str, *, mistaken: bool = False) -> Iterator[tuple[str, str]]:
+    """Yields one (heading, facts) per line; `path` describes the picture's path.
+
+    Of a log that is `mistaken` the sightings' errors are no noise, and none is advised.
+    """
     yield "way", _joined(_way(found))
     yield "times", _joined(_times(found))
     yield "sightings", _joined(_seen(found.seen))
@@ -54,7 +59,7 @@ def facts(found: Numbers, path: str) -> Iterator[tuple[str, str]]:
         against = ["against each landmark's median place"] if known.medians else []
         yield (
             "sightings against truth",
-            _joined([*against, *_noise_checked(known.sightings), _measured(known.measured)]),
+            _joined([*against, *_noise_checked(known.sightings), MISTAKEN if mistaken else _measured(known.measured)]),
         )
     if known.odometry is not None:
         yield "odometry against truth", _joined(_noise_checked(known.odometry))

@@ -10,6 +10,7 @@ import numpy as np
 from ...core.factors import UNKNOWN, Dataset, Log
 from ...core.se2 import Array, Ints
 from ...core.truth_errors import driven_errors, sighting_errors
+from ..contradiction.remark import Remarks, remarked
 from ..measure.landmark_places import Scattered, judge, scattered_ids
 from ..measure.stated_noise import Measured, NoiseCheck, measured, noise_check
 from ..measure.times import numbered
@@ -151,12 +152,13 @@ class Subject(NamedTuple):
     shown: Shown
     returns: Returns
     numbers: Numbers
+    remarks: Remarks
 
 
 def described(label: str, dataset: Dataset, solve: bool | None) -> Subject:
     """Describes a log; `solve` as in `shown`."""
     drawn, found = shown(dataset, solve), returns(dataset.log)
-    return Subject(label, dataset, drawn, found, numbers(dataset, drawn, found))
+    return Subject(label, dataset, drawn, found, numbers(dataset, drawn, found), remarked(dataset))
 
 
 def numbers(dataset: Dataset, drawn: Shown, found: Returns) -> Numbers:

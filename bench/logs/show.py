@@ -7,7 +7,6 @@ from ...core.check import check, check_truth
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log
 from ...core.files import write_whole
-from ..contradiction.remark import remarks
 from ..drawing.page import rendered
 from ..plan.load import load
 from .facts import facts, headline, noted
@@ -31,10 +30,10 @@ class LogPicture:
         write_picture(Path(path), self._subject)
 
     def __repr__(self) -> str:
-        found = list(facts(self.numbers, self._subject.shown.words))
+        found = list(facts(self.numbers, self._subject.shown.words, mistaken=self._subject.remarks.mistaken))
         widest = max(len(heading) for heading, _ in found)
         lines = [f"{heading:<{widest}}  {text}" for heading, text in found]
-        lines += [f"{'remark':<{widest}}  {remark}" for remark in remarks(self._subject.dataset)]
+        lines += [f"{'remark':<{widest}}  {remark}" for remark in self._subject.remarks.all]
         return "\n".join([f"{self._subject.label}: {headline(self.numbers)}", *lines])
 
     def _repr_png_(self) -> bytes:
@@ -66,8 +65,8 @@ def write_page(path: Path, subject: Subject) -> None:
     page = {
         "label": subject.label,
         "headline": headline(subject.numbers),
-        "facts": list(facts(subject.numbers, subject.shown.words)),
-        "remarks": remarks(subject.dataset),
+        "facts": list(facts(subject.numbers, subject.shown.words, mistaken=subject.remarks.mistaken)),
+        "remarks": subject.remarks.all,
         "notes": noted(subject.dataset.log.notes, settings=True),
         "picture": _png(subject),
     }

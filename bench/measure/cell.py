@@ -21,7 +21,7 @@ from ...core.kernels import compiled
 from .cpu_time import repeated_cost
 from .drive import Outcome, drive, path_digest, timed_again, warm_up
 from .memory import Peak, limited
-from .score import score
+from .score import Score, score
 
 TOLD = "was given the ground truth: linearised there"  # the remark on a cell whose backend made use of it
 
@@ -58,10 +58,15 @@ def generator(seed: int, backend: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([seed, word, 0]))
 
 
-def run_on(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth | None]) -> Result:
-    """Runs the job; every way in which a backend can end, short of killing the process, becomes a status."""
+def run_on(
+    job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth | None], *, mistaken: bool = False
+) -> Result:
+    """Runs the job; every way in which a backend can end, short of killing the process, becomes a status.
+
+    Of a log that is `mistaken`, what its measurements are off from the truth by is not taken for noise.
+    """
     with limited(job.memory_mb):
-        return _run(job, read_log, read_truth)
+        return _run(job, read_log, read_truth, mistaken=mistaken)
 
 
 def rehearse(job: Job, log: Log) -> Result:
@@ -76,7 +81,7 @@ def rehearse(job: Job, log: Log) -> Result:
     return Result("done", "")
 
 
-def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth | None]) -> Result:
+def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth | None], *, mistaken: bool) -> Result:
     row: dict[str, Any] = {}
     peak, made, oracle = Peak(), compiled.made(), None
     draw = partial(generator, job.seed, job.backend)
@@ -116,7 +121,9 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     if held is not None and compiled.made() == made:
         row["peak_mb"] = held
     loops += outcome.left_out
-    return _scored(builder, job, log, outcome, read_truth(), loops, row)
+    minimises = builder.minimising(job.options)
+    judged = score(log, outcome, read_truth(), sightings=builder.sightings, minimises=minimises, mistaken=mistaken)
+    return _scored(judged, outcome, loops, row)
 
 
 def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
@@ -132,12 +139,8 @@ def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
     return ""
 
 
-def _scored(
-    builder: Builder, job: Job, log: Log, outcome: Outcome, truth: Truth | None, loops: int, row: dict[str, Any]
-) -> Result:
-    """Scores the outcome; `loops` are the closures that the backend was not given, or had kept no pose for."""
-    minimises = builder.minimising(job.options)
-    judged = score(log, outcome, truth, sightings=builder.sightings, minimises=minimises)
+def _scored(judged: Score, outcome: Outcome, loops: int, row: dict[str, Any]) -> Result:
+    """Makes a result of a score; `loops` are the closures that the backend was not given, or had kept no pose for."""
     if judged.failed:
         return Result("diverged", judged.failed, row)
     said = [TOLD] * outcome.told

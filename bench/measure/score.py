@@ -36,6 +36,7 @@ NOT_CONVERGED = "the smoothing ended without converging"  # the remark on a cell
 TRANSLATION_ONLY = "aligned by translation only: the path is straight or standing"
 SHAPELESS = "ATE takes a truth of 3 steps in several places"
 UNTURNED = "the truth's heading never turns, but its path does: no heading and no NEES is judged"
+MISTAKEN = "a remark names a mistake in the log: what its measurements are off by is not judged as noise"
 OTHER_WAYS = "the ways of truth and odometry differ as by a unit: no NEES is judged"
 
 
@@ -58,8 +59,18 @@ class _End(NamedTuple):
     row: dict[str, Any]
 
 
-def score(log: Log, outcome: Outcome, truth: Truth | None, *, sightings: bool = True, minimises: bool = False) -> Score:
+def score(
+    log: Log,
+    outcome: Outcome,
+    truth: Truth | None,
+    *,
+    sightings: bool = True,
+    minimises: bool = False,
+    mistaken: bool = False,
+) -> Score:
     """Scores the outcome of a backend that uses `sightings`, or does not, and `minimises` J, or does not.
+
+    A `mistaken` log is one with a mistake, so that no noise is blamed.
 
     Online and final are never mixed; a value that does not exist is absent from the row.
     """
@@ -85,7 +96,7 @@ def score(log: Log, outcome: Outcome, truth: Truth | None, *, sightings: bool = 
                 end.row.update({} if end.path is None else relation_columns(truth.relations, end.path))
     row |= {prefix + name: value for prefix, end in ends.items() for name, value in end.row.items()}
     if truth is not None and exact:
-        remarks += misstated(log, truth, row, sightings=sightings)
+        remarks += [MISTAKEN] if mistaken else misstated(log, truth, row, sightings=sightings)
     if outcome.assigned is not None:  # the final ones, if any
         log = replace(log, ids=next(end.assigned for end in ends.values() if end.assigned is not None))
     last = outcome.solution or outcome

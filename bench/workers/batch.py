@@ -14,7 +14,7 @@ from ...core.factors import Dataset, Map, Start
 from ...datasets import archive
 from ...datasets import registry as datasets
 from ...datasets.truth import digest
-from ..contradiction.remark import remarks
+from ..contradiction.remark import remarked
 from ..measure import cell
 from ..measure.cell import Job, Result
 from ..plan.reference import made_with_reference
@@ -67,6 +67,7 @@ class LogFacts(NamedTuple):
     archive: bytes = b""  # the log and its truth: where they are to come back whole
     sketch: Any = None  # of such a log, as JSON has it
     remarks: tuple[str, ...] = ()  # what is legal in it yet odd
+    mistaken: bool = False  # what looks like errors of its measurements is a mistake
 
     @property
     def digests(self) -> tuple[str, str]:
@@ -134,7 +135,7 @@ def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: 
         if batch.rehearsal:
             result = cell.rehearse(job, dataset.log)
         else:
-            result = cell.run_on(job, lambda: dataset.log, lambda: dataset.truth)
+            result = cell.run_on(job, lambda: dataset.log, lambda: dataset.truth, mistaken=facts.mistaken)
         if not batch.keep:
             result = replace(result, arrays={})
         yield Finished(batch, index, facts, result, time.perf_counter() - began, False, HOST)
@@ -158,14 +159,15 @@ def _loaded(kept: KeptLog) -> Dataset:
 def facts_of(dataset: Dataset) -> LogFacts:
     """The facts of a log with its truth or reference."""
     log, truth = dataset
-    odd = tuple(remarks(dataset))
+    odd = remarked(dataset)
+    said: dict[str, Any] = {"remarks": tuple(odd.all), "mistaken": odd.mistaken}
     arrays = beside_arrays(log)
     if truth is None:
-        return LogFacts(log.digest, "", "", arrays, remarks=odd)
+        return LogFacts(log.digest, "", "", arrays, **said)
     arrays |= {} if truth.relations is not None else {"t": truth.t, "poses": truth.poses}
     if truth.map is not None:
         arrays |= {"ids": truth.map.ids, "xy": truth.map.xy}
     if truth.assigned is not None:
         steps = np.repeat(np.arange(len(log)), np.diff(log.sighting_first))
         arrays |= {"sighted": truth.assigned, "sighted_at": steps}
-    return LogFacts(log.digest, digest(truth), truth.kind, arrays, remarks=odd)
+    return LogFacts(log.digest, digest(truth), truth.kind, arrays, **said)

@@ -109,4 +109,4 @@ def test_stated_noise_is_that_of_the_reader_for_other_motions(tmp_path: Path):
 
 def test_a_log_of_exact_measurements_has_no_misfit(tmp_path: Path):
     (log, _), _ = drawn(3001, None, tmp_path)
-    assert 0.8 < agreement(list(stretches(log))).j < 1.15
+    assert 0.8 < agreement(list(map(fitted, stretches(log)))).j < 1.15

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mistaken_logs import drawn
-from slamduel.bench.contradiction.remark import contradictions
+from slamduel.bench.contradiction.remark import remarked
 from slamduel.core.factors import Dataset, Log, Map, Truth
 from slamduel.core.se2 import Array
 
@@ -68,7 +68,7 @@ def test_no_mistake_is_named_in_a_log_beyond_all_sense(case: str, tmp_path: Path
     (log, truth), _ = drawn(3001, None, tmp_path)
     odd = LOGS[case](log.head(60))
     kept = None if truth is None else truth._replace(t=truth.t[: len(odd)], poses=truth.poses[: len(odd)])
-    assert not [said for said in contradictions(Dataset(odd, kept)) if "J falls" in said]
+    assert not [said for said in remarked(Dataset(odd, kept)).contradictions if "J falls" in said]
 
 
 @pytest.mark.filterwarnings("error")
@@ -76,4 +76,4 @@ def test_no_mistake_is_named_in_a_log_beyond_all_sense(case: str, tmp_path: Path
 def test_truth_beyond_all_sense_is_not_explained(case: str, tmp_path: Path):
     (log, truth), _ = drawn(3001, None, tmp_path)
     assert truth is not None
-    assert contradictions(Dataset(log, TRUTHS[case](truth))) == []
+    assert remarked(Dataset(log, TRUTHS[case](truth))).contradictions == []

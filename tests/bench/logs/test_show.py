@@ -404,6 +404,15 @@ def test_noise_is_judged_by_median_places_as_by_true_ones() -> None:
     assert judge(log, truth._replace(kind="reference"), None) is None
 
 
+def test_no_noise_is_advised_for_a_log_with_a_mistake() -> None:
+    log, truth = slamduel.load("circle")
+    said = str(slamduel.show(Dataset(replace(log, z=log.z * [1, -1]), truth)))
+    assert "bearings, or turning rates, are positive to the other side" in said
+    assert "no noise is measured: see the remark" in said
+    assert "range_sd=" not in said
+    assert "range_sd=" in str(slamduel.show(Dataset(log, truth)))
+
+
 def test_typical_errors_and_far_ones_do_not_contradict_one_another() -> None:
     found = measured(log_of(2))
     for scale, far, words in (

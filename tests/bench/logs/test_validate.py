@@ -39,11 +39,11 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "log"
 
 
-def test_a_good_log_is_counted(folder: Path, validated: Validated):
+def test_a_log_is_counted(folder: Path, validated: Validated):
     *_, line = validated(0, folder)
     digest = small_dataset().log.digest[:12]
     counts = "6 steps, 6 sightings of 3 landmarks, truth of 5 steps and of 3 landmarks"
-    assert line == f"{folder}: good; {counts}; digest {digest}."
+    assert line == f"{folder}: can be read, with 2 remarks; {counts}; digest {digest}."
 
 
 def test_a_log_of_one_step_is_counted_in_the_singular(tmp_path: Path, validated: Validated):
@@ -51,7 +51,7 @@ def test_a_log_of_one_step_is_counted_in_the_singular(tmp_path: Path, validated:
     one = truth._replace(t=truth.t[:1], poses=truth.poses[:1], map=None, assigned=None)
     log_folder.write(tmp_path / "log", log.head(1), one)
     *_, line = validated(0, tmp_path / "log")
-    assert "good; 1 step, 3 sightings of 1 landmark, truth of 1 step; digest " in line
+    assert "can be read, with 1 remark; 1 step, 3 sightings of 1 landmark, truth of 1 step; digest " in line
 
 
 def test_every_problem_is_a_line(folder: Path, validated: Validated):
@@ -84,7 +84,7 @@ def test_several_logs_and_one_bad(folder: Path, tmp_path: Path, validated: Valid
     assert bad == f"{tmp_path / 'bad' / 'sightings.csv'}: there is no such file."
     assert total == f"{tmp_path / 'bad'}: 1 problem."
     good = [line for line in others if not line.startswith("remark: ")]
-    assert good[0].startswith(f"{folder}: good; 6 steps")
+    assert good[0].startswith(f"{folder}: can be read, with 2 remarks; 6 steps")
     assert good[1].startswith("city[landmarks=40,steps=50]: good; 50 steps")
 
 
@@ -99,7 +99,7 @@ def test_every_name_is_looked_up(folder: Path, tmp_path: Path, validated: Valida
     first, good, nowhere, total, option, again = (line for line in lines if not line.startswith("remark: "))
     assert "there is no dataset 'missing'" in first
     assert good == again
-    assert good.startswith(f"{folder}: good; ")
+    assert good.startswith(f"{folder}: can be read, ")
     assert nowhere == f"{tmp_path / 'nowhere'}: there is no such folder, expected that of a log."
     assert total == f"{tmp_path / 'nowhere'}: 1 problem."
     assert "option landmarks=0 is out of range" in option
@@ -203,7 +203,7 @@ def test_remarks_are_printed_and_do_not_count(tmp_path: Path, validated: Validat
     log_folder.write(tmp_path / "log", drive(later).log, None)
     remark, good = validated(0, tmp_path / "log")
     assert remark.startswith(f"remark: {tmp_path / 'log'}: 1 gap in time")
-    assert ": good; 30 steps, 120 sightings of 4 landmarks, no truth; " in good
+    assert ": can be read, with 1 remark; 30 steps, 120 sightings of 4 landmarks, no truth; " in good
 
 
 def test_a_remark_is_a_problem_where_that_is_asked_for(

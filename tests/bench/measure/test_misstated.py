@@ -10,7 +10,7 @@ import slamduel
 from room_drives import room_drive
 from slamduel.backends import registry
 from slamduel.bench.measure.cell import Job, run_on
-from slamduel.bench.measure.score import OTHER_WAYS, UNTURNED
+from slamduel.bench.measure.score import MISTAKEN, OTHER_WAYS, UNTURNED
 from slamduel.bench.measure.stated_noise import misstated
 from slamduel.core.factors import Log, Truth
 from slamduel.core.se2 import Array
@@ -220,3 +220,14 @@ def test_a_truth_that_cannot_be_the_logs_blames_no_noise(case: str) -> None:
     assert "nees" not in found.row
     assert "ate_m" in found.row
     assert ("heading_rad" in found.row) == ("rpe_m" in found.row) == (case != "headings")
+
+
+def test_a_log_with_a_mistake_blames_no_noise() -> None:
+    log, truth = circle()
+    turned = replace(log, z=log.z * [1, -1])
+    job = Job("ekf", "ekf", registry.find("ekf").options(), 0, 8000)
+    plain, known = (run_on(job, lambda: turned, lambda: truth, mistaken=mistaken) for mistaken in (False, True))
+    assert "times what is stated" in plain.reason
+    assert known.reason == MISTAKEN
+    for name in ("ate_m", "nees", "cost_j"):
+        assert known.row[name] == plain.row[name]
