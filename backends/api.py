@@ -72,6 +72,7 @@ class Solution(NamedTuple):
     map: Map
     cov: Array | None = None  # (n, 3, 3) of each pose, in the world frame
     converged: bool | None = None  # False: the optimisation ended before its criterion was met; None: not known
+    remark: str = ""  # on how it was found, for the cell's reason
 
 
 @runtime_checkable

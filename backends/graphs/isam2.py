@@ -35,7 +35,10 @@ class Options:
     relinearize_skip: int = option(50, "steps between checks for variables to relinearize", minimum=1)
     partial_check: bool = option(False, "look for variables to relinearize from the root down, no further than needed")
     factorization: str = option(
-        "qr", "qr handles a long stretch without landmarks, on which cholesky fails", choices=("qr", "cholesky")
+        "auto",
+        "cholesky is GTSAM's own default and costs less, but fails where little is known; qr does not; auto: cholesky "
+        "until it fails, and qr from there on all factors so far",
+        choices=("auto", "cholesky", "qr"),
     )
     final_updates: int = option(10, "most updates without new factors made at the end of the log", minimum=0)
     joint_up_to: int = common_options.joint_up_to()
@@ -48,8 +51,10 @@ class Isam2:
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         del rng
-        self._options = options
-        self._isam = gtsam.ISAM2(_params(options, options.relinearize_threshold))
+        self._options, self._factorization = options, "qr" if options.factorization == "qr" else "cholesky"
+        self._gave_way = ""  # where Cholesky failed
+        self._threshold = options.relinearize_threshold
+        self._isam = self._tree()
         self._closest = math.inf  # m; the nearest sighting's range, or NEAR_SDS standard deviations of it
         self._factors = Factors(prior, options.loss, options.loss_scale)
         self._prior, self._vicinity, self._around = prior, Vicinity(follows=True), Neighbourhood(self._isam)
@@ -65,11 +70,9 @@ class Isam2:
             self._closest = min(self._closest, _closest(step.sightings))
         guess = self._pose if step.odometry is None else self._pose.compose(pose2(step.odometry.delta))
         graph, values = self._factors.step(self._steps, step, guess)
-        done = self._update(graph, values)
+        moved = self._update(graph, values) > 0
         if self._vicinity.used:
-            self._around.fold(
-                graph, values, self._factors.keys.pose(self._steps), moved=done.getVariablesRelinearized() > 0
-            )
+            self._around.fold(graph, values, self._factors.keys.pose(self._steps), moved=moved)
         self._pose = self._latest(guess)
         self._steps += 1
         pose = array(self._pose)
@@ -118,7 +121,8 @@ class Isam2:
         threshold = self._closest / SMALL
         if threshold < self._options.relinearize_threshold:
             graph, before = self._isam.getFactorsUnsafe(), self._isam
-            self._isam = gtsam.ISAM2(_params(self._options, threshold))
+            self._threshold = threshold
+            self._isam = self._tree()
             try:
                 self._update(graph, values)
                 finer, found = self._settled()
@@ -129,35 +133,53 @@ class Isam2:
             else:
                 self._isam, converged = before, False
         path, landmarks = path_and_map(self._factors.keys, self._steps, values)
-        return Solution(path, self._factors.with_newcomers(path, landmarks), None, converged)
+        return Solution(path, self._factors.with_newcomers(path, landmarks), None, converged, self._gave_way)
 
     def _settled(self) -> tuple[bool | None, gtsam.Values]:
         """True if relinearization has ended, None without any, and the best estimate then."""
         converged = None
         for _ in range(self._options.final_updates):
-            result = self._update(gtsam.NonlinearFactorGraph(), gtsam.Values(), relinearize=True)
-            converged = result.getVariablesRelinearized() == 0
+            converged = self._update(gtsam.NonlinearFactorGraph(), gtsam.Values(), relinearize=True) == 0
             if converged:
                 break
         return converged, self._isam.calculateBestEstimate()
 
-    def _update(
-        self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool = False
-    ) -> gtsam.ISAM2Result:
-        """Adds factors."""
+    def _tree(self) -> gtsam.ISAM2:
+        """An empty Bayes tree."""
+        return gtsam.ISAM2(_params(self._options, self._threshold, self._factorization))
+
+    def _update(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool = False) -> int:
+        """Adds factors, and returns the number of variables that were relinearized."""
         try:
-            return self._isam.update(graph, values, force_relinearize=relinearize)
+            return self._isam.update(graph, values, force_relinearize=relinearize).getVariablesRelinearized()
         except FAILURES as error:
+            return self._give_way(error)
+
+    def _give_way(self, error: Exception) -> int:
+        """Where Cholesky has failed, makes a tree of all factors by QR, the failed update's among them: they are kept.
+
+        Returns the number of variables, which are all linearized anew.
+        """
+        if self._gave_way or self._options.factorization != "auto":
             raise Diverged(failure(error)) from None
+        self._gave_way = f"GTSAM's Cholesky factorization failed at step {self._steps}: QR from there"
+        graph, points = self._isam.getFactorsUnsafe(), self._isam.getLinearizationPoint()
+        self._factorization = "qr"
+        self._isam = self._tree()
+        self._around = Neighbourhood(self._isam)
+        self._update(graph, points)
+        return points.size()
 
     def _joint_marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The last pose, the landmarks' places and their joint covariance, the pose last."""
         keys = [self._factors.keys.landmarks[landmark] for landmark in landmarks]
         pose = array(self._pose)
+        last = self._factors.keys.pose(self._steps - 1)
         try:
-            offsets, cov = self._around.joint(keys, self._factors.keys.pose(self._steps - 1))
+            offsets, cov = self._around.joint(keys, last)
         except FAILURES as error:
-            raise Diverged(failure(error)) from None
+            self._give_way(error)
+            offsets, cov = self._around.joint(keys, last)
         points = self._isam.getLinearizationPoint()
         at = np.array([points.atPoint2(key) for key in keys]) + offsets[:-3].reshape(-1, 2)
         R = rotation(pose[2])
@@ -175,16 +197,17 @@ class Isam2:
         try:
             return self._isam.marginalFactor(key)
         except FAILURES as error:
-            raise Diverged(failure(error)) from None
+            self._give_way(error)
+            return self._isam.marginalFactor(key)
 
 
-def _params(options: Options, threshold: float) -> gtsam.ISAM2Params:
-    """GTSAM's parameters, with that relinearize threshold."""
+def _params(options: Options, threshold: float, factorization: str) -> gtsam.ISAM2Params:
+    """GTSAM's parameters, with that relinearize threshold and factorization."""
     params = gtsam.ISAM2Params()
     params.setRelinearizeThreshold(threshold)
     params.relinearizeSkip = options.relinearize_skip
     params.enablePartialRelinearizationCheck = options.partial_check
-    params.setFactorization(options.factorization.upper())
+    params.setFactorization(factorization.upper())
     # Always back-substitute in full: results then do not depend on earlier queries.
     params.setOptimizationParams(gtsam.ISAM2GaussNewtonParams(0.0))
     return params

@@ -102,7 +102,9 @@ def checked_solution(solution: Any, n: int) -> Solution | None:
     if not is_convergence(solution.converged):
         raise Broken(f"finish(): converged is {solution.converged!r}, expected True, False or None")
     converged = None if solution.converged is None else bool(solution.converged)
-    return Solution(path, checked_map(solution.map, "finish()"), cov, converged)
+    if not isinstance(solution.remark, str):  # pyright: ignore[reportUnnecessaryIsInstance] - a backend may return anything
+        raise Broken(f"finish(): the remark is {type(solution.remark).__name__}, expected str")
+    return Solution(path, checked_map(solution.map, "finish()"), cov, converged, solution.remark)
 
 
 def is_convergence(value: Any) -> bool:

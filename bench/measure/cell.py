@@ -145,6 +145,7 @@ def _scored(judged: Score, outcome: Outcome, loops: int, row: dict[str, Any]) ->
         return Result("diverged", judged.failed, row)
     said = [TOLD] * outcome.told
     said += [f"{loops} loop closure{' is' if loops == 1 else 's are'} left out"] * bool(loops)
+    said += [] if outcome.solution is None else [outcome.solution.remark] * bool(outcome.solution.remark)
     said += [judged.remark] * bool(judged.remark)
     row |= {"told": int(outcome.told)} | judged.row
     return Result("done", "; ".join(said), row, judged.arrays, path=path_digest(outcome))

@@ -1,5 +1,6 @@
 """The GTSAM backends: against one another and the EKF, with wrong sightings among right ones, and at their limits."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from slamduel.backends import newcomers
 from slamduel.backends.api import Diverged
 from slamduel.backends.common_options import LOSSES
 from slamduel.backends.graphs import _gtsam
+from slamduel.bench.measure.misfit import misfit
 from slamduel.core.factors import Dataset, Log, Odometry, Prior, RangeBearing, Step
 from slamduel.core.se2 import Array, between, compose, rotation
 from slamduel.datasets import registry as datasets
@@ -304,8 +306,23 @@ def test_a_long_stretch_without_landmarks_is_survived(name: str) -> None:
     assert path == pytest.approx(reckoned, abs=1e-6)
     assert backend.finish().path == pytest.approx(reckoned, abs=1e-6)
     if name == "isam2":
+        assert re.search(r"Cholesky factorization failed at step \d+: QR from there", backend.finish().remark)
+        assert run(name, log, factorization="qr")[0].finish().remark == ""
         with pytest.raises(Diverged, match="GTSAM"):
             run(name, log, factorization="cholesky")
+
+
+@pytest.mark.parametrize("seed", [4, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3, 5, 6, 7))])
+def test_isam2_gives_way_to_qr_where_cholesky_fails_and_ends_where_qr_does(seed: int) -> None:
+    """Cholesky fails in seven of eight short cities, in all of eight circles."""
+    source = datasets.find("city")
+    log = source.make(source.options(steps=400), np.random.default_rng(seed)).log
+    (auto, path), (qr, by_qr) = (run("isam2", log, factorization=name) for name in ("auto", "qr"))
+    mixed, whole = auto.finish(), qr.finish()
+    assert re.search(r"failed at step \d+: QR from there", mixed.remark)
+    assert path == pytest.approx(by_qr, abs=0.1)
+    costs = [misfit(log, one.path, one.map) for one in (mixed, whole)]
+    assert costs[0].total == pytest.approx(costs[1].total, rel=2e-3)  # pyright: ignore[reportOptionalMemberAccess]
 
 
 @pytest.mark.parametrize("name", SMOOTHERS)
