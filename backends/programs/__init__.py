@@ -1,0 +1,1 @@
+"""Other people's programs as backends, each as its users run it."""
