@@ -27,6 +27,8 @@ BUILTIN = {
     "kf": "slamduel.backends.gaussian.kf:build",
     "mcl": "slamduel.backends.particles.mcl:build",
     "smoother": "slamduel.backends.smoothing.smoother:build",
+    "textbook-ekf": "slamduel.backends.programs.textbook_ekf:build",
+    "textbook-fastslam": "slamduel.backends.programs.textbook_fastslam:build",
     "ukf": "slamduel.backends.gaussian.ukf:build",
 }
 GROUP = "slamduel.backends"

@@ -29,10 +29,10 @@ FIRST_LANDMARK = 1 << 30
 class Options:
     """Settings."""
 
-    every: int = option(0, "optimise every so many steps as well, for an online estimate; 0: at the end alone", minimum=0)
-    algorithm: str = option(
-        "gauss-newton", "its algorithm", choices=("gauss-newton", "levenberg-marquardt", "dogleg")
+    every: int = option(
+        0, "optimise every so many steps as well, for an online estimate; 0: at the end alone", minimum=0
     )
+    algorithm: str = option("gauss-newton", "its algorithm", choices=("gauss-newton", "levenberg-marquardt", "dogleg"))
     linear: str = option("eigen", "its solver of linear systems", choices=("eigen", "pcg", "dense"))
     iterations: int = option(100, "most iterations", minimum=1)
     relative_tolerance: float = option(1e-10, "stop where J falls by a smaller share in one iteration", minimum=0)
@@ -180,4 +180,6 @@ def _algorithm(options: Options) -> Any:
     return algorithms[options.algorithm](blocks)
 
 
-build = Builder(G2o, options=Options, loops=True, online=lambda options: options.every > 0, implementation="g2o's wheel")
+build = Builder(
+    G2o, options=Options, loops=True, online=lambda options: options.every > 0, implementation="g2o's wheel"
+)

@@ -62,7 +62,7 @@ class Floors:
 
 def textbook(world: World, beside: str) -> TimingRow:
     """Times the textbook filter from a given map: its cost is the same as if it had made it."""
-    from .textbook_ekf import TextbookEkf
+    from ...backends.programs.textbook_ekf import TextbookEkf
 
     landmarks = len(world.map.ids)
     if landmarks > LARGEST_TEXTBOOK:
@@ -74,7 +74,7 @@ def textbook(world: World, beside: str) -> TimingRow:
 
 def particle_loop(world: World, particles: int, seed: int, beside: str) -> TimingRow:
     """Times the loop from a given map."""
-    from .textbook_fastslam import TextbookFastSlam
+    from ...backends.programs.textbook_fastslam import TextbookFastSlam
 
     landmarks = len(world.map.ids)
     if particles > MOST_IN_A_LOOP:

@@ -18,7 +18,7 @@ from slamduel.bench.measure.association import association_columns
 from slamduel.bench.measure.drive import drive
 from slamduel.bench.measure.score import score
 from slamduel.bench.plan.spec import backend_variants
-from slamduel.bench.speed.textbook_fastslam import (
+from slamduel.backends.programs.textbook_fastslam import (
     Landmark,
     _correct,  # pyright: ignore[reportPrivateUsage]
     _found,  # pyright: ignore[reportPrivateUsage]

@@ -11,7 +11,7 @@ from slamduel.backends.api import Diverged, TruthWanted, WantsTruth
 from slamduel.backends.gaussian import _triangle, compressed
 from slamduel.backends.gaussian.ekf import Ekf, Options, build
 from slamduel.backends.gaussian.joint import Joint
-from slamduel.bench.speed.textbook_ekf import TextbookEkf
+from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.core.factors import Log, Map, Odometry, Prior, RangeBearing, Step, Truth
 from slamduel.core.kernels._blas import routine
 from slamduel.core.se2 import Array, between, compose_jacobians, wrap

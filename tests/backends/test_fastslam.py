@@ -16,7 +16,7 @@ from slamduel.backends.particles import _ancestry, _particles, resampling
 from slamduel.backends.particles._proposal import Motion, propose
 from slamduel.backends.particles.particle_maps import RESERVED, ParticleMaps
 from slamduel.backends.particles.particle_paths import ParticlePaths
-from slamduel.bench.speed.textbook_fastslam import TextbookFastSlam
+from slamduel.backends.programs.textbook_fastslam import TextbookFastSlam
 from slamduel.core.se2 import Array, Ints, compose
 from tiers import first_quick
 

@@ -12,7 +12,7 @@ from slamduel.backends.api import Diverged
 from slamduel.backends.gaussian import _invariant, _triangle
 from slamduel.backends.gaussian._beliefs import GroupArrays
 from slamduel.backends.gaussian.invariant_ekf import InvariantEkf, Options
-from slamduel.bench.speed.textbook_ekf import TextbookEkf
+from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.core.factors import Log, Map, Prior, RangeBearing
 from slamduel.core.kernels._blas import routine
 from slamduel.core.se2 import Array, compose, wrap

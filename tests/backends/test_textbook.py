@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from random_logs import TextbookKalman, moved, random_log
-from slamduel.bench.speed.textbook_ekf import TextbookEkf, wrapped
+from slamduel.backends.programs.textbook_ekf import TextbookEkf, wrapped
 from slamduel.core.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
 from slamduel.core.se2 import Array, between
 

@@ -11,7 +11,7 @@ from slamduel.backends.gaussian import _unscented
 from slamduel.backends.gaussian._ekf import OWED
 from slamduel.backends.gaussian.joint import SPACE
 from slamduel.backends.gaussian.ukf import Options, Ukf
-from slamduel.bench.speed.textbook_ekf import TextbookEkf
+from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.core.factors import Log, Map, Odometry, Prior, Step
 from slamduel.core.kernels._small import cholesky
 from slamduel.core.se2 import Array, compose, wrap

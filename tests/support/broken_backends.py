@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from slamduel.backends.api import Belief, Diverged, Map, Odometry, Pose, Prior, RangeBearing, Solution, Step
-from slamduel.bench.speed.textbook_ekf import TextbookEkf
+from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.core.se2 import Array
 
 

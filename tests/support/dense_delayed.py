@@ -7,7 +7,7 @@ from scipy.linalg import expm, logm
 
 from dense_invariant import DenseInvariantEkf, derivative, hat, turning
 from random_logs import random_covariance
-from slamduel.bench.speed.textbook_ekf import TextbookEkf, wrapped
+from slamduel.backends.programs.textbook_ekf import TextbookEkf, wrapped
 from slamduel.core.factors import Dataset, Log, Prior, RelativePoses, Step
 from slamduel.core.se2 import Array, between, wrap
 

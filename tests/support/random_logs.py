@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slamduel.bench.speed.textbook_ekf import wrapped
+from slamduel.backends.programs.textbook_ekf import wrapped
 from slamduel.core.factors import Dataset, Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
 from slamduel.core.se2 import Array, Ints
 

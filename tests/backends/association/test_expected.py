@@ -8,7 +8,7 @@ import pytest
 from asked import ANYWHERE, batch_state, expected_of, ordered
 from driven import make, run
 from random_logs import random_log
-from slamduel.bench.speed.textbook_ekf import TextbookEkf
+from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.core.factors import RangeBearing
 from slamduel.core.se2 import Array, Ints, wrap
 from tiers import first_quick

@@ -14,7 +14,7 @@ from slamduel.bench.check.log_recipe import made_log
 from slamduel.bench.check.small_logs import dead_reckoned
 from slamduel.bench.check.suite import ADVERSARIAL, CHECKS, Outcome, check, chosen, examine
 from slamduel.bench.cli import main
-from slamduel.bench.speed.textbook_ekf import TextbookEkf
+from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.core.check import problems
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Log, Truth

@@ -27,7 +27,7 @@ from slamduel.bench.plan.reference import made_with_reference
 from slamduel.bench.plan.spec import dataset_variants
 from slamduel.bench.record.schema import FILE
 from slamduel.bench.record.store import Store
-from slamduel.bench.speed.textbook_ekf import TextbookEkf
+from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Log, Map, Prior, Truth
 from slamduel.core.se2 import Array, wrap

@@ -10,7 +10,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...backends.api import Array, Odometry, Pose, Prior, Step
+from ...core.factors import Map, Odometry, Prior, Step
+from ...core.options import option
+from ...core.se2 import Array, wrap
+from ..api import Belief, Builder, Pose
+
+
+@dataclass(frozen=True)
+class Options:
+    """Settings."""
+
+    particles: int = option(100, "particles, each with a map of its own", minimum=1)
+    version: int = option(1, "FastSLAM 1.0 or 2.0", minimum=1, maximum=2)
+    resampling: str = option(
+        "systematic", "way of drawing survivors", choices=("systematic", "stratified", "residual", "multinomial")
+    )
+    resample_below: float = option(0.5, "resample below this effective share of particles", minimum=0, maximum=1)
 
 
 class Landmark(NamedTuple):
@@ -79,6 +94,25 @@ class TextbookFastSlam:
                 if self._version == 1 or motion is None:
                     particle.log_weight += likelihood
         return self.mean_pose()
+
+    def belief(self) -> Belief:
+        """The weighted mean pose, the particles' covariance about it, and their effective number."""
+        weights, mean = self.weights(), self.mean_pose()
+        off = np.array([particle.pose for particle in self.particles]) - mean
+        off[:, 2] = wrap(off[:, 2])
+        return Belief(mean, off.T @ (weights[:, None] * off), n_eff=float(1 / np.sum(weights**2)))
+
+    def map(self) -> Map:
+        """The map of the likeliest particle, its landmarks independent of one another."""
+        best = self.particles[int(np.argmax(self.weights()))].map
+        cov = np.zeros((2 * len(best), 2 * len(best)))
+        for k, landmark in enumerate(best.values()):
+            cov[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = landmark.cov
+        xy = np.array([landmark.mean for landmark in best.values()]).reshape(-1, 2)
+        return Map(np.array(list(best), np.int64), xy, cov if cov.any() else None)
+
+    def finish(self) -> None:
+        """None: the particles keep no path."""
 
     def weights(self) -> Array:
         """The particles' normalised weights (M,)."""
@@ -181,3 +215,12 @@ def _correct(landmark: Landmark, pose: Array, z: Array, R: Array) -> tuple[Landm
     K = landmark.cov @ H.T @ np.linalg.inv(S)
     likelihood = -0.5 * (innovation @ np.linalg.solve(S, innovation) + np.log(np.linalg.det(2 * np.pi * S)))
     return Landmark(landmark.mean + K @ innovation, (np.eye(2) - K @ H) @ landmark.cov), float(likelihood)
+
+
+def textbook_fastslam(prior: Prior, options: Options, rng: np.random.Generator) -> TextbookFastSlam:
+    """FastSLAM 1.0 and 2.0 as published, a loop in Python over particles: slow, to be read beside the tables."""
+    version, resampling, below = options.version, options.resampling, options.resample_below
+    return TextbookFastSlam(prior, options.particles, rng, version, resampling, below)
+
+
+build = Builder(textbook_fastslam, options=Options, random=True, implementation="NumPy, as printed")

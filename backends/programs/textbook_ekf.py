@@ -1,4 +1,4 @@
-"""EKF-SLAM as the ArUco EKF document writes it, with every matrix in full: a reference for other filters.
+"""EKF-SLAM as the ArUco EKF document writes it, with every matrix in full: to be read beside it, and a reference.
 
 It is slow and shares nothing with the package's own estimators: the equations stand as printed, (5)-(9) for the motion,
 (11)-(16) for a sighting and (17)-(20) for a new landmark, with corrections of what the document leaves out. The motion
@@ -8,13 +8,25 @@ correlated with; the sighting that creates a landmark is used for nothing else.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, Step, Truth
+from ...core.options import option
 from ...core.se2 import Array
+from ..api import Belief, Builder
 
 Sighting = tuple[int, Array, Array]  # id, z (2,) and its covariance (2, 2)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Settings."""
+
+    update: str = option(
+        "sequential", "process sightings one by one, or those of a frame jointly", choices=("sequential", "joint")
+    )
 
 
 class TextbookEkf:
@@ -74,6 +86,19 @@ class TextbookEkf:
                 if sighting[0] not in self.ids or self.update([sighting]):
                     self.add(*sighting)
         return self.mean[:3].copy()
+
+    def belief(self) -> Belief:
+        """The pose's marginal and the NIS of the last step's sightings of mapped landmarks."""
+        nis = self.nis if self.nis_dof else None
+        return Belief(self.mean[:3].copy(), self.cov[:3, :3].copy(), nis, self.nis_dof, refused=self.refused)
+
+    def map(self) -> Map:
+        """The landmarks with their joint covariance."""
+        cov = self.cov[3:, 3:].copy()
+        return Map(np.array(self.ids, np.int64), self.mean[3:].reshape(-1, 2).copy(), cov if cov.any() else None)
+
+    def finish(self) -> None:
+        """None: a filter keeps no path."""
 
     def predict(self, odometry: Odometry, t: float = 0.0) -> None:
         """Predicts the motion, eqs (5)-(9)."""
@@ -211,3 +236,12 @@ def wrapped(angle: float) -> float:
     """Wraps an angle (rad) into (-pi, pi]."""
     turned = float(np.arctan2(np.sin(angle), np.cos(angle)))
     return np.pi if turned == -np.pi else turned
+
+
+def textbook_ekf(prior: Prior, options: Options, rng: np.random.Generator) -> TextbookEkf:
+    """The ArUco EKF document's equations in NumPy, every matrix in full: slow, to be read beside them."""
+    del rng
+    return TextbookEkf(prior, together=options.update == "joint")
+
+
+build = Builder(textbook_ekf, options=Options, implementation="NumPy, as printed")
