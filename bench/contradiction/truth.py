@@ -11,6 +11,7 @@ from ...core.se2 import Array, wrap
 from ...core.truth_errors import rows_of, standing
 from ..measure.landmark_places import placed
 from .fit import Fitted
+from .mistakes import FACTORS, LENGTHS
 
 FEWEST, FEWEST_PLACES = 8, 5
 """Poses of a stretch, and landmarks, that are compared."""
@@ -30,8 +31,6 @@ DELAYS = (-10.0, -5.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.
 
 NEARER, NOTICED = 3.0, 0.05
 """Times as near to the path as without a delay, and the least delay, s, that is named."""
-
-FACTORS = {1000.0: "millimetres", 100.0: "centimetres", 1 / 0.3048: "feet"}
 
 
 class Moved(NamedTuple):
@@ -121,23 +120,23 @@ def of_map(log: Log, truth: Truth, fit: Fitted) -> Iterator[str]:
     for words, changed in (
         (f"in {frame}", there),
         ("mirrored: x and y are swapped, or one has the other sign", there[:, ::-1]),
-        *((f"in {unit}", there / factor) for factor, unit in FACTORS.items()),
+        *((f"in {FACTORS[factor]}", there / factor) for factor in LENGTHS),
     ):
         if onto(changed, here).off < RIGHT:
             yield f"the true places of landmarks are {words}"
             return
     nearest = np.hypot(*(here[:, None] - known.xy[None]).transpose(2, 0, 1)).min(axis=1)
-    if len(truth.t) and np.median(nearest) < RIGHT * _size(here):
+    if len(truth.t) and np.median(nearest) < RIGHT * _extent(here):
         yield "the true places of landmarks fit the sightings but have other ids"
 
 
 def _typical(off: Array, among: Array) -> float:
     """Median length of the rows (n, 2) over the size of what they are of."""
-    size = _size(among)
+    size = _extent(among)
     return float(np.median(np.hypot(*off.T))) / size if size else 0.0
 
 
-def _size(xy: Array) -> float:
+def _extent(xy: Array) -> float:
     """Root mean square distance (m) of points (n, 2) from their middle."""
     return float(np.sqrt(((xy - xy.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
@@ -149,6 +148,6 @@ def onto(points: Array, others: Array) -> Moved:
     angle = float(np.arctan2(cross, dot))
     c, s = np.cos(angle), np.sin(angle)
     turned = a @ np.array([[c, s], [-s, c]])
-    size = _size(b)
+    size = _extent(b)
     off = float(np.sqrt(((turned - b) ** 2).sum(axis=1).mean()))
     return Moved(angle, off / size if size else 0.0)
