@@ -225,3 +225,23 @@ def test_a_folder_says_so_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     log_folder.write(tmp_path / "log", log, scaled(truth, 1000.0))
     assert main(["validate", "--strict", str(tmp_path / "log")]) == 2
     assert "perhaps the truth is in millimetres" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("off", "sd", "told"),
+    [
+        ([0.0, 0.0, 0.0], 1e-3, 0),
+        ([0.5, -0.5, 0.3], 1e-3, 0),  # measured by hand
+        ([1.65e3, 0.0, 0.0], 1e-3, 1),
+        ([0.0, 0.0, 1.5], 1e-3, 1),
+        ([0.0, 0.0, 2 * np.pi], 1e-3, 0),
+        ([50.0, 20.0, 1.0], 20.0, 0),
+    ],
+)
+def test_a_given_start_that_is_not_the_truths_is_remarked(off: list[float], sd: float, told: int) -> None:
+    log, truth = made("circle")
+    moved = replace(log, prior=log.prior._replace(pose=log.prior.pose + off, cov=np.diag([sd, sd, min(sd, 0.9)]) ** 2))
+    found = [one for one in remarks(Dataset(moved, truth)) if one.startswith("the log starts ")]
+    assert len(found) == told
+    later = remarks(Dataset(moved, part(truth, slice(20, None))))  # by then its odometry has drifted
+    assert not [one for one in later if one.startswith("the log starts ")]
