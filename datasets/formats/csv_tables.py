@@ -28,7 +28,7 @@ from ...frontend.wheels.holes import Holes
 from ...frontend.wheels.motion import Track, TrackNoise
 from ...frontend.wheels.units import fast_turns, in_degrees
 from ..registry import Source
-from ..truth import other_clock, sample
+from ..truth import other_clock, sample, start
 from .columns import in_order, read_columns
 from .csv_options import Options
 from .csv_sightings import Detections, detections
@@ -37,6 +37,8 @@ POSES = ("t", "x", "y", "heading")
 MOTIONS = ("t", "dx", "dy", "dtheta")
 SPEEDS = ("t", "v", "omega")
 PLACES = ("id", "x", "y")
+
+EARLY = 0.25  # share of the steps, after which a truth that begins does not tell the start
 
 MOST_KEYFRAMES = 500_000
 """More indicate an error: times in nanoseconds, or a detection from another year."""
@@ -57,11 +59,12 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         sd = f"start_sd={options.start_sd:g}"
         remarks.append(f"option {sd} is of the heading in rad, too: {sd};0.1 says that it is known to 0.1 rad")
     first = np.full((1, 3), np.nan)
+    delta = np.concatenate((first, motions.delta))
     log = Log.from_arrays(
         Path(options.odometry).stem,
-        _prior(options, truth, t[0]),
+        _prior(options, truth, t, delta),
         t,
-        np.concatenate((first, motions.delta)),
+        delta,
         np.concatenate((first[..., None] * first, motions.cov)),
         sighting_step=np.searchsorted(t, seen.t),
         ids=seen.ids,
@@ -168,11 +171,13 @@ def _places(path: Path) -> Map:
     return Map(ids, table.rows[:, 1:], None)
 
 
-def _prior(options: Options, truth: Truth | None, start: float) -> Prior:
-    """The prior from the options, filled up from the ground truth at that time, or 0."""
-    pose = np.zeros(3)
-    if truth is not None and len(truth.t) and truth.t[0] == start:
-        pose = truth.poses[0].copy()
+def _prior(options: Options, truth: Truth | None, t: Array, delta: Array) -> Prior:
+    """The prior from the options, filled up from an early ground truth, by the motions `delta` before it, or 0.
+
+    A truth that begins late, as where the end of a drive was measured, is in the frame of the start.
+    """
+    early = truth is not None and len(truth.t) and truth.t[0] <= t[int(EARLY * (len(t) - 1))]
+    pose = start(t, delta, truth).copy() if truth is not None and early else np.zeros(3)
     for k, given in enumerate((options.start_x, options.start_y, options.start_heading)):
         if given is not None:
             pose[k] = given

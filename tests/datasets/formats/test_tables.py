@@ -12,7 +12,7 @@ from fuzzing import survivors
 from refusals import refusal, refused
 from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
-from slamduel.core.se2 import Array, between, wrap
+from slamduel.core.se2 import Array, between, compose, wrap
 from slamduel.core.tum import write_tum
 from slamduel.datasets.formats import csv_sightings, csv_tables
 
@@ -165,6 +165,18 @@ def test_where_the_robot_starts(files: dict[str, Any]) -> None:
     alone = made(without).truth  # the landmarks are known, the path is not
     assert alone.map is not None
     assert len(alone.t) == 0
+
+
+def test_the_start_is_that_of_a_truth_that_begins_soon_after(files: dict[str, Any], tmp_path: Path) -> None:
+    """As motion capture does; one that begins late, as of the end alone, is in the frame of the start."""
+    t, poses = drive()
+    frame = np.array([30.0, -20.0, 1.0])
+    for first, started in ((0, frame), (7, frame), (60, frame), (299, np.zeros(3))):
+        write_tum(tmp_path / "later.tum", t[first:], compose(frame, poses[first:]))
+        log = made(files | {"truth": str(tmp_path / "later.tum")}).log
+        np.testing.assert_allclose(log.prior.pose, started, atol=1e-9)
+    given = files | {"truth": str(tmp_path / "later.tum"), "start_heading": 0.5}
+    np.testing.assert_array_equal(made(given).log.prior.pose, [0, 0, 0.5])
 
 
 def test_position_and_heading_of_the_start_may_be_known_apart(files: dict[str, Any]) -> None:
