@@ -8,9 +8,12 @@ from numpy.typing import NDArray
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints, act
 from ...core.truth_doubts import judges
+from ...core.truth_errors import rows_of, standing
 
 LEAST = 8  # sightings of an id from which on their median is a place to judge by
 WIDE = 8.0  # an id with more than this multiple of the typical id's spread is not in one place
+ELSEWHERE = 0.3  # of a map's size; a median distance beyond it is no error of sightings: the map is another one
+FEWEST = 5  # landmarks with a true place from which on these can be told to be another map's
 BEYOND = 3.0  # an id is in one place within this multiple of the stated standard deviation
 
 
@@ -65,6 +68,28 @@ def judge(log: Log, truth: Truth | None, places: Places | None) -> Truth | None:
         return truth
     sure = (places.sightings >= LEAST) & ~places.scattered
     return truth._replace(map=Map(places.ids[sure], places.xy[sure], None), assigned=None)
+
+
+def elsewhere(truth: Truth, places: Places) -> bool:
+    """True where true landmarks are not where sightings from the true path have them, as of another frame or unit."""
+    known = standing(truth)
+    sure = places.ids[~places.scattered]
+    row = np.full(len(sure), -1) if known is None else rows_of(known.ids, sure)
+    if known is None or (row >= 0).sum() < FEWEST:
+        return False
+    here = places.xy[~places.scattered][row >= 0]
+    size = np.sqrt(((here - here.mean(axis=0)) ** 2).sum(axis=1).mean())
+    noise = np.median(places.spread[~places.scattered][row >= 0])
+    off = np.median(np.hypot(*(known.xy[row[row >= 0]] - here).T))
+    return bool(off > max(ELSEWHERE * size, BEYOND * noise))
+
+
+def comparable(log: Log, truth: Truth) -> Truth:
+    """The truth to compare sightings with: landmarks without a true place, or elsewhere, are at their medians."""
+    places = placed(log, truth.poses, rows_of(truth.t, log.t), known=True)
+    if truth.map is not None and not elsewhere(truth, places):
+        return truth
+    return judge(log, truth, places) or truth
 
 
 def sighted(poses: Array, z: Array) -> Array:
