@@ -29,7 +29,7 @@ FAR_ABOVE = 1.1
 Incremental ones that end within their threshold are up to 5 % above it, on Huang's circle.
 """
 
-NO_MORE = 1e-9  # J; a difference below it is none
+NO_MORE = 0.1  # J; an estimate that is above the least one by that is a third of a standard deviation off
 
 NOT_CONVERGED = "the smoothing ended without converging"  # the remark on a cell whose backend says so
 
