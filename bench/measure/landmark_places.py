@@ -13,6 +13,7 @@ from ...core.truth_errors import rows_of, standing
 LEAST = 8  # sightings of an id from which on their median is a place to judge by
 WIDE = 8.0  # an id with more than this multiple of the typical id's spread is not in one place
 ELSEWHERE = 0.3  # of a map's size; a median distance beyond it is no error of sightings: the map is another one
+LEFT = 0.25  # of that distance, which is left where a turn and a shift of the map explain it
 FEWEST = 5  # landmarks with a true place from which on these can be told to be another map's
 BEYOND = 3.0  # an id is in one place within this multiple of the stated standard deviation
 
@@ -78,10 +79,19 @@ def elsewhere(truth: Truth, places: Places) -> bool:
     if known is None or (row >= 0).sum() < FEWEST:
         return False
     here = places.xy[~places.scattered][row >= 0]
-    size = np.sqrt(((here - here.mean(axis=0)) ** 2).sum(axis=1).mean())
+    there = known.xy[row[row >= 0]]
     noise = np.median(places.spread[~places.scattered][row >= 0])
-    off = np.median(np.hypot(*(known.xy[row[row >= 0]] - here).T))
-    return bool(off > max(ELSEWHERE * size, BEYOND * noise))
+    off, left = (np.median(np.hypot(*(one - here).T)) for one in (there, _onto(there, here)))
+    size = np.sqrt(((here - here.mean(axis=0)) ** 2).sum(axis=1).mean())
+    return bool((off > BEYOND * noise and off > ELSEWHERE * size) or (off > WIDE * noise and left < LEFT * off))
+
+
+def _onto(points: Array, others: Array) -> Array:
+    """Turns and moves points (n, 2) onto others by least squares."""
+    middle, target = points.mean(axis=0), others.mean(axis=0)
+    a, b = points - middle, others - target
+    angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+    return act(np.array([[*target, angle]]), a)
 
 
 def comparable(log: Log, truth: Truth) -> Truth:

@@ -212,6 +212,7 @@ def test_frozen_odometry_of_a_robot_that_drives_counts() -> None:
 
 ELSEWHERE: dict[str, Callable[[Map], Map]] = {
     "shifted": lambda known: known._replace(xy=known.xy + np.array([30.0, 10.0])),
+    "a little shifted": lambda known: known._replace(xy=known.xy + np.array([1.5, -1.0])),
     "millimetres": lambda known: known._replace(xy=1000 * known.xy),
     "mirrored": lambda known: known._replace(xy=known.xy[:, ::-1]),
     "renumbered": lambda known: known._replace(ids=np.roll(known.ids, len(known.ids) // 3)),
