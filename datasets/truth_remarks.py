@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.factors import UNKNOWN, Dataset, Log, Truth
 from ..core.se2 import wrap
-from ..core.truth_doubts import MOVING, Ways, headings_known, ways
+from ..core.truth_doubts import MOVING, Ways, headings_known, never_turns, other_headings, ways
 
 COVERED = 0.75  # share of the steps; with a true pose at fewer, errors are of a part of the log
 PARTIAL_NOTE = "truth"  # the key, among a log's notes, of words on a truth that is known to be of a part of it
@@ -45,10 +45,15 @@ def of_truth(dataset: Dataset) -> Iterator[str]:
             f"the truth is known at {len(truth.t)} of {len(log)} steps, from {_after(log, truth.t[0])} to "
             f"{_after(log, truth.t[-1])} s of {_after(log, log.t[-1])} s: errors are of these alone"
         )
-    if not headings_known(log, truth):
+    if never_turns(log, truth):
         yield (
             f"the truth's heading is always {truth.poses[0, 2]:.3g} rad, though its path turns as the odometry does: "
             "perhaps it is not filled in; no heading and no NEES is judged"
+        )
+    elif other_headings(log, truth):
+        yield (
+            "the true path bends as the odometry turns, but the truth's headings turn otherwise, or are a constant "
+            "off: perhaps they are clockwise, from north, or of another frame; no heading and no NEES is judged"
         )
     found = ways(log, truth)
     if found is not None and found.apart:

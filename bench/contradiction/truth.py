@@ -10,7 +10,7 @@ from ...core.factors import Log, Truth
 from ...core.se2 import Array, Ints, wrap
 from ...core.truth_doubts import judges
 from ...core.truth_errors import rows_of, sighting_errors, standing
-from ..measure.landmark_places import judge, placed
+from ..measure.landmark_places import comparable, placed
 from ..measure.stated_noise import noise_check
 from ..words.numerals import listed, number
 from .fit import Fitted
@@ -159,10 +159,7 @@ def of_sightings(log: Log, truth: Truth) -> Iterator[str]:
     """Says that sightings which agree with one another are far from the truth, in standard deviations."""
     if not judges(log, truth):
         return
-    right = truth._replace(assigned=None)
-    if truth.map is None:
-        right = judge(log, truth, placed(log, truth.poses, rows_of(truth.t, log.t), known=True)) or truth
-    errors = sighting_errors(log, right)
+    errors = sighting_errors(log, comparable(log, truth._replace(assigned=None)))
     check = noise_check(errors, log.z_cov[errors.row])
     if check is not None and check.checked >= FEWEST and (check.scale > FROM_TRUTH or check.far > OFTEN):
         yield (

@@ -83,26 +83,30 @@ source = Source(make, Options)
 def _track(path: Path, options: Options, remarks: list[str]) -> Track:
     """Converts the odometry, in any of its forms, to poses in a frame of its own."""
     table = in_order(read_columns(path, POSES, MOTIONS, SPEEDS, remarks=remarks), strictly=False)
-    t, turn = table.column("t"), options.radians
+    t, turn = table.column("t"), options.unit("odometry")
     last = np.append(np.diff(t) > 0, True)  # of rows at equal times, as a coarse clock gives, the last counts
     lost = "" if last.all() else digits_lost(t.tolist())
     if lost and 2 * last.sum() < len(t):
         raise table.fault(int(np.flatnonzero(~last)[0]) + 1, f"t is as in the row before{lost}")
     if table.columns == POSES:
-        poses = _poses(table, options, remarks)
+        poses = _poses(table, "odometry", options, remarks)
         for row in np.flatnonzero(~last[:-1] & (np.diff(poses, axis=0) != 0).any(1)) + 1:
             expected = f"expected a later one{lost}"
             raise table.fault(row, f"t is {t[row]!s} as in the row before, with another pose, {expected}")
+        rates = np.zeros(0)
     elif table.columns == MOTIONS:
         motions = table.rows[1:, 1:] * np.array([1.0, 1.0, turn])  # the motion before the first row is unknown
         poses = summed(np.zeros(3), motions)
+        rates = motions[:, 2] * len(motions) / (np.ptp(t) or np.inf)  # by the mean time: stamps may come in bursts
     else:
-        remarks += fast_turns(str(path), table.column("omega") * turn)
-        dt = np.diff(t)[:, None]
-        rolling = table.rows[:-1, 1:] * np.array([1.0, turn]) * dt
+        rates = table.column("omega") * turn
+        rolling = table.rows[:-1, 1:] * np.array([1.0, turn]) * np.diff(t)[:, None]
         poses = summed(np.zeros(3), roll(rolling, "arc")[0])
+    reads = f": option {options.with_degrees('odometry')} reads them so" if turn == 1 else ""
+    remarks += [found + reads for found in fast_turns(str(path), rates)]
     if not np.isfinite(poses).all():
-        raise InputError(f"{path}: the motions add up to an infinite position, expected metres and {options.angles}.")
+        unit = "radians" if turn == 1 else "degrees"
+        raise InputError(f"{path}: the motions add up to an infinite position, expected metres and {unit}.")
     poses[:, 2] = wrap(poses[:, 2])
     floors = Floors(options.floor_position, options.floor_heading)
     noise = TrackNoise(options.forward, options.turning, options.turning_by_turn, floors)
@@ -113,16 +117,17 @@ def _track(path: Path, options: Options, remarks: list[str]) -> Track:
     return track
 
 
-def _poses(table: Table, options: Options, remarks: list[str]) -> Array:
-    """(m, 3) the poses of a table of POSES; InputError for one beyond LARGEST."""
+def _poses(table: Table, file: str, options: Options, remarks: list[str]) -> Array:
+    """(m, 3) the poses of a table of POSES in `file`, odometry or truth; InputError for one beyond LARGEST."""
     for name in POSES[1:]:
         table.bounded(-LARGEST, LARGEST, name)
-    if options.angles == "radians" and in_degrees(table.rows[:, 1:]):
+    unit = options.unit(file)
+    if unit == 1 and in_degrees(table.rows[:, 1:]):
         remarks.append(
             f"{table.path}: the robot drives along its headings if they are in degrees, and across them as radians: "
-            "are they in degrees? Option angles=degrees reads them so"
+            f"option {options.with_degrees(file)} reads the headings of this file as degrees"
         )
-    return table.rows[:, 1:] * np.array([1.0, 1.0, options.radians])
+    return table.rows[:, 1:] * np.array([1.0, 1.0, unit])
 
 
 def _keyframes(start: float, end: float, seen: Array, every: float, holes: Holes) -> Array:
@@ -150,7 +155,7 @@ def _truth(options: Options, t: Array, remarks: list[str]) -> Truth | None:
         table = read_columns(path, POSES)
         repeated = np.append(False, (np.diff(table.rows, axis=0) == 0).all(axis=1))
         table = in_order(table.take(np.flatnonzero(~repeated)), strictly=True)
-        poses = _poses(table, options, remarks)
+        poses = _poses(table, "truth", options, remarks)
         poses[:, 2] = wrap(poses[:, 2])
         times = table.column("t")
     else:

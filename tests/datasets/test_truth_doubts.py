@@ -1,6 +1,7 @@
 """A truth that cannot be the log's, odometry that stands, and logs on which neither is so."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -135,6 +136,31 @@ def test_headings_that_never_turn_are_not_known(name: str, heading: float) -> No
         assert not headings_known(log, some)
         assert not judges(log, some)
         assert any(f"the truth's heading is always {heading:.3g} rad" in one for one in remarks(Dataset(log, some)))
+
+
+OTHERS: dict[str, Callable[[Array], Array]] = {
+    "clockwise": lambda headings: -headings,
+    "from north, clockwise": lambda headings: np.pi / 2 - headings,
+    "turned": lambda headings: headings - np.pi / 2,
+    "backwards": lambda headings: headings + np.pi,
+}
+
+
+@pytest.mark.parametrize("name", WORLDS[:5])
+@pytest.mark.parametrize("case", OTHERS)
+def test_headings_of_another_frame_are_not_known(name: str, case: str) -> None:
+    """Nor where drift of the odometry's heading adds a twentieth of a turn along the log."""
+    log, truth = made(name)
+    poses = truth.poses.copy()
+    poses[:, 2] = wrap(OTHERS[case](poses[:, 2]))
+    wrong = truth._replace(poses=poses)
+    half = np.arange(len(log))[:, None] > len(log) / 2
+    drifted = driven(log, log.delta + np.array([0.0, 0.0, 0.3 / len(log)]))
+    for one in (log, drifted):
+        assert headings_known(one, truth)
+        assert not headings_known(one, wrong)
+    assert headings_known(driven(log, np.where(half, 0.0, log.delta)), truth)
+    assert any("the truth's headings turn otherwise, or" in one for one in remarks(Dataset(log, wrong)))
 
 
 def test_a_robot_that_slides_at_one_heading_has_a_known_one() -> None:
