@@ -105,9 +105,13 @@ def contradicting_truth(dataset: Dataset, fits: Sequence[tuple[Log, Fitted]]) ->
         return
     log = named(log, truth).identified()
     said = [of_truth.of_path(part, fit, truth) for part, fit in fits]
-    of_paths = list(dict.fromkeys(one.path for one in said if one.path))
+    of_paths = [one.path for one in said if one.path]
+    of_paths = of_paths[:1] or list(of_truth.late(log, truth, [one.delay for one in said if one.delay]))
     of_headings = list(dict.fromkeys(one.headings for one in said if one.headings))
-    found = of_paths[:1] or (of_headings if len(of_headings) == 1 else [])  # of a wrong path, headings tell nothing
+    if of_paths:  # of a wrong path, headings and places tell nothing
+        yield from of_paths
+        return
+    found = of_headings if len(of_headings) == 1 else []
     for _, fit in fits[:1]:
         found += of_truth.of_map(log, truth, fit)
     yield from found or of_truth.of_sightings(log, truth)
