@@ -140,7 +140,7 @@ def scan_spaced(path: Path, columns: Sequence[str]) -> Scan[Table]:
     lines = text(path).split("\n")
     first = next((k for k, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), len(lines))
     cells = lines[first].split(",") if first < len(lines) else []
-    if len(cells) == len(columns) and all(len(cell.split()) == 1 for cell in cells):  # else a decimal comma
+    if len(cells) > 1 and all(len(cell.split()) <= 1 for cell in cells):  # else a decimal comma
         lines = [line if line.lstrip().startswith("#") else line.replace(",", " ") for line in lines]
     return (yield from _scan_rows(path, lines, first, tuple(columns), None, []))
 

@@ -20,6 +20,9 @@ MOST = 0.75  # share of those numbers of stretches
 MOVING = 0.5  # m from end to end of a path, below which its robot may stand: odometry and truth both jitter
 TURNING = 0.5  # rad from end to end of the odometry's headings, below which it may go straight
 UNTURNED = 0.02  # rad within which all headings are one
+ASIDE, ALIKE = 0.3, 0.9
+"""rad, and mean resultant length: of angles between motions by truth and by odometry, each from its own headings. They
+are of one constant beyond the one, if the other is exceeded; wheels hold it within 0.05 rad of 0."""
 FOLLOWS = 0.5  # share of a path's bends that is left without the odometry's turns, if it is these that bend it
 
 
@@ -46,13 +49,38 @@ def ways(log: Log, truth: Truth) -> Ways | None:
 
 
 def headings_known(log: Log, truth: Truth) -> bool:
-    """False where the truth's heading never turns, as of one that is not filled in, though path and odometry do."""
+    """False where the truth's headings cannot be the log's: they never turn, or are not those of path and odometry."""
+    return not (never_turns(log, truth) or other_headings(log, truth))
+
+
+def never_turns(log: Log, truth: Truth) -> bool:
+    """True where the truth's heading never turns, as of one that is not filled in, though path and odometry do."""
     if truth.kind != "truth" or len(truth.t) < FEWEST or np.ptp(np.unwrap(truth.poses[:, 2])) > UNTURNED:
-        return True
-    turned = np.concatenate(([0.0], np.cumsum(log.delta[1:, 2])))[_steps(log, truth)]
+        return False
+    turned = _turned(log)[_steps(log, truth)]
     if np.ptp(turned) < TURNING:
-        return True
-    return not any(_follows(truth.poses[ends, :2], turned[ends]) for ends in _stretches(len(truth.t) - 1))
+        return False
+    return any(_follows(truth.poses[ends, :2], turned[ends]) for ends in _stretches(len(truth.t) - 1))
+
+
+def other_headings(log: Log, truth: Truth) -> bool:
+    """True where the true path bends as the odometry turns, but not as its headings do, or these are a constant off."""
+    if truth.kind != "truth" or len(truth.t) <= STRETCHES[0] or never_turns(log, truth):
+        return False
+    steps, found = _steps(log, truth), list[bool]()
+    turned, reckoned = _turned(log)[steps], dead_reckoned(log)[steps]
+    headings = np.unwrap(truth.poses[:, 2])
+    for ends in _stretches(len(truth.t) - 1):
+        known, counted = truth.poses[ends], reckoned[ends]
+        if not _follows(known[:, :2], turned[ends]):
+            continue
+        there, here = (np.diff(path[:, :2], axis=0) for path in (known, counted))
+        apart = _angles(there) - known[:-1, 2] - _angles(here) + counted[:-1, 2]
+        weight = np.minimum(np.hypot(*there.T), np.hypot(*here.T))
+        mean = weight @ np.exp(1j * apart) / max(weight.sum(), 1e-300)
+        aside = abs(mean) > ALIKE and abs(np.angle(mean)) > ASIDE
+        found.append(aside or not _follows(known[:, :2], headings[ends]))
+    return bool(np.ptp(turned) >= TURNING and len(found) > 1 and all(found))
 
 
 def judges(log: Log, truth: Truth) -> bool:
@@ -64,6 +92,15 @@ def other_ways(log: Log, truth: Truth) -> bool:
     """True where ways by truth and by odometry differ as by a unit; not where the odometry never moves."""
     found = ways(log, truth)
     return found is not None and found.apart and found.odometry >= MOVING
+
+
+def _turned(log: Log) -> Array:
+    """(n,) rad that the odometry has turned so far."""
+    return np.concatenate(([0.0], np.cumsum(log.delta[1:, 2])))
+
+
+def _angles(moved: Array) -> Array:
+    return np.arctan2(moved[:, 1], moved[:, 0])
 
 
 def _steps(log: Log, truth: Truth) -> Ints:
@@ -81,7 +118,7 @@ def _stretches(last: int) -> Iterator[Ints]:
 def _follows(places: Array, turned: Array) -> bool:
     """Tells if the path through `places` (k, 2) bends as a robot does that has `turned` so far (k,), rad."""
     moved = np.diff(places, axis=0)
-    bend = np.diff(np.arctan2(moved[:, 1], moved[:, 0]))
+    bend = np.diff(_angles(moved))
     turn = np.diff((turned[1:] + turned[:-1]) / 2)
     far = np.hypot(*moved.T)
     weight = np.minimum(far[1:], far[:-1])

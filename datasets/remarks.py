@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.factors import REMARKS, UNKNOWN, Dataset, Log
@@ -21,6 +22,7 @@ from .way_remarks import FAR, FEW, of_ways
 
 GAP = 10.0  # a gap in time, relative to the median time between steps
 JUMP = 20.0  # a jump of the odometry, in standard deviations of all other steps
+STILL = 0.05  # share of the largest motions, below which a robot stands and its odometry jitters
 NARROW = 0.1  # rad; bearings that are all nearer to 0 may have been divided by 57
 SLOW = 100.0  # s; a median time between steps beyond it may be in milliseconds
 SPINNING = 5.0  # rad/s; a median turning rate beyond it may be in degrees per second
@@ -126,15 +128,24 @@ def _motions(log: Log) -> Iterator[str]:
         rate = float(np.median(rates))
         yield f"the median turning rate while turning is {rate:.3g} rad/s: perhaps it was in degrees a second"
     between = np.diff(log.t)
-    slower = np.minimum(np.median(between) / between, 1.0)  # a long motion in a long time is no jump
-    for name, motion in (("dx", log.delta[1:, 0]), ("dy", log.delta[1:, 1]), ("dtheta", log.delta[1:, 2])):
-        jumps = np.flatnonzero((_score(motion) > JUMP) & (_score(motion * slower) > JUMP))
+    slower = np.minimum(np.median(between) / between, 1.0)  # a long motion in a long time is no jump,
+    moves = _large(stride) | (turn > STILL * turn.max())  # nor any motion of a robot that mostly stands
+    for column, (name, power) in enumerate((("dx", 1), ("dy", 2), ("dtheta", 1))):  # aside a curve goes as its square
+        motion = log.delta[1:, column]
+        far = (_score(motion[moves]) > JUMP) & (_score((motion * slower**power)[moves]) > JUMP)
+        jumps = np.flatnonzero(moves)[far]
         if len(jumps):
             first = int(jumps[0])
             yield (
                 f"{_count(len(jumps), 'jump')} of the odometry's {name}, {JUMP:g} standard deviations of the other "
                 f"steps from their mean, the first of {motion[first]:.3g} at step {first + 1}"
             )
+
+
+def _large(values: Array) -> NDArray[np.bool_]:
+    """Those of (n,) that are no jitter beside the largest hundredth; all where these are few, as of a single jump."""
+    large = values > STILL * np.quantile(values, 0.99)
+    return large if large.sum() > FEW else np.ones(len(values), bool)
 
 
 def _score(values: Array) -> Array:
@@ -158,8 +169,8 @@ def _sightings(log: Log) -> Iterator[str]:
         yield f"every bearing is within {widest:.2g} rad of ahead: perhaps it is in other units than radians"
     if len(log) > FEW and step[-1] < len(log) / 2:
         yield (
-            f"the last sighting is of step {step[-1]}, the log has {len(log)}: perhaps the column step counts "
-            "something else than the rows of odometry.csv"
+            f"the last sighting is of step {step[-1]}, the log has {len(log)}: perhaps the sensor stopped, or in a "
+            "log's folder the column step counts something else than the rows of odometry.csv"
         )
     unknown = int(np.sum(log.ids == UNKNOWN))
     if unknown > UNNAMED * len(r) and HIDDEN_NOTE not in log.notes:

@@ -19,10 +19,12 @@ _COUNT = Measure(
 )
 _WIDTH = Measure("metres", 0.01, 10.0, LENGTHS, (0.05, 1.0))
 _SPEED = Measure("metres per second", 0.0, 100.0, LENGTHS, (0.05, 5.0))
-_REACH = Measure("metres", 0.0, 100.0, LENGTHS, (1.0, 50.0))
+_REACH = Measure("metres", 0.0, 100.0, LENGTHS[::-1], (1.0, 50.0))  # 3000 is 3 m rather than 30 m
+_NEAR = Measure("metres", 0.0, 100.0, LENGTHS, (0.02, 1.0))
 _SHARE = Measure("a share of 1", 0.0, 1.0, of_units(("percent", 1e-2)))
 _SD = Measure("metres", 0.0, 1.0, of_units(("millimetres", 1e-3)), (0.0, 0.1))
 _SD_ANGLE = Measure("radians", 0.0, 0.8, DEGREES, (0.0, 0.5))
+_TILT = Measure("radians", 0.0, 0.2, DEGREES, (0.0, 0.2))  # 0.2: a robot that rocks by 11 degrees
 
 LIMITS: Mapping[str, list[Measure]] = {
     "camera.mounting.xyz": [_PLACE],
@@ -34,7 +36,7 @@ LIMITS: Mapping[str, list[Measure]] = {
     "encoder.left": [_COUNT],
     "encoder.right": [_COUNT],
     "encoder.base": [_WIDTH],
-    "encoder.k": [Measure("metres per root metre or a share", 0.0, 1.0, of_units(("millimetres", 1e-3)), (0.0, 0.2))],
+    "encoder.k": [Measure("metres per root metre or a share", 0.0, 0.5, of_units(("millimetres", 1e-3)), (0.0, 0.2))],
     "encoder.interval": [Measure("seconds", 0.0, 10.0, SECONDS, (1e-4, 1.0))],
     "encoder.max_speed": [_SPEED],
     "encoder.floors.position": [_SD],
@@ -51,9 +53,9 @@ LIMITS: Mapping[str, list[Measure]] = {
     "drift.floors.heading": [_SD_ANGLE],
     "noise.k_range": [_SHARE],
     "noise.k_bearing": [_SHARE],
-    "noise.floor_range": [Measure("metres", 0.0, 5.0, LENGTHS, (0.0, 1.0))],
-    "noise.floor_bearing": [_SD_ANGLE],
-    "noise.sway": [_SD_ANGLE],
+    "noise.floor_range": [_SD],
+    "noise.floor_bearing": [_TILT],
+    "noise.sway": [_TILT],
     "frames.fps": [Measure("frames per second", 0.001, 10_000.0)],
     "depth.pose.xyz": [_PLACE],
     "depth.pose.rpy": [_ROLL, _PITCH, _ROLL],
@@ -61,8 +63,9 @@ LIMITS: Mapping[str, list[Measure]] = {
     "depth.units": [Measure("units per metre", 1.0, 1e6, (("metres per unit", lambda value: 1 / value),))],
     "depth.within": [Measure("seconds", 0.0, 10.0, SECONDS, (1e-4, 1.0))],
     "laser.pose": [_PLACE, _PLACE, _ROLL],
-    "laser.min_range": [_REACH],
+    "laser.min_range": [_NEAR],
     "laser.max_range": [_REACH],
+    "laser.max_gap": [Measure("seconds", 0.0, 100.0, SECONDS, (0.05, 10.0))],
 }
 """Dotted keys of numbers -> their measure; of lists, that of all or of each number in them."""
 

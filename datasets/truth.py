@@ -118,7 +118,7 @@ def with_truth(log: Log, truth: Truth | None, first: int = 0, start_given: bool 
         return Dataset(log, None)
     known = sample(truth, log.t[first:])
     if len(known.t) and not start_given and log.prior.map is None:
-        return Dataset(replace(log, prior=log.prior._replace(pose=_start(log, known))), known)
+        return Dataset(replace(log, prior=log.prior._replace(pose=start(log.t, log.delta, known))), known)
     if len(known.t) or not len(truth.t):
         return Dataset(remarked(log, other_clock(POSES, truth.t, log.t[first:], len(known.t))), known)
     found = f"{log.t[0]!s} to {log.t[-1]!s} s, those of its {len(truth.t)} are from {truth.t[0]!s} to {truth.t[-1]!s} s"
@@ -135,11 +135,11 @@ def other_clock(name: str, times: Array, t: Array, known: int) -> list[str]:
     return [f"{found}: perhaps they are in milliseconds or nanoseconds"]
 
 
-def _start(log: Log, truth: Truth) -> Array:
-    """The pose (3,) from which the odometry leads to the first true one."""
+def start(t: Array, delta: Array, truth: Truth) -> Array:
+    """The pose (3,) from which the odometry, `delta` (n, 3) up to the times `t` (n,), leads to the first true one."""
     moved = np.zeros(3)
-    for delta in log.delta[1 : int(np.searchsorted(log.t, truth.t[0])) + 1]:
-        moved = compose(moved, delta)
+    for motion in delta[1 : int(np.searchsorted(t, truth.t[0])) + 1]:
+        moved = compose(moved, motion)
     pose = compose(truth.poses[0], inverse(moved))
     pose.flags.writeable = False
     return pose

@@ -6,7 +6,8 @@ from math import log10
 import numpy as np
 
 from ..core.factors import UNKNOWN, Dataset, Log, Truth
-from ..core.truth_doubts import MOVING, Ways, headings_known, ways
+from ..core.se2 import wrap
+from ..core.truth_doubts import MOVING, Ways, headings_known, never_turns, other_headings, ways
 
 COVERED = 0.75  # share of the steps; with a true pose at fewer, errors are of a part of the log
 PARTIAL_NOTE = "truth"  # the key, among a log's notes, of words on a truth that is known to be of a part of it
@@ -26,6 +27,8 @@ SPEEDS = (
 )
 """By how many times one goes farther than the other, and why: of speeds, where that is the odometry, and the truth."""
 NEAR = 0.05  # of the logarithm to base 10 of a factor: within 12 % of it
+UNLIKELY, FARTHEST, MOST_TURNED = 10.0, 1.0, 0.5
+"""Standard deviations of the start, m, and rad: farther from the true one it is another."""
 NO_UNIT = "a clock, a speed or the size of the wheels is wrong"
 
 
@@ -42,14 +45,37 @@ def of_truth(dataset: Dataset) -> Iterator[str]:
             f"the truth is known at {len(truth.t)} of {len(log)} steps, from {_after(log, truth.t[0])} to "
             f"{_after(log, truth.t[-1])} s of {_after(log, log.t[-1])} s: errors are of these alone"
         )
-    if not headings_known(log, truth):
+    if never_turns(log, truth):
         yield (
             f"the truth's heading is always {truth.poses[0, 2]:.3g} rad, though its path turns as the odometry does: "
             "perhaps it is not filled in; no heading and no NEES is judged"
         )
+    elif other_headings(log, truth):
+        yield (
+            "the true path bends as the odometry turns, but the truth's headings turn otherwise, or are a constant "
+            "off: perhaps they are clockwise, from north, or of another frame; no heading and no NEES is judged"
+        )
     found = ways(log, truth)
     if found is not None and found.apart:
         yield from _apart(log, found)
+    else:
+        yield from _elsewhere(log, truth)
+
+
+def _elsewhere(log: Log, truth: Truth) -> Iterator[str]:
+    """Compares the start with the truth at that time, where both are known."""
+    if truth.t[0] != log.t[0] or log.prior.start != "known" or not truth.exact:
+        return
+    off, sd = truth.poses[0] - log.prior.pose, np.sqrt(np.diag(log.prior.cov))
+    way, turn = float(np.hypot(off[0], off[1])), abs(float(wrap(off[2])))
+    far = way > max(UNLIKELY * sd[:2].max(), FARTHEST)
+    turned = turn > max(UNLIKELY * sd[2], MOST_TURNED) and headings_known(log, truth)
+    if far or turned:
+        yield (
+            f"the log starts {way:.3g} m and {turn:.2g} rad from where the truth does, and that is stated to "
+            f"{sd[:2].max():.2g} m and {sd[2]:.2g} rad: perhaps the given start (prior) is in another frame or unit; "
+            "errors from the origin, and NEES, have the difference"
+        )
 
 
 def _places(log: Log, truth: Truth) -> Iterator[str]:

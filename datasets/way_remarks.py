@@ -7,8 +7,8 @@ import numpy as np
 
 from ..core.dead_reckoning import dead_reckoned
 from ..core.factors import UNKNOWN, Log
-from ..core.se2 import Array
-from ..core.truth_doubts import MOVING
+from ..core.se2 import Array, wrap
+from ..core.truth_doubts import MOVING, UNTURNED
 
 FAR = 1000.0  # m; a median range or stride beyond it may be in millimetres
 FEW = 10  # rows below which nothing is odd
@@ -28,6 +28,7 @@ FAR_CAUSES = (
 )
 """By the way over what ranges allow: 1,000 times too long, it is 16 to 200 times that."""
 CHANGED = 0.1  # share of a range that noise which is stated too small does not change it by
+STRAIGHT = 0.7  # share of the pairs of sightings between which a robot may go straight, or be alone with false ids
 GROWN = 2.0  # times the change from one sighting to the next, which that of noise is not, however far apart they are
 
 
@@ -39,6 +40,8 @@ class _Pairs(NamedTuple):
     noise: Array  # (p,) m, stated, of a - b
     way: Array  # (p,) m, by odometry from one to the other
     straight: Array  # (p,) m, likewise, between their places
+    turned: Array  # (p,) rad, by how much the bearing changes
+    turn_noise: Array  # (p,) rad, stated, of that
 
 
 def of_ways(log: Log) -> Iterator[str]:
@@ -48,7 +51,7 @@ def of_ways(log: Log) -> Iterator[str]:
         return
     path = dead_reckoned(log)[:, :2]
     size = float(np.hypot(*np.ptp(path, axis=0)))
-    stands = list(_stands(log, path, size)) if size < MOVING else []
+    stands = list(_stands(log, path, size)) if size < MOVING else [*_repeats(log, path), *_unturned(log, path)]
     yield from stands or _units(log, path)
 
 
@@ -63,7 +66,9 @@ def _pairs(log: Log, path: Array, apart: int) -> _Pairs:
     gone = np.concatenate(([0.0], np.cumsum(np.hypot(*log.delta[1:, :2].T))))
     noise = np.sqrt(log.z_cov[one, 0, 0] + log.z_cov[other, 0, 0])
     straight = np.hypot(*(path[last] - path[first]).T)
-    return _Pairs(log.z[one, 0], log.z[other, 0], noise, gone[last] - gone[first], straight)
+    turned = np.abs(wrap(log.z[other, 1] - log.z[one, 1]))
+    turn_noise = np.sqrt(log.z_cov[one, 1, 1] + log.z_cov[other, 1, 1])
+    return _Pairs(log.z[one, 0], log.z[other, 0], noise, gone[last] - gone[first], straight, turned, turn_noise)
 
 
 def _stands(log: Log, path: Array, size: float) -> Iterator[str]:
@@ -88,6 +93,51 @@ def _stands(log: Log, path: Array, size: float) -> Iterator[str]:
             f"the odometry {moves}, but between two sightings of a landmark its range changes by {most[1]:.2g} m "
             "(median): perhaps its poses or its speed are not filled in, or it is in kilometres"
         )
+
+
+def _repeats(log: Log, path: Array) -> Iterator[str]:
+    """Finds ranges that change while the odometry repeats a reading, as where it is stuck for a part of the log."""
+    apart, nearest, most = 1, 0.0, (0.0, 0.0)
+    while len((pairs := _pairs(log, path, apart)).a) >= FEW:
+        same = pairs.way == 0
+        apart *= 2
+        if same.sum() < FEW:
+            continue
+        change = np.abs(pairs.a - pairs.b)[same]
+        typical = float(np.median(change))
+        nearest = nearest or typical
+        surely = 1.0 if typical > GROWN * nearest else 3.0
+        if np.median(change / np.maximum(pairs.a, pairs.b)[same]) > CHANGED:
+            most = max(most, (float(np.median(change / (surely * pairs.noise[same]))), typical))
+    if most[0] > OTHER_UNIT:
+        moves = np.flatnonzero(np.append(log.delta[1:, :2].any(axis=1), True))
+        longest = float(np.diff(log.t[np.append(0, moves)]).max())
+        yield (
+            f"the odometry repeats a place for up to {longest:.3g} s, but between two sightings meanwhile a landmark's "
+            f"range changes by {most[1]:.2g} m (median): perhaps it is stuck"
+        )
+
+
+def _unturned(log: Log, path: Array) -> Iterator[str]:
+    """Finds bearings that change by more than ways do it, though the odometry never turns."""
+    if np.ptp(np.cumsum(log.delta[1:, 2])) > UNTURNED:
+        return
+    apart, first = 1, 0.0
+    while len((pairs := _pairs(log, path, apart)).a) >= FEW:
+        nearest = np.minimum(pairs.a, pairs.b)
+        small = pairs.way < nearest / 2
+        typical = float(np.median(pairs.turned))
+        first = first or typical
+        surely = 1.0 if typical > GROWN * first else 3.0
+        excess = pairs.turned / (pairs.way / nearest + surely * pairs.turn_noise)
+        if small.sum() >= FEW and np.quantile(excess[small], STRAIGHT) > OTHER_UNIT:
+            yield (
+                "the odometry never turns, but between two sightings of a landmark its bearing changes by "
+                f"{np.median(pairs.turned[small]):.2g} rad (median), by the way alone it would by "
+                f"{np.median((pairs.way / nearest)[small]):.2g} rad: perhaps headings or turning rates are not given"
+            )
+            return
+        apart *= 2
 
 
 def _units(log: Log, path: Array) -> Iterator[str]:

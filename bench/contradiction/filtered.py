@@ -1,6 +1,7 @@
 """Filters a stretch of a log with the EKF: how far its innovations are from what their covariances say."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -31,7 +32,10 @@ def nis(stretches: Sequence[Log]) -> float | None:
 
     if above(WIDEST) > 0:
         return np.inf
-    return 0.0 if above(-WIDEST) < 0 else float(np.exp(brentq(above, -WIDEST, WIDEST)))
+    if above(-WIDEST) < 0:
+        return 0.0
+    found: Any = brentq(above, -WIDEST, WIDEST)
+    return float(np.exp(found))
 
 
 def _steps(log: Log) -> list[tuple[float, int]]:
@@ -42,7 +46,7 @@ def _steps(log: Log) -> list[tuple[float, int]]:
         for step in log:
             ekf.step(step)
             belief = ekf.belief()
-            if belief.nis is not None and belief.nis_dof:
+            if belief is not None and belief.nis is not None and belief.nis_dof:
                 found.append((belief.nis, belief.nis_dof))
     except Diverged:
         return [(np.inf, 1)]

@@ -53,8 +53,9 @@ def remarks(dataset: Dataset) -> list[str]:
 
 
 def noisy(found: Contradiction) -> bool:
-    """Tells if noise alone may be the cause of a contradiction."""
-    return found.found.bulk < FIVEFOLD
+    """Tells if noise alone may be the cause of a contradiction: it is small, or no usual mistake makes it smaller."""
+    bulk = found.found.bulk
+    return bulk < FIVEFOLD or all(2 * tried.found.bulk + tried.larger > bulk for tried in found.tried)
 
 
 def sentence(found: Contradiction) -> str:
@@ -102,9 +103,15 @@ def contradicting_truth(dataset: Dataset, fits: Sequence[tuple[Log, Fitted]]) ->
     log, truth = dataset
     if truth is None or truth.kind != "truth":
         return
+    log = named(log, truth).identified()
     said = [of_truth.of_path(part, fit, truth) for part, fit in fits]
-    of_paths = list(dict.fromkeys(one.path for one in said if one.path))
+    of_paths = [one.path for one in said if one.path]
+    of_paths = of_paths[:1] or list(of_truth.late(log, truth, [one.delay for one in said if one.delay]))
     of_headings = list(dict.fromkeys(one.headings for one in said if one.headings))
-    yield from of_paths[:1] or (of_headings if len(of_headings) == 1 else [])  # of a wrong path, headings tell nothing
+    if of_paths:  # of a wrong path, headings and places tell nothing
+        yield from of_paths
+        return
+    found = of_headings if len(of_headings) == 1 else []
     for _, fit in fits[:1]:
-        yield from of_truth.of_map(named(log, truth).identified(), truth, fit)
+        found += of_truth.of_map(log, truth, fit)
+    yield from found or of_truth.of_sightings(log, truth)

@@ -1,16 +1,21 @@
 """Truth that contradicts its log: a path, headings or landmarks in another frame, unit, numbering or time."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from ...core.factors import Log, Truth
-from ...core.se2 import Array, wrap
-from ...core.truth_errors import rows_of, standing
-from ..measure.landmark_places import placed
-from .fit import Fitted
+from ...core.se2 import Array, Ints, wrap
+from ...core.truth_doubts import judges
+from ...core.truth_errors import rows_of, sighting_errors, standing
+from ..measure.landmark_places import comparable, elsewhere, placed
+from ..measure.stated_noise import normalised, typical_scale
+from ..words.numerals import listed, number
+from .fit import FAR, Fitted
+from .mistakes import FACTORS, LENGTHS
 
 FEWEST, FEWEST_PLACES = 8, 5
 """Poses of a stretch, and landmarks, that are compared."""
@@ -25,13 +30,22 @@ TURNED = 0.5
 STEADY = 0.98
 """Mean resultant length of angles that are one but for 0.2 rad."""
 
+ALL, FEW, FIT = 0.9, 0.34, 0.05
+"""Share of a landmark's sightings that is far out where its true place is wrong, share of such landmarks at most, and
+share of the others' sightings that is far out."""
+
+FROM_TRUTH, OFTEN = 3.0, 0.25
+"""Typical error from the truth over what is stated, and share that is far out, from which on the truth is another. With
+published logs they are 1.2 and 0.06 at most."""
+
+NAMED = 6
+"""Landmarks that are named one by one."""
+
 DELAYS = (-10.0, -5.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 """s; a clock's delay is looked for between two of them."""
 
 NEARER, NOTICED = 3.0, 0.05
 """Times as near to the path as without a delay, and the least delay, s, that is named."""
-
-FACTORS = {1000.0: "millimetres", 100.0: "centimetres", 1 / 0.3048: "feet"}
 
 
 class Moved(NamedTuple):
@@ -46,6 +60,7 @@ class Said(NamedTuple):
 
     path: str = ""
     headings: str = ""
+    delay: float = 0.0  # s, of its clock
 
 
 def of_path(log: Log, fit: Fitted, truth: Truth) -> Said:
@@ -60,8 +75,7 @@ def of_path(log: Log, fit: Fitted, truth: Truth) -> Said:
         return Said("the truth is the mirror image of the log's path: x and y are swapped, or one has the other sign")
     delay, off = _delay(log.t[known], path[:, :2], truth)
     if off < min(RIGHT, moved.off / NEARER) and abs(delay) > NOTICED:
-        side = "late" if delay > 0 else "early"
-        return Said(f"the truth fits the log's path if its clock is about {abs(delay):.2g} s {side}")
+        return Said(delay=delay)
     if moved.off < OFF:
         return Said(headings=_of_headings(wrap(poses[:, 2]), path[:, 2], moved.angle))
     return Said()
@@ -105,8 +119,8 @@ def of_map(log: Log, truth: Truth, fit: Fitted) -> Iterator[str]:
     known = standing(truth)
     if known is None:
         return
-    if len(truth.t):
-        found = placed(log, truth.poses, rows_of(truth.t, log.t), known=True)
+    found = placed(log, truth.poses, rows_of(truth.t, log.t), known=True) if len(truth.t) else None
+    if found is not None:
         ids, xy = found.ids[~found.scattered], found.xy[~found.scattered]
     else:
         ids, xy = fit.landmarks.ids, fit.landmarks.xy
@@ -114,30 +128,75 @@ def of_map(log: Log, truth: Truth, fit: Fitted) -> Iterator[str]:
     if (row >= 0).sum() < FEWEST_PLACES:
         return
     there, here = known.xy[row[row >= 0]], xy[row >= 0]
-    off = _typical(there - here, here) if len(truth.t) else onto(there, here).off
-    if off < OFF:
+    if not (elsewhere(truth, found) if found is not None else onto(there, here).off > OFF):
         return
     frame = "another frame than the true path, by a turn and a shift"
     for words, changed in (
         (f"in {frame}", there),
         ("mirrored: x and y are swapped, or one has the other sign", there[:, ::-1]),
-        *((f"in {unit}", there / factor) for factor, unit in FACTORS.items()),
+        *((f"in {FACTORS[factor]}", there / factor) for factor in LENGTHS),
     ):
         if onto(changed, here).off < RIGHT:
             yield f"the true places of landmarks are {words}"
             return
     nearest = np.hypot(*(here[:, None] - known.xy[None]).transpose(2, 0, 1)).min(axis=1)
-    if len(truth.t) and np.median(nearest) < RIGHT * _size(here):
+    if found is not None and np.median(nearest) < RIGHT * _extent(here):
         yield "the true places of landmarks fit the sightings but have other ids"
 
 
-def _typical(off: Array, among: Array) -> float:
-    """Median length of the rows (n, 2) over the size of what they are of."""
-    size = _size(among)
-    return float(np.median(np.hypot(*off.T))) / size if size else 0.0
+def late(log: Log, truth: Truth, delays: Sequence[float]) -> Iterator[str]:
+    """Says how late the truth's clock is by the stretches that tell, if sightings then fit the truth, too."""
+    if not delays:
+        return
+    delay, side = float(np.median(delays)), "late" if np.median(delays) > 0 else "early"
+    columns = *truth.poses[:, :2].T, np.unwrap(truth.poses[:, 2])
+    t = truth.t[(truth.t + delay >= truth.t[0]) & (truth.t + delay <= truth.t[-1])]
+    then = np.column_stack([np.interp(t + delay, truth.t, column) for column in columns])
+    before, after = (_from(log, one) for one in (truth, truth._replace(t=t, poses=then)))
+    if before is None or after is None or after < min(before, FROM_TRUTH):
+        yield f"the truth fits the log's path if its clock is about {abs(delay):.2g} s {side}"
 
 
-def _size(xy: Array) -> float:
+def _from(log: Log, truth: Truth) -> float | None:
+    """The typical error of sightings from a truth over what is stated; None of too few."""
+    errors = sighting_errors(log, comparable(log, truth._replace(assigned=None)))
+    return typical_scale(normalised(errors, log.z_cov[errors.row]), 2) if len(errors.row) >= FEWEST else None
+
+
+def of_sightings(log: Log, truth: Truth) -> Iterator[str]:
+    """Says that sightings which agree with one another are far from the truth, in standard deviations."""
+    if not judges(log, truth):
+        return
+    given = truth._replace(assigned=None)
+    right = comparable(log, given)
+    errors = sighting_errors(log, right)
+    if len(errors.row) < FEWEST:
+        return
+    squares, ids = normalised(errors, log.z_cov[errors.row]), log.ids[errors.row]
+    odd = _elsewhere(ids, squares > FAR) if right is given and truth.map is not None else ids[:0]
+    if len(odd):
+        names, one = listed([str(name) for name in odd.tolist()], NAMED), len(odd) == 1
+        verb = "is not where its sightings have it" if one else "are not where their sightings have them"
+        yield f"the true place{'s' * (not one)} of landmark{'s' * (not one)} {names} {verb}"
+        return
+    scale, far = typical_scale(squares, 2), float((squares > FAR).mean())
+    if scale > FROM_TRUTH or far > OFTEN:
+        yield (
+            f"the sightings agree with one another, but from the truth they are typically {number(scale)} times "
+            f"what is stated, and {number(100 * far)} % are far out: it is late, stands still at times, or is of "
+            "another place on the robot or another drive"
+        )
+
+
+def _elsewhere(ids: Ints, far: NDArray[np.bool_]) -> Ints:
+    """The few landmarks of whose sightings nearly all are far out, where those of the others fit."""
+    names, of = np.unique(ids, return_inverse=True)
+    odd = np.bincount(of, weights=far) > ALL * np.bincount(of)
+    fits = bool(far[~odd[of]].mean() < FIT) if not odd.all() else False
+    return names[odd] if fits and odd.sum() <= FEW * len(names) else names[:0]
+
+
+def _extent(xy: Array) -> float:
     """Root mean square distance (m) of points (n, 2) from their middle."""
     return float(np.sqrt(((xy - xy.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
@@ -149,6 +208,6 @@ def onto(points: Array, others: Array) -> Moved:
     angle = float(np.arctan2(cross, dot))
     c, s = np.cos(angle), np.sin(angle)
     turned = a @ np.array([[c, s], [-s, c]])
-    size = _size(b)
+    size = _extent(b)
     off = float(np.sqrt(((turned - b) ** 2).sum(axis=1).mean()))
     return Moved(angle, off / size if size else 0.0)

@@ -123,7 +123,7 @@ class Known(NamedTuple):
     sightings: NoiseCheck | None  # with truth alone, as the next
     odometry: NoiseCheck | None
     measured: Measured | None  # the sightings' noise
-    medians: bool  # both are against landmarks' median places, as true ones are unknown
+    medians: bool  # both are against landmarks' median places, as true ones are unknown or elsewhere
     scattered: Scattered | None  # by a known path, where the landmarks' places are not
     drift_m: float | None  # of dead reckoning at the end of the known path
     drift_share: float | None  # of that path's length

@@ -9,7 +9,7 @@ from ...core.dead_reckoning import dead_reckoned
 from ...core.factors import UNKNOWN, Dataset, Log, Truth
 from ...core.se2 import Array, Ints, between, compose
 from ...core.truth_errors import named
-from ..measure.landmark_places import Places, placed
+from ..measure.landmark_places import Places, elsewhere, placed
 from ..plan.reference import outliers, reference
 
 LARGEST = 40_000  # steps and sightings up to which the batch optimum is computed without --solve: about half a minute
@@ -25,7 +25,7 @@ class Shown(NamedTuple):
     reckoned: Array  # (n, 3) dead reckoning from the first of these poses
     xy: Array  # (l, 2) landmarks, without those that are not in one place
     mark: str  # describes such a landmark's place
-    places: Places | None  # by the sightings from this path, where no true ones are known
+    places: Places | None  # by the sightings from this path, where no true ones are known, or these are elsewhere
     solved: Truth | None  # the batch optimum, where the path is one
 
     def pose_at(self, steps: int) -> Ints:
@@ -47,7 +47,8 @@ def shown(dataset: Dataset, solve: bool | None) -> Shown:
         step, poses = np.searchsorted(log.t, truth.t), truth.poses
         reckoned = from_pose(reckoned, int(step[0]), poses[0])
     solved = truth if truth is not None and truth.kind == "reference" else None
-    given = None if truth is None else truth.map
+    places = placed(log, poses, _rows(step, len(log)), known=truth is not None)
+    given = None if truth is None or elsewhere(truth, places) else truth.map
     if (
         given is not None
         and dataset.truth is not None
@@ -55,7 +56,6 @@ def shown(dataset: Dataset, solve: bool | None) -> Shown:
         and dataset.truth.places == "truth"
     ):
         return Shown(words, step, poses, reckoned, given.xy, "landmark", None, solved)
-    places = placed(log, poses, _rows(step, len(log)), known=truth is not None)
     if given is None:
         xy, mark = places.xy[~places.scattered], "landmark, median of its sightings"
     else:

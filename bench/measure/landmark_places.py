@@ -8,9 +8,13 @@ from numpy.typing import NDArray
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints, act
 from ...core.truth_doubts import judges
+from ...core.truth_errors import rows_of, standing
 
 LEAST = 8  # sightings of an id from which on their median is a place to judge by
 WIDE = 8.0  # an id with more than this multiple of the typical id's spread is not in one place
+ELSEWHERE = 0.3  # of a map's size; a median distance beyond it is no error of sightings: the map is another one
+LEFT = 0.25  # of that distance, which is left where a turn and a shift of the map explain it
+FEWEST = 5  # landmarks with a true place from which on these can be told to be another map's
 BEYOND = 3.0  # an id is in one place within this multiple of the stated standard deviation
 
 
@@ -65,6 +69,37 @@ def judge(log: Log, truth: Truth | None, places: Places | None) -> Truth | None:
         return truth
     sure = (places.sightings >= LEAST) & ~places.scattered
     return truth._replace(map=Map(places.ids[sure], places.xy[sure], None), assigned=None)
+
+
+def elsewhere(truth: Truth, places: Places) -> bool:
+    """True where true landmarks are not where sightings from the true path have them, as of another frame or unit."""
+    known = standing(truth)
+    sure = places.ids[~places.scattered]
+    row = np.full(len(sure), -1) if known is None else rows_of(known.ids, sure)
+    if known is None or (row >= 0).sum() < FEWEST:
+        return False
+    here = places.xy[~places.scattered][row >= 0]
+    there = known.xy[row[row >= 0]]
+    noise = np.median(places.spread[~places.scattered][row >= 0])
+    off, left = (np.median(np.hypot(*(one - here).T)) for one in (there, _onto(there, here)))
+    size = np.sqrt(((here - here.mean(axis=0)) ** 2).sum(axis=1).mean())
+    return bool((off > BEYOND * noise and off > ELSEWHERE * size) or (off > WIDE * noise and left < LEFT * off))
+
+
+def _onto(points: Array, others: Array) -> Array:
+    """Turns and moves points (n, 2) onto others by least squares."""
+    middle, target = points.mean(axis=0), others.mean(axis=0)
+    a, b = points - middle, others - target
+    angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+    return act(np.array([[*target, angle]]), a)
+
+
+def comparable(log: Log, truth: Truth) -> Truth:
+    """The truth to compare sightings with: landmarks without a true place, or elsewhere, are at their medians."""
+    places = placed(log, truth.poses, rows_of(truth.t, log.t), known=True)
+    if truth.map is not None and not elsewhere(truth, places):
+        return truth
+    return judge(log, truth, places) or truth
 
 
 def sighted(poses: Array, z: Array) -> Array:

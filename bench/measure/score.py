@@ -8,7 +8,7 @@ import numpy as np
 from ...backends.api import Diverged, Solution
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_doubts import headings_known, judges, other_ways
+from ...core.truth_doubts import headings_known, judges, never_turns, other_headings, other_ways
 from .accuracy import has_shape, map_accuracy, path_accuracy, stretches
 from .association import association_columns, by_true_ids, moved
 from .cpu_time import step_cost
@@ -29,7 +29,7 @@ FAR_ABOVE = 1.1
 Incremental ones that end within their threshold are up to 5 % above it, on Huang's circle.
 """
 
-NO_MORE = 1e-9  # J; a difference below it is none
+NO_MORE = 0.1  # J; an estimate that is above the least one by that is a third of a standard deviation off
 
 NOT_CONVERGED = "the smoothing ended without converging"  # the remark on a cell whose backend says so
 
@@ -37,6 +37,7 @@ TRANSLATION_ONLY = "aligned by translation only: the path is straight or standin
 SHAPELESS = "ATE takes a truth of 3 steps in several places"
 UNTURNED = "the truth's heading never turns, but its path does: no heading and no NEES is judged"
 MISTAKEN = "a remark names a mistake in the log: what its measurements are off by is not judged as noise"
+OTHER_HEADINGS = "the truth's headings are others than those of path and odometry: no heading and no NEES is judged"
 OTHER_WAYS = "the ways of truth and odometry differ as by a unit: no NEES is judged"
 
 
@@ -187,7 +188,8 @@ def _remarks(log: Log, outcome: Outcome, truth: Truth | None) -> list[str]:
     if truth is not None and truth.kind != "relations" and len(truth.t) < FEW * len(log):
         said.append(f"truth is known at {len(truth.t)} of {len(log)} steps")
     if truth is not None:
-        said += [UNTURNED] * (not headings_known(log, truth)) + [OTHER_WAYS] * other_ways(log, truth)
+        said += [UNTURNED] * never_turns(log, truth) + [OTHER_HEADINGS] * other_headings(log, truth)
+        said += [OTHER_WAYS] * other_ways(log, truth)
     return said
 
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ...core.factors import UNKNOWN, Log, Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import Errors, difference, driven_errors, named, rows_of, sighting_errors
-from .landmark_places import judge, placed
+from ...core.truth_errors import Errors, difference, driven_errors, named, sighting_errors
+from .landmark_places import comparable
 
 FAR = {2: 13.816, 3: 16.266}  # dimension -> chi-square's 99.9 % point
 MEDIAN = {2: 1.3863, 3: 2.3660}  # dimension -> the median of chi-square
@@ -22,6 +22,7 @@ UNEVEN = 1.3  # root mean square of the errors over the typical one, as stated, 
 APART = 2.0  # times the scale of the one part of the sightings, from which on the other part is one of its own
 FEWEST = 50  # sightings to divide into parts
 NAMED = 6  # landmarks that a remark names one by one
+OTHER_PLACES = "the true places of landmarks are not where sightings from the true path have them: they judge no noise"
 
 
 class NoiseCheck(NamedTuple):
@@ -104,9 +105,10 @@ class _Belief(NamedTuple):
 
 def _sightings(log: Log, truth: Truth, belief: _Belief) -> Iterator[str]:
     """Remarks on the errors of sightings, and on the parts of the log that they differ in where the belief is off."""
-    right = truth._replace(assigned=None)  # an error of the given id is an error of the sighting
-    if truth.map is None:
-        right = judge(log, truth, placed(log, truth.poses, rows_of(truth.t, log.t), known=True)) or truth
+    given = truth._replace(assigned=None)  # an error of the given id is an error of the sighting
+    right = comparable(log, given)
+    if given.map is not None and right is not given:
+        yield OTHER_PLACES
     errors = sighting_errors(log, right)
     sizes = _Sizes.of(errors, log.z_cov)
     if belief.off and sizes is not None and sizes.uneven and len(errors.row) >= FEWEST:

@@ -6,8 +6,8 @@ import numpy as np
 
 from ...core.factors import Log, Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import named, rows_of, sighting_errors
-from ..measure.landmark_places import judge, placed
+from ...core.truth_errors import named, sighting_errors
+from ..measure.landmark_places import comparable
 from .gauss_markov import Chains
 
 NEAREST = 1e-3  # m, the least distance of a landmark
@@ -33,10 +33,7 @@ class Sighted(NamedTuple):
 def sighted(log: Log, truth: Truth) -> Sighted:
     """Sightings whose error the truth tells; landmarks without a true place are at the median of their sightings."""
     log = named(log, truth)
-    right = truth
-    if truth.map is None:
-        right = judge(log, truth, placed(log, truth.poses, rows_of(truth.t, log.t), known=True)) or truth
-    row, error = sighting_errors(log, right)
+    row, error = sighting_errors(log, comparable(log, truth))
     ids = log.ids[row]
     order = in_chains(ids, log.sighting_step[row])
     row, error = row[order], error[order]

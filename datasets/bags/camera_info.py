@@ -34,10 +34,14 @@ def camera_of(bag: Bag, topic: Topic, images: Topic, remarks: list[str]) -> Reco
     """The camera of the topic of `images`, by its `topic` of camera_info; `remarks` grows where that changes."""
     from ...frontend.camera.calibration import from_camera_info
 
-    messages = bag.contents(topic.name)
-    first = next(messages)
+    messages = enumerate(bag.contents(topic.name), start=1)
+    number, first = next(messages)
     if first is None:
         raise InputError(f"{bag.path}: message 1 of topic {topic.name} cannot be read.")
+    if not _filled_in(first):  # as drivers send it before they have read their calibration
+        number, first = next(((k, one) for k, one in messages if one is not None and _filled_in(one)), (1, first))
+    if number > 1:
+        remarks.append(f"{bag.path}: topic {topic.name} is zero until message {number}, which is used")
     remarks += _changed(bag, topic, first, messages)
     k, d, p = _matrices(first)
     rectified = is_rectified(images.name)
@@ -69,10 +73,15 @@ def of_images(given: Camera, recorded: Camera | None, images: str, where: str, r
     return replace(given, focal=recorded.focal, centre=recorded.centre, distortion=recorded.distortion, model="pinhole")
 
 
-def _changed(bag: Bag, topic: Topic, first: Any, others: Iterator[Any]) -> Iterator[str]:
-    """Compares later messages of a camera_info with the first, which counts."""
+def _filled_in(message: Any) -> bool:
+    k, _, p = _matrices(message)
+    return bool(k[0] or p[0])
+
+
+def _changed(bag: Bag, topic: Topic, first: Any, others: Iterator[tuple[int, Any]]) -> Iterator[str]:
+    """Compares later messages of a camera_info, with their numbers, with the first, which counts."""
     begin = _matrices(first)
-    for number, message in enumerate(others, start=2):
+    for number, message in others:
         if message is None:
             continue
         k, d, p = _matrices(message)

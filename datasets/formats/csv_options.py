@@ -4,7 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.errors import InputError
 from ...core.options import option
+
+ANGLED = ("odometry", "detections", "truth")  # files that have angles
 
 
 @dataclass(frozen=True)
@@ -16,7 +19,7 @@ class Options:
     truth: str | None = option(None, "CSV file with t,x,y,heading, or a TUM file")
     landmarks: str | None = option(None, "CSV file with the landmarks' true positions: id,x,y")
     ignore: str = option("", "ids to leave out, such as those of moving objects: 5;14;23")
-    angles: str = option("radians", "unit of angles in the CSV files", choices=("radians", "degrees"))
+    angles: str = option("radians", "unit of all angles, radians or degrees, or the files with degrees: odometry;truth")
     range_sd: float = option(0.1, "standard deviation of a range, m", minimum=1e-6, maximum=1e3)
     range_share: float = option(0.0, "growth of that with the range, as a share of the range", minimum=0.0, maximum=1.0)
     bearing_sd: float = option(0.02, "standard deviation of a bearing, rad", minimum=1e-6, maximum=3.0)
@@ -37,7 +40,24 @@ class Options:
         1e-3, "standard deviation of the initial pose: of m and rad alike, or of m;rad", minimum=1e-9, maximum=1e3
     )
 
-    @property
-    def radians(self) -> float:
-        """The unit of angles in the CSV files, rad."""
-        return 1.0 if self.angles == "radians" else np.pi / 180
+    def in_degrees(self) -> tuple[str, ...]:
+        """Parses the files whose angles are in degrees, of ANGLED."""
+        if self.angles in ("radians", "degrees"):
+            return ANGLED if self.angles == "degrees" else ()
+        names = [name.strip() for name in self.angles.split(";")]
+        for name in names:
+            if name not in ANGLED:
+                raise InputError(
+                    f"option angles={self.angles} of dataset csv: found {name!r}, expected radians, degrees, or the "
+                    f"files whose angles are in degrees, of {';'.join(ANGLED)}."
+                )
+        return tuple(name for name in ANGLED if name in names)
+
+    def unit(self, file: str) -> float:
+        """The unit of the angles in one of ANGLED, rad."""
+        return np.pi / 180 if file in self.in_degrees() else 1.0
+
+    def with_degrees(self, file: str) -> str:
+        """The option that reads the angles of `file` as degrees, too, and all others as now."""
+        names = {*self.in_degrees(), file}
+        return f"angles={';'.join(name for name in ANGLED if name in names)}"

@@ -66,10 +66,13 @@ def detections(path: Path, options: Options, start: float, end: float, remarks: 
     if table.columns == POINTS:
         z = np.stack((hypot(*z.T), arctan2(z[:, 1], z[:, 0])), axis=-1)
     else:
-        z = z * np.array([1.0, options.radians])
+        z = z * np.array([1.0, options.unit("detections")])
         for row in np.flatnonzero(np.abs(z[:, 1]) > np.pi):
-            found = f"bearing is {table.column('bearing')[row]!s} {options.angles}"
-            raise table.fault(row, f"{found}, expected at most half a turn: wrap it, or set the unit by option angles")
+            found, half = f"bearing is {table.column('bearing')[row]!s}", "expected at most half a turn"
+            if "detections" in options.in_degrees():
+                raise table.fault(row, f"{found} degrees, {half}, 180: wrap it")
+            cause = f"bearings in degrees take option {options.with_degrees('detections')}"
+            raise table.fault(row, f"{found} radians, {half}: wrap it; {cause}, or angles=degrees if all angles are")
     for row in np.flatnonzero(~((z[:, 0] > 0) & np.isfinite(z[:, 0]))):
         raise table.fault(row, f"the range is {z[row, 0]!s}, expected more than 0")
     inside = (start <= t) & (t <= end)

@@ -28,7 +28,7 @@ from ...frontend.wheels.holes import Holes
 from ...frontend.wheels.motion import Track, TrackNoise
 from ...frontend.wheels.units import fast_turns, in_degrees
 from ..registry import Source
-from ..truth import other_clock, sample
+from ..truth import other_clock, sample, start
 from .columns import in_order, read_columns
 from .csv_options import Options
 from .csv_sightings import Detections, detections
@@ -37,6 +37,8 @@ POSES = ("t", "x", "y", "heading")
 MOTIONS = ("t", "dx", "dy", "dtheta")
 SPEEDS = ("t", "v", "omega")
 PLACES = ("id", "x", "y")
+
+EARLY = 0.25  # share of the steps, after which a truth that begins does not tell the start
 
 MOST_KEYFRAMES = 500_000
 """More indicate an error: times in nanoseconds, or a detection from another year."""
@@ -57,11 +59,12 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         sd = f"start_sd={options.start_sd:g}"
         remarks.append(f"option {sd} is of the heading in rad, too: {sd};0.1 says that it is known to 0.1 rad")
     first = np.full((1, 3), np.nan)
+    delta = np.concatenate((first, motions.delta))
     log = Log.from_arrays(
         Path(options.odometry).stem,
-        _prior(options, truth, t[0]),
+        _prior(options, truth, t, delta),
         t,
-        np.concatenate((first, motions.delta)),
+        delta,
         np.concatenate((first[..., None] * first, motions.cov)),
         sighting_step=np.searchsorted(t, seen.t),
         ids=seen.ids,
@@ -80,26 +83,30 @@ source = Source(make, Options)
 def _track(path: Path, options: Options, remarks: list[str]) -> Track:
     """Converts the odometry, in any of its forms, to poses in a frame of its own."""
     table = in_order(read_columns(path, POSES, MOTIONS, SPEEDS, remarks=remarks), strictly=False)
-    t, turn = table.column("t"), options.radians
+    t, turn = table.column("t"), options.unit("odometry")
     last = np.append(np.diff(t) > 0, True)  # of rows at equal times, as a coarse clock gives, the last counts
     lost = "" if last.all() else digits_lost(t.tolist())
     if lost and 2 * last.sum() < len(t):
         raise table.fault(int(np.flatnonzero(~last)[0]) + 1, f"t is as in the row before{lost}")
     if table.columns == POSES:
-        poses = _poses(table, options, remarks)
+        poses = _poses(table, "odometry", options, remarks)
         for row in np.flatnonzero(~last[:-1] & (np.diff(poses, axis=0) != 0).any(1)) + 1:
             expected = f"expected a later one{lost}"
             raise table.fault(row, f"t is {t[row]!s} as in the row before, with another pose, {expected}")
+        rates = np.zeros(0)
     elif table.columns == MOTIONS:
         motions = table.rows[1:, 1:] * np.array([1.0, 1.0, turn])  # the motion before the first row is unknown
         poses = summed(np.zeros(3), motions)
+        rates = motions[:, 2] * len(motions) / (np.ptp(t) or np.inf)  # by the mean time: stamps may come in bursts
     else:
-        remarks += fast_turns(str(path), table.column("omega") * turn)
-        dt = np.diff(t)[:, None]
-        rolling = table.rows[:-1, 1:] * np.array([1.0, turn]) * dt
+        rates = table.column("omega") * turn
+        rolling = table.rows[:-1, 1:] * np.array([1.0, turn]) * np.diff(t)[:, None]
         poses = summed(np.zeros(3), roll(rolling, "arc")[0])
+    reads = f": option {options.with_degrees('odometry')} reads them so" if turn == 1 else ""
+    remarks += [found + reads for found in fast_turns(str(path), rates)]
     if not np.isfinite(poses).all():
-        raise InputError(f"{path}: the motions add up to an infinite position, expected metres and {options.angles}.")
+        unit = "radians" if turn == 1 else "degrees"
+        raise InputError(f"{path}: the motions add up to an infinite position, expected metres and {unit}.")
     poses[:, 2] = wrap(poses[:, 2])
     floors = Floors(options.floor_position, options.floor_heading)
     noise = TrackNoise(options.forward, options.turning, options.turning_by_turn, floors)
@@ -110,16 +117,17 @@ def _track(path: Path, options: Options, remarks: list[str]) -> Track:
     return track
 
 
-def _poses(table: Table, options: Options, remarks: list[str]) -> Array:
-    """(m, 3) the poses of a table of POSES; InputError for one beyond LARGEST."""
+def _poses(table: Table, file: str, options: Options, remarks: list[str]) -> Array:
+    """(m, 3) the poses of a table of POSES in `file`, odometry or truth; InputError for one beyond LARGEST."""
     for name in POSES[1:]:
         table.bounded(-LARGEST, LARGEST, name)
-    if options.angles == "radians" and in_degrees(table.rows[:, 1:]):
+    unit = options.unit(file)
+    if unit == 1 and in_degrees(table.rows[:, 1:]):
         remarks.append(
             f"{table.path}: the robot drives along its headings if they are in degrees, and across them as radians: "
-            "are they in degrees? Option angles=degrees reads them so"
+            f"option {options.with_degrees(file)} reads the headings of this file as degrees"
         )
-    return table.rows[:, 1:] * np.array([1.0, 1.0, options.radians])
+    return table.rows[:, 1:] * np.array([1.0, 1.0, unit])
 
 
 def _keyframes(start: float, end: float, seen: Array, every: float, holes: Holes) -> Array:
@@ -147,7 +155,7 @@ def _truth(options: Options, t: Array, remarks: list[str]) -> Truth | None:
         table = read_columns(path, POSES)
         repeated = np.append(False, (np.diff(table.rows, axis=0) == 0).all(axis=1))
         table = in_order(table.take(np.flatnonzero(~repeated)), strictly=True)
-        poses = _poses(table, options, remarks)
+        poses = _poses(table, "truth", options, remarks)
         poses[:, 2] = wrap(poses[:, 2])
         times = table.column("t")
     else:
@@ -168,11 +176,13 @@ def _places(path: Path) -> Map:
     return Map(ids, table.rows[:, 1:], None)
 
 
-def _prior(options: Options, truth: Truth | None, start: float) -> Prior:
-    """The prior from the options, filled up from the ground truth at that time, or 0."""
-    pose = np.zeros(3)
-    if truth is not None and len(truth.t) and truth.t[0] == start:
-        pose = truth.poses[0].copy()
+def _prior(options: Options, truth: Truth | None, t: Array, delta: Array) -> Prior:
+    """The prior from the options, filled up from an early ground truth, by the motions `delta` before it, or 0.
+
+    A truth that begins late, as where the end of a drive was measured, is in the frame of the start.
+    """
+    early = truth is not None and len(truth.t) and truth.t[0] <= t[int(EARLY * (len(t) - 1))]
+    pose = start(t, delta, truth).copy() if truth is not None and early else np.zeros(3)
     for k, given in enumerate((options.start_x, options.start_y, options.start_heading)):
         if given is not None:
             pose[k] = given

@@ -17,6 +17,8 @@ from ..bags.topics import plain
 from ..bags.transforms import Transforms
 from .robot import LaserRobot
 
+FASTEST = 20.0  # m/s, the median while it moves: no robot in the reach of a scanner is faster, but one in centimetres
+
 UNMOVED = "its odometry never moves: the front end goes by the scans alone"
 
 
@@ -49,7 +51,8 @@ def read_odometry(
 def covered(path: Path, t: Array, odometry: Odometry, robot: LaserRobot, remarks: list[str]) -> Covered:
     """The scans at `t` (n,) that have odometry, and its poses there; `remarks` grows by those that are left out.
 
-    InputError where there are not two such scans, or the odometry never moves and wheels are asked for.
+    InputError where there are not two such scans, where the odometry is faster than any robot, and where it never moves
+    and wheels are asked for.
     """
     readings = odometry.readings
     here, at = interpolated(readings, t, robot.max_gap)
@@ -64,6 +67,12 @@ def covered(path: Path, t: Array, odometry: Odometry, robot: LaserRobot, remarks
             raise InputError(f'{path}: {odometry.source} never moves, expected [laser] odometry = "none".')
         remarks.append(UNMOVED)
         return Covered(np.ones(len(t), bool), None)
+    speed = np.hypot(*np.diff(at[here][:, :2], axis=0).T) / np.diff(t[here])
+    if (speed > 0).any() and (median := float(np.median(speed[speed > 0]))) > FASTEST:
+        raise InputError(
+            f"{path}: {odometry.source} goes at {median:.3g} m/s (median while it moves), expected at most {FASTEST:g}"
+            ' m/s: perhaps it is in centimetres or millimetres; [laser] odometry = "none" goes by the scans alone.'
+        )
     if not here.all():
         remarks.append(
             f"{int((~here).sum())} of {len(t)} scans have no odometry within {robot.max_gap:g} s around them and are "

@@ -89,7 +89,10 @@ def read(path: Path, mounting: Array, size: tuple[int, int] | None = None, which
         width, height = find(_WIDTH), find(_HEIGHT)
     if width is None or height is None:
         if size is None:
-            raise InputError(f"{path}: found no image_width and image_height, expected the size of its images, px")
+            raise InputError(
+                f"{path}: found no image_width and image_height, expected the size of its images, px: "
+                "[camera] size = [640, 480] in robot.toml states it"
+            )
         width, height = (_Entry("size", side) for side in size)
     model, flag = find(_MODEL), find(_FISHEYE)
     if model is None:

@@ -42,14 +42,14 @@ def odd_units(source: str, t: Array, poses: Array) -> Iterator[str]:
     rate = (turn / dt)[turn > 0]
     if len(rate) >= FEW and np.median(rate) > SPINNING:
         found = f"the median turning rate while turning is {np.median(rate):.3g} rad/s"
-        yield f"{source}: {found}: perhaps angles are in degrees"
+        yield f"{source}: {found}: perhaps headings or turning rates are in degrees"
 
 
 def fast_turns(source: str, rates: Array) -> Iterator[str]:
     """Yields that turning rates (m,), rad/s, are those of no robot: some of them more than a turn a second."""
     if len(rates) > FEW and (fast := float(np.quantile(np.abs(rates), OFTEN))) > TURN:
         found = f"in {100 * (1 - OFTEN):.0f} % of the time the robot turns by more than {fast:.3g} rad/s"
-        yield f"{source}: {found}: perhaps angles are in degrees"
+        yield f"{source}: {found}: perhaps turning rates are in degrees"
 
 
 def in_degrees(poses: Array) -> bool:

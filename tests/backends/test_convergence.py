@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from driven import final, run
+from near_logs import uneven_graph
 from random_logs import random_log
 from slamduel.backends.api import Builder, Diverged, Solution
 from slamduel.backends.registry import find
@@ -110,6 +111,16 @@ def test_one_that_is_at_the_optimum_though_it_says_otherwise_is_done() -> None:
         outcome = drive(builder, None, log, lambda: np.random.default_rng(0))
         judged = score(log, outcome, None, minimises=builder.minimising(None))
         assert (judged.remark, judged.failed) == (NOT_CONVERGED, failed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_one_that_is_as_likely_as_the_optimum_is_done_however_many_times_j_is_larger(seed: int) -> None:
+    """Where noise is stated far too large, J at the optimum is next to nothing, and so is the difference to another."""
+    log, _ = uneven_graph(seed, "weak")
+    above = [cost(log, *final(name, log)[:2]) for name in ("isam2", "graph")]
+    assert above[0] > 100 * above[1]
+    job = Job("isam2", "isam2", find("isam2").options(), 0, 4000)
+    assert run_on(job, lambda: log, lambda: None).status == "done"
 
 
 class Told:

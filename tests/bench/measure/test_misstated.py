@@ -1,6 +1,7 @@
 """Remarks on logs whose measurements are not as accurate as stated."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +10,12 @@ import pytest
 import slamduel
 from room_drives import room_drive
 from slamduel.backends import registry
+from slamduel.bench.logs.numbers import described
 from slamduel.bench.measure.cell import Job, run_on
 from slamduel.bench.measure.score import MISTAKEN, OTHER_WAYS, UNTURNED
-from slamduel.bench.measure.stated_noise import misstated
-from slamduel.core.factors import Log, Truth
+from slamduel.bench.measure.stated_noise import OTHER_PLACES, misstated
+from slamduel.bench.noise.sightings import sighted
+from slamduel.core.factors import Dataset, Log, Map, Truth
 from slamduel.core.se2 import Array
 from slamduel.core.truth_errors import driven_errors
 from slamduel.frontend.markers.noise import ProportionalNoise
@@ -205,6 +208,31 @@ def test_frozen_odometry_of_a_robot_that_drives_counts() -> None:
     assert len(driven_errors(frozen, truth).row) == len(log) - 1
     stands = truth._replace(poses=np.tile(truth.poses[:1], (len(log), 1)))
     assert len(driven_errors(frozen, stands).row) == 0
+
+
+ELSEWHERE: dict[str, Callable[[Map], Map]] = {
+    "shifted": lambda known: known._replace(xy=known.xy + np.array([30.0, 10.0])),
+    "a little shifted": lambda known: known._replace(xy=known.xy + np.array([1.5, -1.0])),
+    "millimetres": lambda known: known._replace(xy=1000 * known.xy),
+    "mirrored": lambda known: known._replace(xy=known.xy[:, ::-1]),
+    "renumbered": lambda known: known._replace(ids=np.roll(known.ids, len(known.ids) // 3)),
+}
+
+
+@pytest.mark.parametrize("case", ELSEWHERE)
+def test_landmarks_that_are_elsewhere_blame_no_noise(case: str) -> None:
+    """Sightings are compared with the places that they have themselves, as where no true ones are known."""
+    log, truth = circle()
+    assert truth.map is not None
+    wrong = truth._replace(map=ELSEWHERE[case](truth.map))
+    for row in ({"nees": 1.0}, OFF):
+        assert list(misstated(log, wrong, row)) == [OTHER_PLACES]
+    unknown = truth._replace(map=None)
+    np.testing.assert_array_equal(sighted(log, wrong).error, sighted(log, unknown).error)
+    shows = [described("", Dataset(log, one), None).numbers.known for one in (wrong, unknown)]
+    assert shows[0].medians
+    assert shows[0].sightings == shows[1].sightings
+    assert OTHER_PLACES not in list(misstated(*circle(",sensor_scale=50"), OFF))
 
 
 @pytest.mark.parametrize("case", ["headings", "millimetres"])

@@ -12,7 +12,7 @@ from fuzzing import survivors
 from refusals import refusal, refused
 from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
-from slamduel.core.se2 import Array, between, wrap
+from slamduel.core.se2 import Array, between, compose, wrap
 from slamduel.core.tum import write_tum
 from slamduel.datasets.formats import csv_sightings, csv_tables
 
@@ -165,6 +165,18 @@ def test_where_the_robot_starts(files: dict[str, Any]) -> None:
     alone = made(without).truth  # the landmarks are known, the path is not
     assert alone.map is not None
     assert len(alone.t) == 0
+
+
+def test_the_start_is_that_of_a_truth_that_begins_soon_after(files: dict[str, Any], tmp_path: Path) -> None:
+    """As motion capture does; one that begins late, as of the end alone, is in the frame of the start."""
+    t, poses = drive()
+    frame = np.array([30.0, -20.0, 1.0])
+    for first, started in ((0, frame), (7, frame), (60, frame), (299, np.zeros(3))):
+        write_tum(tmp_path / "later.tum", t[first:], compose(frame, poses[first:]))
+        log = made(files | {"truth": str(tmp_path / "later.tum")}).log
+        np.testing.assert_allclose(log.prior.pose, started, atol=1e-9)
+    given = files | {"truth": str(tmp_path / "later.tum"), "start_heading": 0.5}
+    np.testing.assert_array_equal(made(given).log.prior.pose, [0, 0, 0.5])
 
 
 def test_position_and_heading_of_the_start_may_be_known_apart(files: dict[str, Any]) -> None:
@@ -335,8 +347,44 @@ def test_headings_in_degrees_are_remarked_and_read_with_their_option(files: dict
     csv(Path(files["odometry"]), "t,x,y,heading", turned)
     first, *_ = made(files).log.remarks
     assert first.startswith(f"{files['odometry']}: the robot drives along its headings if they are in degrees")
+    assert "option angles=odometry reads the headings of this file as degrees" in first
+    assert made(files | {"angles": "odometry"}).log.remarks == []
     csv(Path(files["detections"]), "t,id,x,y", np.array([[k, 0, 1, 0] for k in range(1, 20)]))
     assert made(files | {"angles": "degrees"}).log.remarks == []
+
+
+def test_degrees_may_be_in_some_of_the_files(files: dict[str, Any], tmp_path: Path) -> None:
+    """Each remark or refusal names what is in degrees, and the option that reads it so and all else as before."""
+    expected = made(files)
+    t, poses = drive()
+    files["truth"] = csv(tmp_path / "truth_deg.csv", "t,x,y,heading", np.column_stack((t, poses * [1, 1, 180 / np.pi])))
+    seen = np.loadtxt(files["detections"], delimiter=",", skiprows=1)
+    files["detections"] = csv(tmp_path / "seen_deg.csv", "t,id,range,bearing", seen * [1, 1, 1, 180 / np.pi])
+    assert "bearings in degrees take option angles=detections, or angles=degrees if all angles are" in refusal(
+        made, files
+    )
+    first, *_ = made(files | {"angles": "detections"}).log.remarks
+    assert first.startswith(files["truth"])
+    assert "option angles=detections;truth reads the headings of this file as degrees" in first
+    found = made(files | {"angles": "truth;detections"})
+    assert found.log.remarks == []
+    np.testing.assert_allclose(found.log.z, expected.log.z, atol=1e-12)
+    np.testing.assert_allclose(found.truth.poses, expected.truth.poses, atol=1e-12)
+    np.testing.assert_array_equal(found.log.delta[1:], expected.log.delta[1:])
+    for wrong in ("degree", "landmarks", "truth;;odometry"):
+        assert "expected radians, degrees, or the files whose angles are" in refusal(made, files | {"angles": wrong})
+
+
+@pytest.mark.parametrize("form", ["t,dx,dy,dtheta", "t,v,omega"])
+def test_turning_rates_in_degrees_are_remarked_with_their_option(files: dict[str, Any], form: str) -> None:
+    t, poses = drive()
+    rows = np.full((len(t), 2), (0.5, np.degrees(0.4)))
+    if form == "t,dx,dy,dtheta":
+        rows = np.vstack((np.zeros(3), between(poses[:-1], poses[1:]))) * [1, 1, 180 / np.pi]
+    csv(Path(files["odometry"]), form, np.column_stack((t, rows)))
+    first, *_ = made(files).log.remarks
+    assert first.endswith("perhaps turning rates are in degrees: option angles=odometry reads them so")
+    assert made(files | {"angles": "odometry"}).log.remarks == []
 
 
 def test_an_option_or_a_column_without_effect_is_remarked(files: dict[str, Any]) -> None:

@@ -155,6 +155,15 @@ def test_a_camera_info_that_lacks_what_is_needed_is_said_to_be_there(
     refused(f"calibration is unknown .*{message}", logged, tmp_path, topic, [raw_info(**given)])
 
 
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_messages_from_before_the_driver_had_its_calibration_are_passed_over(tmp_path: Path, kind: str) -> None:
+    zero = [raw_info(k=np.zeros(9), d=[], p=np.zeros(12), stamp=k + 1) for k in range(2)]
+    log = logged(tmp_path, "/camera/image_raw", [*zero, raw_info(stamp=3), raw_info(stamp=4)], kind=kind)
+    assert log.notes["camera"]["focal"] == RAW.focal
+    (remark,) = log.remarks
+    assert remark.endswith("topic /camera/camera_info is zero until message 3, which is used")
+
+
 def test_p_alone_is_enough_for_rectified_images(tmp_path: Path) -> None:
     log = logged(tmp_path, "/camera/image_rect", [raw_info(k=np.zeros(9), d=[])])
     assert log.notes["camera"]["focal"] == FLAT.focal

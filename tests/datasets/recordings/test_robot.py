@@ -241,13 +241,13 @@ ODD = [
     ("left = 1.5e-4", "left = 6250", "encoder.left: 6250, metres per count, -1 to 1, 0.00016, counts per metre"),
     ("base = 0.36", "base = 360", "encoder.base: 360, metres, 0.01 to 10, 0.36, millimetres"),
     ("base = 0.36", "base = 36", "encoder.base: 36, metres, 0.01 to 10, 0.36, centimetres"),
-    ("k = 0.01", "k = 10", "encoder.k: 10, metres per root metre or a share, 0 to 1, 0.01, millimetres"),
+    ("k = 0.01", "k = 10", "encoder.k: 10, metres per root metre or a share, 0 to 0.5, 0.01, millimetres"),
     ("{position = 1e-3}", "{heading = 5}", "encoder.floors.heading: 5, radians, 0 to 0.8, 0.0873, degrees"),
     ("max_speed = 2.0", "max_speed = 2e3", "encoder.max_speed: 2000, metres per second, 0 to 100, 2, millimetres"),
-    ("max_range = 4", "max_range = 4000", "markers.max_range: 4000, metres, 0 to 100, 40, centimetres"),
+    ("max_range = 4", "max_range = 4000", "markers.max_range: 4000, metres, 0 to 100, 4, millimetres"),
     ("turning = 0.6", "turning = 30", "drift.turning: 30, radians per root second, 0 to 20, 0.524, degrees"),
     ("k_range = 0.03", "k_range = 3", "noise.k_range: 3, a share of 1, 0 to 1, 0.03, percent"),
-    ("sway = 0.015", "sway = 1.0", "noise.sway: 1, radians, 0 to 0.8, 0.0175, degrees"),
+    ("sway = 0.015", "sway = 0.5", "noise.sway: 0.5, radians, 0 to 0.2, 0.00873, degrees"),
 ]  # fmt: skip
 
 

@@ -229,6 +229,16 @@ def test_odometry_that_never_moves_is_none(tmp_path: Path) -> None:
     refused(r'/odom never moves, expected \[laser\] odometry = "none"', open_scans, path)
 
 
+def test_odometry_in_centimetres_is_refused(tmp_path: Path) -> None:
+    """Every scan would be searched for within metres, which takes hours."""
+    rows = zip(floor.stamps(short()), (short().odometry * [100.0, 100.0, 1.0]).tolist(), strict=True)
+    far = [bags.odometry(stamp, x, y, floor.turned(heading)) for stamp, (x, y, heading) in rows]
+    path = floor.bag(tmp_path / "bag", "ros2", floor.scans(short()), far, floor.mounting())
+    refused(r"/odom goes at \d+\.?\d* m/s \(median .* perhaps it is in centimetres or mil", open_scans, path)
+    described(tmp_path / "bag", 'odometry = "none"')
+    assert opened(path).recording.odometry is None
+
+
 # --- what a return is -------------------------------------------------------------------------------------------------
 
 

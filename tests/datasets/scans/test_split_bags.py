@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 import bags
 import floor_drives as floor
@@ -86,6 +87,26 @@ def test_the_parts_are_read_as_one_recording(kind: str, tmp_path: Path) -> None:
     assert opened(tmp_path / "parts").settings.step == 0.4
     (tmp_path / "parts" / "robot.toml").write_text(f'[laser]\nsource = "{parts[0].name}"\n')
     same(opened(tmp_path / "parts"), first)
+
+
+@pytest.mark.parametrize("kind", ["mcap", "ros2"])
+def test_parts_that_a_metadata_yaml_lists_are_read_as_one_recording(kind: str, tmp_path: Path) -> None:
+    """As `ros2 bag record --max-bag-size` leaves them; a part that is listed and not there is named."""
+    whole = opened(bags.write(tmp_path, "mcap folder" if kind == "mcap" else kind, messages()))
+    parts = split(tmp_path / "parts", kind, ["drive_0", "drive_1", "drive_2"])
+    content = YAML(typ="safe").load(tmp_path / "drive" / "metadata.yaml")
+    about, names = content["rosbag2_bagfile_information"], [one.name for one in parts]
+    about |= {"relative_file_paths": names, "files": [about["files"][0] | {"path": name} for name in names]}
+    with (tmp_path / "parts" / "metadata.yaml").open("w") as file:
+        YAML().dump(content, file)
+    found = opened(tmp_path / "parts")
+    same(found, whole)
+    assert found.remarks == []
+    alone = opened(parts[1])
+    assert 2 <= len(alone.recording.t) < len(drive().t)
+    assert any("is one of the 3 parts of a recording" in one for one in alone.remarks)
+    parts[1].unlink()
+    assert parts[1].name in refusal(open_scans, tmp_path / "parts")
 
 
 @pytest.mark.parametrize("kind", first_quick(["mcap", "ros1", "ros2"]))

@@ -44,7 +44,7 @@ def test_a_robot_that_drives_sideways_is_no_hint() -> None:
     [
         (1000 * T, drive(), "the median time between readings is 100 s: perhaps it is in milliseconds"),
         (10 * T, drive(speed=0.01), "median speed while moving is 0.001 m/s: perhaps the times are in milliseconds"),
-        (T, drive() * [1, 1, 30], "while turning is 1.* rad/s: perhaps angles are in degrees"),
+        (T, drive() * [1, 1, 30], "while turning is 1.* rad/s: perhaps headings or turning rates are in degrees"),
     ],
 )
 def test_what_looks_like_another_unit_is_a_sentence(t: Array, poses: Array, words: str) -> None:
