@@ -235,8 +235,8 @@ class Builder:
     rules: Mapping[str, Callable[[Prior, Any, np.random.Generator], Backend]] = field(default_factory=dict, hash=False)
     """Further values of its option `association`, each with what makes the backend that carries it out by itself."""
 
-    online: bool = True
-    """Each `step` returns a pose; False for a batch method, whose steps return None."""
+    online: bool | Callable[[Any], bool] = True
+    """Each `step` returns a pose, always or with some options; False for a batch method, whose steps return None."""
 
     def implemented(self, options: Any) -> str:
         """The implementation with these options; "" if not declared."""
@@ -255,6 +255,10 @@ class Builder:
     def minimising(self, options: Any) -> bool:
         """True if its solution is the minimum of J with these options."""
         return self.minimises if isinstance(self.minimises, bool) else self.minimises(options)
+
+    def is_online(self, options: Any) -> bool:
+        """True if its steps return poses with these options."""
+        return self.online if isinstance(self.online, bool) else self.online(options)
 
     def associating(self, options: Any) -> bool:
         """True if it does data association with these options."""

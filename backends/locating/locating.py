@@ -31,7 +31,9 @@ def begin(builder: Builder, prior: Prior, options: Any, rng: np.random.Generator
     """Makes a backend; one that cannot find an unknown start itself is put behind `Locating`."""
     if prior.start == "known" or prior.map is None or builder.locates:
         return builder.make(prior, options, rng)
-    return Locating(lambda found: builder.make(found, options, rng), prior, prior.map, online=builder.online)
+    return Locating(
+        lambda found: builder.make(found, options, rng), prior, prior.map, online=builder.is_online(options)
+    )
 
 
 class Locating:

@@ -57,7 +57,7 @@ def answers_have_their_types(candidate: Candidate) -> str:
     else:
         finished = f"a Solution of {len(log)} poses"
         _check_solution(trial, len(log))
-    online, declared = "online" in trial.paths, candidate.builder.online
+    online, declared = "online" in trial.paths, candidate.builder.is_online(candidate.options)
     if online != declared:
         raise Failed(f"step returned {'poses' if online else 'None'}, but the Builder says online={declared}")
     return f"{', '.join(trial.paths)} path; finish returned {finished}"

@@ -14,10 +14,6 @@ from lost_logs import ring, unnamed
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.association.options import check
-from slamduel.bench.measure.association import association_columns
-from slamduel.bench.measure.drive import drive
-from slamduel.bench.measure.score import score
-from slamduel.bench.plan.spec import backend_variants
 from slamduel.backends.programs.textbook_fastslam import (
     Landmark,
     _correct,  # pyright: ignore[reportPrivateUsage]
@@ -26,6 +22,10 @@ from slamduel.backends.programs.textbook_fastslam import (
     _sight,  # pyright: ignore[reportPrivateUsage]
     _wrapped,  # pyright: ignore[reportPrivateUsage]
 )
+from slamduel.bench.measure.association import association_columns
+from slamduel.bench.measure.drive import drive
+from slamduel.bench.measure.score import score
+from slamduel.bench.plan.spec import backend_variants
 from slamduel.core.errors import InputError
 from slamduel.core.factors import UNKNOWN, Log, Prior, Step
 from slamduel.core.se2 import Array, Ints

@@ -14,8 +14,8 @@ from slamduel.backends.api import Diverged, Odometry, Prior, Step, Unsuited
 from slamduel.backends.particles import _loops, resampling
 from slamduel.backends.particles._proposal import Motion
 from slamduel.backends.particles.particle_paths import ParticlePaths
-from slamduel.backends.registry import find
 from slamduel.backends.programs.textbook_fastslam import Particle, TextbookFastSlam
+from slamduel.backends.registry import find
 from slamduel.core.factors import Log, RelativePoses
 from slamduel.core.se2 import Array, Ints, between, compose, wrap
 from tiers import first_quick

@@ -14,8 +14,8 @@ from places import SUPPORT
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.api import Builder
-from slamduel.bench.check.suite import check
 from slamduel.backends.programs.textbook_ekf import TextbookEkf
+from slamduel.bench.check.suite import check
 from slamduel.core.factors import Log
 from slamduel.core.se2 import Array, between
 

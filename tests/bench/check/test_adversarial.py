@@ -5,6 +5,7 @@ import pytest
 
 from broken_backends import ADVERSE, GivesUp, Sound
 from slamduel.backends.api import Builder, Map
+from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.bench.check import adversarial
 from slamduel.bench.check.adversarial import BatchAnswer, batch_answer, bound, filtered, ordinary, uses_sightings
 from slamduel.bench.check.adversarial_logs import ADVERSARIES, Adversary
@@ -14,7 +15,6 @@ from slamduel.bench.check.log_recipe import made_log
 from slamduel.bench.check.small_logs import dead_reckoned
 from slamduel.bench.check.suite import ADVERSARIAL, CHECKS, Outcome, check, chosen, examine
 from slamduel.bench.cli import main
-from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.core.check import problems
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Log, Truth

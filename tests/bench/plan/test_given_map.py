@@ -14,6 +14,7 @@ import pages
 from csv_rows import csv_rows
 from random_logs import random_log
 from slamduel.backends.api import Backend
+from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.backends.registry import find
 from slamduel.bench.cli import main
 from slamduel.bench.measure.drive import Outcome, drive
@@ -27,7 +28,6 @@ from slamduel.bench.plan.reference import made_with_reference
 from slamduel.bench.plan.spec import dataset_variants
 from slamduel.bench.record.schema import FILE
 from slamduel.bench.record.store import Store
-from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Log, Map, Prior, Truth
 from slamduel.core.se2 import Array, wrap

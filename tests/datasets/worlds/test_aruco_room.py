@@ -10,8 +10,8 @@ import pytest
 from drawn_errors import seen
 from refusals import refused
 from room_drives import room_drive
-from slamduel.bench.plan.spec import read_options
 from slamduel.backends.programs.textbook_ekf import TextbookEkf
+from slamduel.bench.plan.spec import read_options
 from slamduel.core.check import check
 from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.factors import UNKNOWN, Dataset
