@@ -1,8 +1,10 @@
 """g2o (Kuemmerle et al., ICRA 2011): a batch over the whole log, or one every so many steps, from the last estimate.
 
-Motions and loop closures are its EdgeSE2, whose residual is ours in the frame after the motion: J is the same. A
-sighting is its EdgeSE2PointXY, as it has none of range and bearing: a place in the robot's frame, with the covariance
-carried over to first order. J then differs by what a bearing's noise curves, and the minimum with it.
+Motions and loop closures are its EdgeSE2, whose residual is ours in the frame after the motion: J is the same. Its wheel
+has no edge of range and bearing. A sighting is an EdgeSE2PointXY instead: with h(p) the range and bearing of a place p
+in the robot's frame and H its Jacobian at p0, that place is measured as p0 + H^-1 (z - h(p0)), with information H' C^-1
+H. At first p0 is where z has it. The optimum is then linearised there again, until J no longer falls: the residual at
+p0 is that of range and bearing, so that the end is the minimum of J.
 
 The graph is handed over as its file format, which it reads forty times faster than edges are made one by one in Python.
 """
@@ -18,17 +20,21 @@ import numpy as np
 
 from ...core.factors import Map, Prior, Step
 from ...core.options import option
-from ...core.se2 import Array, act, compose, rotation
+from ...core.se2 import Array, act, between, compose, rotation
+from ...core.truth_errors import rows_of
 from .. import common_options
 from ..api import Belief, Builder, Diverged, Pose, Solution, Unsuited
 from ..common_options import LOSSES
-from ..models import place
+from ..models import innovation, sight
 
 KERNELS: Mapping[str, str] = {"huber": "Huber", "cauchy": "Cauchy", "geman-mcclure": "GemanMcClure"}
 
 FIRST_LANDMARK = 1 << 30
 """Vertices have 32-bit numbers: landmarks' follow this one, in order of first sighting."""
 
+
+ROUNDS = 10
+"""Linearisations of sightings, at most; four are the rule."""
 
 UPPER_2, UPPER_3 = np.triu_indices(2), np.triu_indices(3)
 """Entries of a symmetric matrix, in the order of its files."""
@@ -54,28 +60,22 @@ class G2o:
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         del rng
-        self._options, self._prior = options, prior
-        self._graph: Any = g2opy.SparseOptimizer()
-        self._graph.set_algorithm(_algorithm(options))
-        self._graph.set_verbose(False)
-        end: Any = g2opy.SparseOptimizerTerminateAction()
-        end.set_gain_threshold(options.relative_tolerance)
-        self._graph.add_post_iteration_action(end)
+        self._options, self._prior, self._graph = options, prior, _graph(options)
         self._pose: Pose = prior.pose
+        self._steps = list[Step]()
         self._poses = 0  # vertices
         self._landmarks: dict[int, int] = {}  # vertex by id
-        self._waiting = list[Step]()
         if prior.map is not None and prior.map.cov is not None:
             raise Unsuited("g2o has no edge for a map with a joint covariance")
 
     def step(self, step: Step) -> Pose | None:
         """Keeps the step; returns the pose if it optimises before the end."""
-        self._waiting.append(step)
+        self._steps.append(step)
         if not self._options.every:
             return None
         if step.odometry is not None:
             self._pose = compose(self._pose, step.odometry.delta)
-        if (self._poses + len(self._waiting)) % self._options.every == 0:
+        if len(self._steps) % self._options.every == 0:
             self._optimise(1)
         return self._pose
 
@@ -91,9 +91,27 @@ class G2o:
 
     def finish(self) -> Solution:
         """Optimises until J hardly falls."""
-        done = self._optimise(self._options.iterations)
-        path = np.array([_pose(self._graph.vertex(k)) for k in range(self._poses)])
-        return Solution(path, self.map(), None, done < self._options.iterations)
+        converged = self._optimise(self._options.iterations) < self._options.iterations
+        if any(len(step.sightings.ids) for step in self._steps):
+            converged = self._exact() and converged
+        return Solution(self._path(), self.map(), None, converged)
+
+    def _exact(self) -> bool:
+        """Linearises sightings at the optimum until J hardly falls; False where it still does."""
+        before = np.inf
+        for _ in range(ROUNDS):
+            self._add(self._path(), self.map())
+            self._graph.initialize_optimization()
+            self._graph.compute_active_errors()
+            here = self._graph.active_robust_chi2()
+            if before - here <= self._options.relative_tolerance * here:
+                return True
+            before = here
+            self._optimise(self._options.iterations)
+        return False
+
+    def _path(self) -> Array:
+        return np.array([_pose(self._graph.vertex(k)) for k in range(self._poses)])
 
     def _optimise(self, iterations: int) -> int:
         """Adds the steps that wait, and returns the number of iterations that it took."""
@@ -105,34 +123,42 @@ class G2o:
         self._pose = _pose(self._graph.vertex(self._poses - 1))
         return done
 
-    def _add(self) -> None:
-        """Adds vertices and edges of the steps that wait."""
-        steps, first = self._waiting, self._poses
+    def _add(self, path: Array | None = None, landmarks: Map | None = None) -> None:
+        """Adds vertices and edges of the steps that wait, or all anew at a path and a map."""
+        first = self._poses if path is None else 0
+        steps = self._steps[first:]
         if not steps:
             return
-        lines = list[str]() if first else self._first()
-        path = [self._prior.pose if not first else _pose(self._graph.vertex(first - 1))]
-        for step in steps[0 if first else 1 :]:
-            assert step.odometry is not None  # of each but the first
-            path.append(compose(path[-1], step.odometry.delta))
-        here = path[1:] if first else path
-        lines += [_line("VERTEX_SE2", first + k, *pose.tolist()) for k, pose in enumerate(here) if first + k > 0]
-        lines += self._motions(steps, first) + self._sightings(steps, np.array(here), first)
+        if path is None:
+            path = self._reckoned(first)
+        else:
+            self._graph, self._landmarks = _graph(self._options), {}
+        lines = list[str]() if first else self._first(path[0])
+        lines += [_line("VERTEX_SE2", first + k, *pose) for k, pose in enumerate(path.tolist()) if first + k > 0]
+        lines += self._motions(steps, first) + self._sightings(steps, path, first, landmarks)
         with tempfile.TemporaryDirectory(prefix="slamduel-") as folder:
             file = Path(folder) / "graph.g2o"
             file.write_text("\n".join([*lines, ""]), encoding="ascii")
             if not self._graph.load(str(file)):
                 raise Diverged("g2o cannot read the graph")
-        self._poses, self._waiting = first + len(steps), []
+        self._poses = first + len(steps)
         if self._options.loss != "none":
             self._weigh()
 
-    def _first(self) -> list[str]:
+    def _reckoned(self, first: int) -> Array:
+        """The poses of the steps from `first` on, by dead reckoning from the last estimate."""
+        path = [_pose(self._graph.vertex(first - 1)) if first else self._prior.pose]
+        for step in self._steps[max(first, 1) :]:
+            assert step.odometry is not None  # of each but the first
+            path.append(compose(path[-1], step.odometry.delta))
+        return np.array(path[1:] if first else path)
+
+    def _first(self, pose: Array) -> list[str]:
         """The first pose with its prior, and the given map."""
         R = rotation(self._prior.pose[2])
-        information = np.linalg.inv(R.T @ self._prior.cov @ R)
-        pose = self._prior.pose.tolist()
-        lines = [_line("VERTEX_SE2", 0, *pose), _line("EDGE_PRIOR_SE2", 0, *pose, *information[UPPER_3].tolist())]
+        information = np.linalg.inv(R.T @ self._prior.cov @ R)[UPPER_3]
+        lines = [_line("VERTEX_SE2", 0, *pose.tolist())]
+        lines.append(_line("EDGE_PRIOR_SE2", 0, *self._prior.pose.tolist(), *information.tolist()))
         if self._prior.map is not None:
             for landmark, xy in zip(self._prior.map.ids.tolist(), self._prior.map.xy.tolist(), strict=True):
                 vertex = self._landmarks[landmark] = FIRST_LANDMARK + len(self._landmarks)
@@ -160,21 +186,31 @@ class G2o:
         rows = zip(ends, moved.tolist(), information.tolist(), strict=True)
         return [_line("EDGE_SE2", *end, *motion, *upper) for end, motion, upper in rows]
 
-    def _sightings(self, steps: Sequence[Step], path: Array, first: int) -> list[str]:
-        """The vertices of new landmarks and the edges of sightings."""
-        z = np.concatenate([step.sightings.z for step in steps])
+    def _sightings(self, steps: Sequence[Step], path: Array, first: int, landmarks: Map | None) -> list[str]:
+        """The vertices of new landmarks and the edges of sightings, linearised at a map, or where they have them."""
+        ids, z = (
+            np.concatenate([part(step) for step in steps])
+            for part in (lambda k: k.sightings.ids, lambda k: k.sightings.z)
+        )
         if not len(z):
             return []
         cov = np.concatenate([step.sightings.cov for step in steps])
         of = np.repeat(np.arange(len(steps)), [len(step.sightings.ids) for step in steps])
-        at, _, by_z = place(np.zeros((len(z), 3)), z)
-        information = np.linalg.inv(by_z @ cov @ by_z.swapaxes(1, 2))[:, *UPPER_2]
-        lines, ids = list[str](), np.concatenate([step.sightings.ids for step in steps])
-        new = [k for k in np.sort(np.unique(ids, return_index=True)[1]).tolist() if int(ids[k]) not in self._landmarks]
-        for k, xy in zip(new, act(path[of[new]], at[new]).tolist(), strict=True):
-            vertex = self._landmarks[int(ids[k])] = FIRST_LANDMARK + len(self._landmarks)
-            lines.append(_line("VERTEX_XY", vertex, *xy))
-        rows = zip((first + of).tolist(), ids.tolist(), at.tolist(), information.tolist(), strict=True)
+        if landmarks is None:
+            at = z[:, :1] * np.column_stack((np.cos(z[:, 1]), np.sin(z[:, 1])))
+            places = act(path[of], at)
+        else:
+            places = landmarks.xy[rows_of(landmarks.ids, ids)]
+            at = between(path[of], np.column_stack((places, path[of, 2])))[:, :2]
+        expected, _, H = sight(np.zeros((len(at), 3)), at)
+        off = np.linalg.solve(H, innovation(z.copy(), expected)[..., None])[..., 0]
+        information = (H.swapaxes(1, 2) @ np.linalg.solve(cov, H))[:, *UPPER_2]
+        lines, new = list[str](), np.sort(np.unique(ids, return_index=True)[1]).tolist()
+        for k in new:
+            if int(ids[k]) not in self._landmarks:
+                vertex = self._landmarks[int(ids[k])] = FIRST_LANDMARK + len(self._landmarks)
+                lines.append(_line("VERTEX_XY", vertex, *places[k].tolist()))
+        rows = zip((first + of).tolist(), ids.tolist(), (at + off).tolist(), information.tolist(), strict=True)
         return lines + [_line("EDGE_SE2_XY", k, self._landmarks[one], *xy, *upper) for k, one, xy, upper in rows]
 
     def _weigh(self) -> None:
@@ -195,6 +231,17 @@ def _line(tag: str, *values: float) -> str:
 def _pose(vertex: Any) -> Pose:
     x, y, heading = vertex.estimate().to_vector()
     return np.array((x, y, heading if heading > -np.pi else np.pi))
+
+
+def _graph(options: Options) -> Any:
+    """An empty graph with its solver, which ends where J hardly falls."""
+    graph: Any = g2opy.SparseOptimizer()
+    graph.set_algorithm(_algorithm(options))
+    graph.set_verbose(False)
+    end: Any = g2opy.SparseOptimizerTerminateAction()
+    end.set_gain_threshold(options.relative_tolerance)
+    graph.add_post_iteration_action(end)
+    return graph
 
 
 def _algorithm(options: Options) -> Any:
