@@ -1,10 +1,10 @@
 """g2o (Kuemmerle et al., ICRA 2011): a batch over the whole log, or one every so many steps, from the last estimate.
 
-Motions and loop closures are its EdgeSE2, whose residual is ours in the frame after the motion: J is the same. Its wheel
-has no edge of range and bearing. A sighting is an EdgeSE2PointXY instead: with h(p) the range and bearing of a place p
-in the robot's frame and H its Jacobian at p0, that place is measured as p0 + H^-1 (z - h(p0)), with information H' C^-1
-H. At first p0 is where z has it. The optimum is then linearised there again, until J no longer falls: the residual at
-p0 is that of range and bearing, so that the end is the minimum of J.
+Motions and loop closures are its EdgeSE2, whose residual is ours in the frame after the motion: J is the same. Its
+wheel has no edge of range and bearing. A sighting is an EdgeSE2PointXY instead: with h(p) the range and bearing of a
+place p in the robot's frame and H its Jacobian at p0, that place is measured as p0 + H^-1 (z - h(p0)), with information
+H' C^-1 H. At first p0 is where z has it. The optimum is then linearised there again, until J no longer falls: the
+residual at p0 is that of range and bearing, so that the end is the minimum of J.
 
 The graph is handed over as its file format, which it reads forty times faster than edges are made one by one in Python.
 """
@@ -20,7 +20,7 @@ import numpy as np
 
 from ...core.factors import Map, Prior, Step
 from ...core.options import option
-from ...core.se2 import Array, act, between, compose, rotation
+from ...core.se2 import Array, Ints, act, between, compose, rotation
 from ...core.truth_errors import rows_of
 from .. import common_options
 from ..api import Belief, Builder, Diverged, Pose, Solution, Unsuited
@@ -98,10 +98,17 @@ class G2o:
 
     def _exact(self) -> bool:
         """Linearises sightings at the optimum until J hardly falls; False where it still does."""
+        ids, z, cov, of = _columns(self._steps)
+        edges = sorted(self._graph.edges(), key=lambda edge: edge.internal_id())
+        edges = [edge for edge in edges if isinstance(edge, g2opy.EdgeSE2PointXY)]
         before = np.inf
         for _ in range(ROUNDS):
-            self._add(self._path(), self.map())
-            self._graph.initialize_optimization()
+            path, landmarks = self._path(), self.map()
+            places = landmarks.xy[rows_of(landmarks.ids, ids)]
+            at = between(path[of], np.column_stack((places, path[of, 2])))[:, :2]
+            for edge, xy, information in zip(edges, *_measured(z, cov, at), strict=True):
+                edge.set_measurement(xy)
+                edge.set_information(information)
             self._graph.compute_active_errors()
             here = self._graph.active_robust_chi2()
             if before - here <= self._options.relative_tolerance * here:
@@ -123,19 +130,16 @@ class G2o:
         self._pose = _pose(self._graph.vertex(self._poses - 1))
         return done
 
-    def _add(self, path: Array | None = None, landmarks: Map | None = None) -> None:
-        """Adds vertices and edges of the steps that wait, or all anew at a path and a map."""
-        first = self._poses if path is None else 0
+    def _add(self) -> None:
+        """Adds vertices and edges of the steps that wait."""
+        first = self._poses
         steps = self._steps[first:]
         if not steps:
             return
-        if path is None:
-            path = self._reckoned(first)
-        else:
-            self._graph, self._landmarks = _graph(self._options), {}
-        lines = list[str]() if first else self._first(path[0])
+        path = self._reckoned(first)
+        lines = list[str]() if first else self._first()
         lines += [_line("VERTEX_SE2", first + k, *pose) for k, pose in enumerate(path.tolist()) if first + k > 0]
-        lines += self._motions(steps, first) + self._sightings(steps, path, first, landmarks)
+        lines += self._motions(steps, first) + self._sightings(steps, path, first)
         with tempfile.TemporaryDirectory(prefix="slamduel-") as folder:
             file = Path(folder) / "graph.g2o"
             file.write_text("\n".join([*lines, ""]), encoding="ascii")
@@ -153,12 +157,12 @@ class G2o:
             path.append(compose(path[-1], step.odometry.delta))
         return np.array(path[1:] if first else path)
 
-    def _first(self, pose: Array) -> list[str]:
+    def _first(self) -> list[str]:
         """The first pose with its prior, and the given map."""
         R = rotation(self._prior.pose[2])
         information = np.linalg.inv(R.T @ self._prior.cov @ R)[UPPER_3]
-        lines = [_line("VERTEX_SE2", 0, *pose.tolist())]
-        lines.append(_line("EDGE_PRIOR_SE2", 0, *self._prior.pose.tolist(), *information.tolist()))
+        pose = self._prior.pose.tolist()
+        lines = [_line("VERTEX_SE2", 0, *pose), _line("EDGE_PRIOR_SE2", 0, *pose, *information.tolist())]
         if self._prior.map is not None:
             for landmark, xy in zip(self._prior.map.ids.tolist(), self._prior.map.xy.tolist(), strict=True):
                 vertex = self._landmarks[landmark] = FIRST_LANDMARK + len(self._landmarks)
@@ -186,32 +190,19 @@ class G2o:
         rows = zip(ends, moved.tolist(), information.tolist(), strict=True)
         return [_line("EDGE_SE2", *end, *motion, *upper) for end, motion, upper in rows]
 
-    def _sightings(self, steps: Sequence[Step], path: Array, first: int, landmarks: Map | None) -> list[str]:
-        """The vertices of new landmarks and the edges of sightings, linearised at a map, or where they have them."""
-        ids, z = (
-            np.concatenate([part(step) for step in steps])
-            for part in (lambda k: k.sightings.ids, lambda k: k.sightings.z)
-        )
-        if not len(z):
-            return []
-        cov = np.concatenate([step.sightings.cov for step in steps])
-        of = np.repeat(np.arange(len(steps)), [len(step.sightings.ids) for step in steps])
-        if landmarks is None:
-            at = z[:, :1] * np.column_stack((np.cos(z[:, 1]), np.sin(z[:, 1])))
-            places = act(path[of], at)
-        else:
-            places = landmarks.xy[rows_of(landmarks.ids, ids)]
-            at = between(path[of], np.column_stack((places, path[of, 2])))[:, :2]
-        expected, _, H = sight(np.zeros((len(at), 3)), at)
-        off = np.linalg.solve(H, innovation(z.copy(), expected)[..., None])[..., 0]
-        information = (H.swapaxes(1, 2) @ np.linalg.solve(cov, H))[:, *UPPER_2]
-        lines, new = list[str](), np.sort(np.unique(ids, return_index=True)[1]).tolist()
-        for k in new:
+    def _sightings(self, steps: Sequence[Step], path: Array, first: int) -> list[str]:
+        """The vertices of new landmarks and the edges of sightings, where these have them."""
+        ids, z, cov, of = _columns(steps)
+        at = z[:, :1] * np.column_stack((np.cos(z[:, 1]), np.sin(z[:, 1])))
+        lines, places = list[str](), act(path[of], at)
+        for k in np.sort(np.unique(ids, return_index=True)[1]).tolist():
             if int(ids[k]) not in self._landmarks:
                 vertex = self._landmarks[int(ids[k])] = FIRST_LANDMARK + len(self._landmarks)
                 lines.append(_line("VERTEX_XY", vertex, *places[k].tolist()))
-        rows = zip((first + of).tolist(), ids.tolist(), (at + off).tolist(), information.tolist(), strict=True)
-        return lines + [_line("EDGE_SE2_XY", k, self._landmarks[one], *xy, *upper) for k, one, xy, upper in rows]
+        xy, information = _measured(z, cov, at)
+        upper = information[:, *UPPER_2].tolist()
+        rows = zip((first + of).tolist(), ids.tolist(), xy.tolist(), upper, strict=True)
+        return lines + [_line("EDGE_SE2_XY", k, self._landmarks[one], *p, *entries) for k, one, p, entries in rows]
 
     def _weigh(self) -> None:
         """Gives sightings and loop closures their loss."""
@@ -222,6 +213,21 @@ class G2o:
                 one = kernel()
                 one.set_delta(self._options.loss_scale or LOSSES[self._options.loss])
                 edge.set_robust_kernel(one)
+
+
+def _columns(steps: Sequence[Step]) -> tuple[Ints, Array, Array, Ints]:
+    """Ids (s,), z (s, 2), covariances (s, 2, 2) and the step's number in `steps` (s,) of all sightings."""
+    of = np.repeat(np.arange(len(steps)), [len(step.sightings.ids) for step in steps])
+    seen = [step.sightings for step in steps]
+    ids, z, cov = (np.concatenate([getattr(one, name) for one in seen]) for name in ("ids", "z", "cov"))
+    return ids, z, cov, of
+
+
+def _measured(z: Array, cov: Array, at: Array) -> tuple[Array, Array]:
+    """Places (s, 2) in the robot's frame, and their information (s, 2, 2), as sightings linearised at (s, 2) say."""
+    expected, _, H = sight(np.zeros((len(at), 3)), at)
+    off = np.linalg.solve(H, innovation(z.copy(), expected)[..., None])[..., 0]
+    return at + off, H.swapaxes(1, 2) @ np.linalg.solve(cov, H)
 
 
 def _line(tag: str, *values: float) -> str:
