@@ -154,7 +154,11 @@ def late(log: Log, truth: Truth, delays: Sequence[float]) -> Iterator[str]:
     then = np.column_stack([np.interp(t + delay, truth.t, column) for column in columns])
     before, after = (_from(log, one) for one in (truth, truth._replace(t=t, poses=then)))
     if before is None or after is None or after < min(before, FROM_TRUTH):
-        yield f"the truth fits the log's path if its clock is about {abs(delay):.2g} s {side}"
+        other = "late" if side == "early" else "early"
+        yield (
+            f"the truth fits the log's path if its clock is about {abs(delay):.2g} s {side}, or that of the sightings "
+            f"as much {other}"
+        )
 
 
 def _from(log: Log, truth: Truth) -> float | None:
@@ -180,12 +184,20 @@ def of_sightings(log: Log, truth: Truth) -> Iterator[str]:
         yield f"the true place{'s' * (not one)} of landmark{'s' * (not one)} {names} {verb}"
         return
     scale, far = typical_scale(squares, 2), float((squares > FAR).mean())
-    if scale > FROM_TRUTH or far > OFTEN:
-        yield (
-            f"the sightings agree with one another, but from the truth they are typically {number(scale)} times "
-            f"what is stated, and {number(100 * far)} % are far out: it is late, stands still at times, or is of "
-            "another place on the robot or another drive"
-        )
+    if scale <= FROM_TRUTH and far <= OFTEN:
+        return
+    begun = (
+        f"the sightings agree with one another, but from the truth they are typically {number(scale)} times what is "
+        f"stated, and {number(100 * far)} % are far out:"
+    )
+    by_path = _from(log, truth._replace(map=None)) if right is given and truth.map is not None else None
+    if by_path is not None and by_path < FROM_TRUTH:
+        yield f"{begun} the true places of landmarks are less precise than the sensor, as the true path alone fits"
+        return
+    yield (
+        f"{begun} the true path is less precise than the sensor, is late, stands still at times, or is of another "
+        "place on the robot or another drive"
+    )
 
 
 def _elsewhere(ids: Ints, far: NDArray[np.bool_]) -> Ints:

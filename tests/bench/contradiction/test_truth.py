@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -117,3 +118,21 @@ def test_places_without_a_true_path_are_compared_among_themselves(case: str, tmp
     change, words = CASES[case]
     (said,) = remarked(Dataset(log, change(alone))).contradictions
     assert words in said
+
+
+def test_imprecise_places_of_landmarks_do_not_accuse_the_true_path(tmp_path: Path):
+    log, truth = known(3001, tmp_path)
+    assert truth is not None
+    rough = places(lambda xy: xy + np.random.default_rng(0).normal(0.0, 0.3, xy.shape))
+    (said,) = remarked(Dataset(log, rough(truth))).contradictions
+    assert "the true places of landmarks are less precise than the sensor" in said
+
+
+def test_sightings_with_outliers_are_not_said_to_agree(tmp_path: Path):
+    log, truth = known(3001, tmp_path)
+    assert truth is not None
+    ids, step = log.ids.copy(), np.repeat(np.arange(len(log)), np.diff(log.sighting_first))
+    names = np.unique(ids)
+    others = np.roll(names, 5)[np.searchsorted(names, ids)]
+    found = remarked(Dataset(replace(log, ids=np.where(step > len(log) // 2, others, ids)), truth))
+    assert not any("agree with one another" in said for said in found.all) or not found.outliers
