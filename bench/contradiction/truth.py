@@ -34,7 +34,7 @@ ALL, FEW, FIT = 0.9, 0.34, 0.05
 """Share of a landmark's sightings that is far out where its true place is wrong, share of such landmarks at most, and
 share of the others' sightings that is far out."""
 
-FROM_TRUTH, OFTEN = 3.0, 0.25
+FROM_TRUTH, OFTEN = 3.0, 0.4
 """Typical error from the truth over what is stated, and share that is far out, from which on the truth is another. With
 published logs they are 1.2 and 0.06 at most."""
 

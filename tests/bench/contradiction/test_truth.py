@@ -52,7 +52,7 @@ def swapped(xy: Array) -> Array:
 
 
 def ahead(poses: Array) -> Array:
-    poses[:, :2] += 0.3 * np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])))
+    poses[:, :2] += 0.6 * np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])))
     return poses
 
 
