@@ -12,7 +12,7 @@ from ...core.se2 import Array, Ints, wrap
 from ...core.truth_doubts import judges
 from ...core.truth_errors import rows_of, sighting_errors, standing
 from ..measure.landmark_places import comparable, elsewhere, placed
-from ..measure.stated_noise import normalised, typical_scale
+from ..measure.stated_noise import NAMED, normalised, typical_scale
 from ..words.numerals import listed, number
 from .fit import FAR, Fitted
 from .mistakes import FACTORS, LENGTHS
@@ -37,9 +37,6 @@ share of the others' sightings that is far out."""
 FROM_TRUTH, OFTEN = 3.0, 0.4
 """Typical error from the truth over what is stated, and share that is far out, from which on the truth is another. With
 published logs they are 1.2 and 0.06 at most."""
-
-NAMED = 6
-"""Landmarks that are named one by one."""
 
 DELAYS = (-10.0, -5.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 """s; a clock's delay is looked for between two of them."""
