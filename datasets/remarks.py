@@ -29,6 +29,7 @@ SPINNING = 5.0  # rad/s; a median turning rate beyond it may be in degrees per s
 UNNAMED = 0.1  # share of sightings without an id: a detector's false alarms are fewer, 3 % in DLR's log
 TOO_NEAR = 3.0  # standard deviations of a range; within it, noise across turns the bearing by 0.36 rad and more
 TOO_SURE = 25.0  # noise along over that across, as stated of such a sighting: in a published log it is up to 20
+NEAR_SHARE = 0.002  # of the sightings; fewer, all from beyond one standard deviation, are of a robot that brushes past
 UNKNOWN_HEADING = 1.0  # rad; a sine is 16 % off its slope there, so a linearised filter's covariance holds no more
 KIDNAPPED = "kidnapped at step"  # in a log's notes, under "faults"
 NO_SIGHTING = "there is no sighting and no loop closure in it, so every backend gives dead reckoning"
@@ -184,7 +185,7 @@ def _near(log: Log) -> Iterator[str]:
     """
     r, sd, turn = log.z[:, 0], *np.sqrt(np.einsum("sii->is", log.z_cov))
     near = (r < TOO_NEAR * sd) & (turn * np.maximum(r, sd) < sd / TOO_SURE)
-    if near.any():
+    if near.mean() > NEAR_SHARE or (r[near] < sd[near]).any():
         one = int(np.flatnonzero(near)[np.argmin(r[near])])
         yield (
             f"{_count(int(near.sum()), 'sighting')} of {len(r)} from within {TOO_NEAR:g} standard deviations of the "

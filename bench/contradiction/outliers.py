@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ...core.factors import Log
 from ...core.se2 import Array, Ints
+from ..measure.stated_noise import NAMED
 from ..words.numerals import listed, number
 from .fit import FAR, Fitted
 
@@ -16,9 +17,6 @@ MANY = 0.03
 OFTEN, FEWEST = 0.3, 20
 """Likewise of one landmark's, of which there must be so many. In published logs at most 0.12 are, and 0.25 of a depth
 camera's features."""
-
-NAMED = 6
-"""Landmarks that are named one by one."""
 
 
 def outliers(fits: Sequence[tuple[Log, Fitted]]) -> Iterator[str]:

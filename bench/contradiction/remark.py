@@ -18,6 +18,9 @@ from .outliers import outliers
 FIVEFOLD = 25.0
 """J per degree of freedom up to which noise alone may be the cause: it is five times what is stated there."""
 
+HUNDREDFOLD = 1e4
+"""Likewise, up to which it may be at all."""
+
 
 class Remarks(NamedTuple):
     """Everything odd about a log, one sentence each, without its full stop."""
@@ -43,8 +46,9 @@ def remarked(dataset: Dataset) -> Remarks:
         said = sentence(found)
         if said:
             return Remarks(columns, [said], [], mistaken=found.named is not None or found.stuck or not noisy(found))
-        wrong_truth = list(contradicting_truth(dataset, found.fits))
-        return Remarks(columns, wrong_truth, list(outliers(found.fits)), mistaken=bool(wrong_truth))
+        odd = list(outliers(found.fits))
+        wrong_truth = list(contradicting_truth(dataset, found.fits, agrees=not odd))
+        return Remarks(columns, wrong_truth, odd, mistaken=bool(wrong_truth))
 
 
 def remarks(dataset: Dataset) -> list[str]:
@@ -69,7 +73,7 @@ def sentence(found: Contradiction) -> str:
     if not found.contradicts:
         return ""
     kinds = ", ".join(f"{kind} {number(size)}" for kind, size in found.found.parts.items()) + _nis(found)
-    causes = [f"noise is {number(np.sqrt(found.found.bulk))} times what is stated"] * noisy(found)
+    causes = [f"noise is {number(np.sqrt(found.found.bulk))} times what is stated"] * (found.found.bulk < HUNDREDFOLD)
     causes += ["ids are wrong or landmarks move"] * ("sightings" in found.found.parts)
     causes += ["loop closures are false"] * ("loops" in found.found.parts)
     return (
@@ -98,8 +102,8 @@ def _nis(found: Contradiction) -> str:
     return "" if value is None else f"; the EKF's NIS is {number(value)}"
 
 
-def contradicting_truth(dataset: Dataset, fits: Sequence[tuple[Log, Fitted]]) -> Iterator[str]:
-    """Yields what of the truth contradicts a log that agrees with itself, by the fits of its stretches."""
+def contradicting_truth(dataset: Dataset, fits: Sequence[tuple[Log, Fitted]], *, agrees: bool) -> Iterator[str]:
+    """Yields what of the truth contradicts a log, by the fits of its stretches; `agrees`: all of its sightings fit."""
     log, truth = dataset
     if truth is None or truth.kind != "truth":
         return
@@ -114,4 +118,4 @@ def contradicting_truth(dataset: Dataset, fits: Sequence[tuple[Log, Fitted]]) ->
     found = of_headings if len(of_headings) == 1 else []
     for _, fit in fits[:1]:
         found += of_truth.of_map(log, truth, fit)
-    yield from found or of_truth.of_sightings(log, truth)
+    yield from found or (of_truth.of_sightings(log, truth) if agrees else ())

@@ -12,7 +12,7 @@ from ...core.se2 import Array, Ints, wrap
 from ...core.truth_doubts import judges
 from ...core.truth_errors import rows_of, sighting_errors, standing
 from ..measure.landmark_places import comparable, elsewhere, placed
-from ..measure.stated_noise import normalised, typical_scale
+from ..measure.stated_noise import NAMED, normalised, typical_scale
 from ..words.numerals import listed, number
 from .fit import FAR, Fitted
 from .mistakes import FACTORS, LENGTHS
@@ -34,12 +34,9 @@ ALL, FEW, FIT = 0.9, 0.34, 0.05
 """Share of a landmark's sightings that is far out where its true place is wrong, share of such landmarks at most, and
 share of the others' sightings that is far out."""
 
-FROM_TRUTH, OFTEN = 3.0, 0.25
+FROM_TRUTH, OFTEN = 3.0, 0.4
 """Typical error from the truth over what is stated, and share that is far out, from which on the truth is another. With
 published logs they are 1.2 and 0.06 at most."""
-
-NAMED = 6
-"""Landmarks that are named one by one."""
 
 DELAYS = (-10.0, -5.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 """s; a clock's delay is looked for between two of them."""
@@ -154,7 +151,11 @@ def late(log: Log, truth: Truth, delays: Sequence[float]) -> Iterator[str]:
     then = np.column_stack([np.interp(t + delay, truth.t, column) for column in columns])
     before, after = (_from(log, one) for one in (truth, truth._replace(t=t, poses=then)))
     if before is None or after is None or after < min(before, FROM_TRUTH):
-        yield f"the truth fits the log's path if its clock is about {abs(delay):.2g} s {side}"
+        other = "late" if side == "early" else "early"
+        yield (
+            f"the truth fits the log's path if its clock is about {abs(delay):.2g} s {side}, or that of the sightings "
+            f"as much {other}"
+        )
 
 
 def _from(log: Log, truth: Truth) -> float | None:
@@ -180,12 +181,20 @@ def of_sightings(log: Log, truth: Truth) -> Iterator[str]:
         yield f"the true place{'s' * (not one)} of landmark{'s' * (not one)} {names} {verb}"
         return
     scale, far = typical_scale(squares, 2), float((squares > FAR).mean())
-    if scale > FROM_TRUTH or far > OFTEN:
-        yield (
-            f"the sightings agree with one another, but from the truth they are typically {number(scale)} times "
-            f"what is stated, and {number(100 * far)} % are far out: it is late, stands still at times, or is of "
-            "another place on the robot or another drive"
-        )
+    if scale <= FROM_TRUTH and far <= OFTEN:
+        return
+    begun = (
+        f"the sightings agree with one another, but from the truth they are typically {number(scale)} times what is "
+        f"stated, and {number(100 * far)} % are far out:"
+    )
+    by_path = _from(log, truth._replace(map=None)) if right is given and truth.map is not None else None
+    if by_path is not None and by_path < FROM_TRUTH:
+        yield f"{begun} the true places of landmarks are less precise than the sensor, as the true path alone fits"
+        return
+    yield (
+        f"{begun} the true path is less precise than the sensor, is late, stands still at times, or is of another "
+        "place on the robot or another drive"
+    )
 
 
 def _elsewhere(ids: Ints, far: NDArray[np.bool_]) -> Ints:

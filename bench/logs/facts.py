@@ -84,7 +84,7 @@ def noted(notes: Mapping[str, Any], *, settings: bool) -> list[tuple[str, str]]:
                 parts = {key: part for key, part in parts.items() if type(part) is int and part}
             parts = ", ".join(f"{key} {part}" for key, part in parts.items())
         if settings or parts:
-            said.append((name.replace("_", " "), str(parts)))
+            said.append((name.replace("_", " "), number(parts) if isinstance(parts, float) else str(parts)))
     return said
 
 

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from mistaken_logs import drawn
 from slamduel.bench.contradiction.remark import remarked
+from slamduel.bench.contradiction.truth import of_sightings
 from slamduel.core.factors import Dataset, Map, Truth
 from slamduel.core.se2 import Array
 
@@ -51,7 +53,7 @@ def swapped(xy: Array) -> Array:
 
 
 def ahead(poses: Array) -> Array:
-    poses[:, :2] += 0.3 * np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])))
+    poses[:, :2] += 0.6 * np.column_stack((np.cos(poses[:, 2]), np.sin(poses[:, 2])))
     return poses
 
 
@@ -117,3 +119,24 @@ def test_places_without_a_true_path_are_compared_among_themselves(case: str, tmp
     change, words = CASES[case]
     (said,) = remarked(Dataset(log, change(alone))).contradictions
     assert words in said
+
+
+def test_imprecise_places_of_landmarks_do_not_accuse_the_true_path(tmp_path: Path):
+    log, truth = known(3001, tmp_path)
+    assert truth is not None
+    rough = places(lambda xy: xy + np.random.default_rng(0).normal(0.0, 0.3, xy.shape))
+    (said,) = remarked(Dataset(log, rough(truth))).contradictions
+    assert "the true places of landmarks are less precise than the sensor" in said
+
+
+def test_sightings_with_outliers_are_not_said_to_agree(tmp_path: Path):
+    """Ids are others from halfway on: sightings are far from the truth, which is innocent."""
+    log, truth = known(3005, tmp_path)
+    assert truth is not None
+    step, names = np.repeat(np.arange(len(log)), np.diff(log.sighting_first)), np.unique(log.ids)
+    others = np.roll(names, 5)[np.searchsorted(names, log.ids)]
+    renumbered = replace(log, ids=np.where(step > len(log) // 2, others, log.ids))
+    assert any("agree with one another" in said for said in of_sightings(renumbered, truth))
+    found = remarked(Dataset(renumbered, truth))
+    assert found.outliers
+    assert not any("agree with one another" in said for said in found.all)
