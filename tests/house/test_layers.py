@@ -53,6 +53,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "smoothing": {TOP},
         "window": {TOP, "smoothing"},
         "graphs": {TOP, "smoothing", "window"},
+        "programs": {TOP},
     },
     "datasets": {
         TOP: set(),
