@@ -235,6 +235,12 @@ class Builder:
     rules: Mapping[str, Callable[[Prior, Any, np.random.Generator], Backend]] = field(default_factory=dict, hash=False)
     """Further values of its option `association`, each with what makes the backend that carries it out by itself."""
 
+    lacks: Callable[[], str] = str
+    """Says which program that it needs is not installed here, and how to install it; "" if nothing is lacking.
+
+    Its cells then end as `skipped`, with that reason.
+    """
+
     online: bool | Callable[[Any], bool] = True
     """Each `step` returns a pose, always or with some options; False for a batch method, whose steps return None."""
 

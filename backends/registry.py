@@ -5,14 +5,14 @@ A backend is named as a built-in, as an entry point in the group `slamduel.backe
 
 import contextlib
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points, packages_distributions, version
 from typing import Any
 
 from ..core.errors import InputError
-from .api import Builder
+from .api import Backend, Builder, Unsuited
 from .import_trial import death
 
 BUILTIN = {
@@ -21,11 +21,13 @@ BUILTIN = {
     "ekf": "slamduel.backends.gaussian.ekf:build",
     "fastslam": "slamduel.backends.particles.fastslam:build",
     "fixed-lag": "slamduel.backends.graphs.fixed_lag:build",
+    "g2o": "slamduel.backends.programs.g2o:build",
     "graph": "slamduel.backends.graphs.graph:build",
     "invariant-ekf": "slamduel.backends.gaussian.invariant_ekf:build",
     "isam2": "slamduel.backends.graphs.isam2:build",
     "kf": "slamduel.backends.gaussian.kf:build",
     "mcl": "slamduel.backends.particles.mcl:build",
+    "mrpt-ekf": "slamduel.backends.programs.mrpt_ekf:build",
     "smoother": "slamduel.backends.smoothing.smoother:build",
     "textbook-ekf": "slamduel.backends.programs.textbook_ekf:build",
     "textbook-fastslam": "slamduel.backends.programs.textbook_fastslam:build",
@@ -73,9 +75,21 @@ def find(name: str) -> Builder:
         raise _missing(name, f"has no options that can be left out: {type(error).__name__}: {error}") from error
     builders = import_module(f"{__package__}.association.builders")  # it imports numba
     try:
-        return builders.associating(found)
+        return _complete(builders.associating(found), name)
     except TypeError as error:
         raise _missing(name, f"cannot have data association: {error}") from error
+
+
+def _complete(builder: Builder, name: str) -> Builder:
+    """The builder; one whose program is not installed makes no backend, but says so."""
+    if not (lacking := builder.lacks()):
+        return builder
+
+    def make(*_: Any) -> Backend:
+        raise Unsuited(f"backend {name}: {lacking}")
+
+    make.__doc__ = builder.make.__doc__
+    return replace(builder, make=make)
 
 
 def find_first(name: str) -> Builder:

@@ -12,6 +12,7 @@ from typing import IO, Any
 from weakref import finalize
 
 import numpy as np
+import platformdirs
 from numpy.typing import DTypeLike, NDArray
 
 from .errors import InputError
@@ -50,6 +51,11 @@ def beside(path: Path) -> Path:
     """A hidden temporary path next to `path`, unique to the caller."""
     whole = path.absolute()
     return whole.with_name(f".{whole.name[:40]}.{secrets.token_hex(8)}.part")
+
+
+def cache_folder() -> Path:
+    """The user's cache folder, which the environment variable SLAMDUEL_CACHE moves; it may not exist yet."""
+    return Path(os.environ.get("SLAMDUEL_CACHE") or platformdirs.user_cache_path("slamduel"))
 
 
 def read_arrays(path: Path, names: Sequence[str], what: str) -> dict[str, NDArray[Any]]:

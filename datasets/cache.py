@@ -1,23 +1,21 @@
 """Caches the logs of sources marked costly in the user's cache folder, and seeds the generators of all.
 
-The key is of everything that a log depends on, so an entry is never stale. The environment variable SLAMDUEL_CACHE
-moves the folder.
+The key is of everything that a log depends on, so an entry is never stale.
 """
 
 import contextlib
 import hashlib
-import os
 import platform
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import platformdirs
 
 from ..core.check import check
 from ..core.errors import InputError
 from ..core.factors import Dataset
+from ..core.files import cache_folder
 from . import archive
 from .registry import Source
 
@@ -32,7 +30,7 @@ def cached(name: str, source: Source, options: Any, seed: int) -> Dataset:
     """
     if not source.costly:
         return _made(name, source, options, seed)
-    entry = folder() / f"{_key(name, source, options, seed)}.npz"
+    entry = cache_folder() / f"{_key(name, source, options, seed)}.npz"
     with contextlib.suppress(InputError):  # missing or damaged: made again
         return archive.load(entry)
     dataset = _made(name, source, options, seed)
@@ -40,11 +38,6 @@ def cached(name: str, source: Source, options: Any, seed: int) -> Dataset:
         entry.parent.mkdir(parents=True, exist_ok=True)
         archive.save(entry, dataset)
     return dataset
-
-
-def folder() -> Path:
-    """The cache folder; it may not exist yet."""
-    return Path(os.environ.get("SLAMDUEL_CACHE") or platformdirs.user_cache_path("slamduel"))
 
 
 def generator(name: str, seed: int) -> np.random.Generator:

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import g2opy
 import numpy as np
 
 from ...core.factors import Map, Prior, Step
@@ -26,12 +25,14 @@ from .. import common_options
 from ..api import Belief, Builder, Diverged, Pose, Solution, Unsuited
 from ..common_options import LOSSES
 from ..models import innovation, sight
+from .extras import lacking, wheel
+
+g2opy: Any = wheel("g2opy")
 
 KERNELS: Mapping[str, str] = {"huber": "Huber", "cauchy": "Cauchy", "geman-mcclure": "GemanMcClure"}
 
 FIRST_LANDMARK = 1 << 30
 """Vertices have 32-bit numbers: landmarks' follow this one, in order of first sighting."""
-
 
 ROUNDS = 10
 """Linearisations of sightings, at most; four are the rule."""
@@ -261,5 +262,11 @@ def _algorithm(options: Options) -> Any:
 
 
 build = Builder(
-    G2o, options=Options, loops=True, online=lambda options: options.every > 0, implementation="g2o's wheel"
+    G2o,
+    options=Options,
+    loops=True,
+    minimises=common_options.without_loss,
+    online=lambda options: options.every > 0,
+    implementation="g2o's wheel",
+    lacks=lambda: lacking(g2opy, "g2opy"),
 )

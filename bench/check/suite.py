@@ -85,8 +85,8 @@ def check(backend: Builder | str, options: Any = None, checks: Iterable[Check] =
     """
     if isinstance(backend, str):
         variant = backend_variants(backend, "slamduel.check")[0]
-        if variant.builder is None:
-            raise InputError(variant.missing)
+        if variant.builder is None or variant.builder.lacks():
+            raise InputError(variant.builder.lacks() if variant.builder else variant.missing)
         backend, options = variant.builder, variant.options if options is None else options
     candidate = Candidate(backend, backend.options() if options is None else options)
     return [examine(check, candidate) for check in checks]

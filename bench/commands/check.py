@@ -42,8 +42,8 @@ def main(namespace: argparse.Namespace) -> int:
         raise InputError(f"--timeout is {namespace.timeout:g}, expected more than 0 s and at most {LONGEST_S:,} s.")
     failures = 0
     for variant in backend_variants(namespace.backend, "bench check"):
-        if variant.builder is None:
-            _say(console, "failed", variant.missing)
+        if variant.builder is None or variant.builder.lacks():
+            _say(console, "failed", variant.builder.lacks() if variant.builder else variant.missing)
             failures += 1
             continue
         for family, group in groupby(checks, key=lambda check: check.family):

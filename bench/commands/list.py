@@ -24,6 +24,7 @@ class Entry(NamedTuple):
     summary: str  # of a plug-in that cannot be imported, why
     options: list[dict[str, str]]  # name, default and help of each
     implementation: str | None = None  # whose program a backend is, with default options; of a dataset None
+    lacking: str | None = None  # which program of a backend is not installed, and how to install it
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +33,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--json",
         action="store_true",
         help="as JSON: {backends: [...], datasets: [...]}, each {name, summary, options: [{name, default, help}]}; "
-        "a backend has an implementation, too",
+        "a backend has an implementation, too, and lacking, where its program is not installed",
     )
 
 
@@ -64,7 +65,8 @@ def _backends() -> Iterator[Entry]:
             yield Entry(name, reason(str(error)), [], "")
         else:
             made_by = backends.implementation(name, builder.options())
-            yield Entry(name, reason(builder.summary), _options(builder.options), reason(made_by))
+            options = _options(builder.options)
+            yield Entry(name, reason(builder.summary), options, reason(made_by), reason(builder.lacks()) or None)
 
 
 def _datasets() -> Iterator[Entry]:
@@ -81,6 +83,8 @@ def _print(console: Console, entry: Entry) -> None:
     made_by = f" ({entry.implementation})" if entry.implementation else ""
     console.print(Text.assemble("  ", (entry.name, "bold cyan"), made_by))
     console.print(Padding(entry.summary, (0, 0, 0, 4)))
+    if entry.lacking:
+        console.print(Padding(Text(entry.lacking, style="yellow"), (0, 0, 0, 4)))
     if entry.options:
         listed = Table.grid(padding=(0, 2))
         for option in entry.options:

@@ -17,9 +17,10 @@ from ... import backends
 from ...backends.api import Diverged, Solution
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Dataset, Log, Map, Start, Truth
+from ...core.files import cache_folder
 from ...core.se2 import Array, act
 from ...core.truth_errors import named
-from ...datasets import archive, cache
+from ...datasets import archive
 from ...datasets import registry as datasets
 from ...datasets.ready import made_ready
 from ...datasets.remarks import remarked
@@ -48,7 +49,7 @@ class Outliers(NamedTuple):
 
 def reference(log: Log) -> Truth | None:
     """Finds the optimum of J by `graph`; None where there is none. Kept in the user's cache by the log's digest."""
-    entry = cache.folder() / f"reference-{_key(log)}.npz"
+    entry = cache_folder() / f"reference-{_key(log)}.npz"
     with contextlib.suppress(InputError):
         return archive.load(entry).truth
     truth = _found(log)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...core.errors import Absent
-from ..cache import folder
+from ...core.files import cache_folder
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,7 @@ def named_in(path: str) -> str | None:
 
 def place(name: str) -> Path:
     """The folder of the published log `name` once fetched; it may not exist yet."""
-    return folder() / "published" / name
+    return cache_folder() / "published" / name
 
 
 def fetched(name: str, given: str) -> Path:

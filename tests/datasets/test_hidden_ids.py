@@ -15,8 +15,9 @@ from slamduel.bench.plan.spec import read_options
 from slamduel.core.check import problems
 from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.factors import UNKNOWN, Dataset, Log
+from slamduel.core.files import cache_folder
 from slamduel.core.se2 import Ints
-from slamduel.datasets import cache, registry
+from slamduel.datasets import registry
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.hidden_ids import HiddenIds, hidden
 from slamduel.datasets.remarks import remarks
@@ -129,7 +130,7 @@ def test_one_rendered_log_is_cached_with_ids_and_without(tmp_path: Path, monkeyp
     monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path))
     for ids in ("known", "hidden", "0.5"):
         slamduel.load(f"aruco-room[seconds=1,ids={ids}]")
-    assert len(list(cache.folder().iterdir())) == 1
+    assert len(list(cache_folder().iterdir())) == 1
 
 
 def test_a_log_without_ids_goes_to_its_folder_and_back_and_is_dead_reckoned(tmp_path: Path) -> None:
