@@ -29,6 +29,7 @@ BUILTIN = {
     "mcl": "slamduel.backends.particles.mcl:build",
     "mrpt-ekf": "slamduel.backends.programs.mrpt_ekf:build",
     "smoother": "slamduel.backends.smoothing.smoother:build",
+    "symforce": "slamduel.backends.programs.symforce:build",
     "textbook-ekf": "slamduel.backends.programs.textbook_ekf:build",
     "textbook-fastslam": "slamduel.backends.programs.textbook_fastslam:build",
     "ukf": "slamduel.backends.gaussian.ukf:build",

@@ -19,17 +19,23 @@ import numpy as np
 
 from ...core.factors import Map, Prior, Step
 from ...core.options import option
-from ...core.se2 import Array, Ints, act, between, compose, rotation
+from ...core.se2 import Array, act, between, compose, rotation
 from ...core.truth_errors import rows_of
 from .. import common_options
 from ..api import Belief, Builder, Diverged, Pose, Solution, Unsuited
 from ..common_options import LOSSES
 from ..models import innovation, sight
+from .columns import motions, sightings
 from .extras import lacking, wheel
 
 g2opy: Any = wheel("g2opy")
 
-KERNELS: Mapping[str, str] = {"huber": "Huber", "cauchy": "Cauchy", "geman-mcclure": "GemanMcClure"}
+KERNELS: Mapping[str, str] = {
+    "huber": "RobustKernelHuber",
+    "cauchy": "RobustKernelCauchy",
+    "geman-mcclure": "RobustKernelGemanMcClure",
+}
+"""Its class by the loss."""
 
 FIRST_LANDMARK = 1 << 30
 """Vertices have 32-bit numbers: landmarks' follow this one, in order of first sighting."""
@@ -99,9 +105,8 @@ class G2o:
 
     def _exact(self) -> bool:
         """Linearises sightings at the optimum until J hardly falls; False where it still does."""
-        ids, z, cov, of = _columns(self._steps)
-        edges = sorted(self._graph.edges(), key=lambda edge: edge.internal_id())
-        edges = [edge for edge in edges if isinstance(edge, g2opy.EdgeSE2PointXY)]
+        ids, z, cov, of = sightings(self._steps)
+        edges = [edge for edge in self._edges() if isinstance(edge, g2opy.EdgeSE2PointXY)]
         before = np.inf
         for _ in range(ROUNDS):
             path, landmarks = self._path(), self.map()
@@ -148,7 +153,7 @@ class G2o:
                 raise Diverged("g2o cannot read the graph")
         self._poses = first + len(steps)
         if self._options.loss != "none":
-            self._weigh()
+            self._weigh(lines, steps)
 
     def _reckoned(self, first: int) -> Array:
         """The poses of the steps from `first` on, by dead reckoning from the last estimate."""
@@ -172,28 +177,17 @@ class G2o:
 
     def _motions(self, steps: Sequence[Step], first: int) -> list[str]:
         """The edges of motions and loop closures, each covariance turned to the frame after the motion."""
-        ends = list[tuple[int, int]]()
-        delta, cov = list[Array](), list[Array]()
-        for k, step in enumerate(steps, first):
-            if step.odometry is not None:
-                ends.append((k - 1, k))
-                delta.append(step.odometry.delta)
-                cov.append(step.odometry.cov)
-            ends += [(to, k) for to in step.loops.to.tolist()]
-            delta += list(step.loops.delta)
-            cov += list(step.loops.cov)
-        if not ends:
-            return []
-        moved, c, s = np.array(delta), *(f(np.array(delta)[:, 2]) for f in (np.cos, np.sin))
+        ends, delta, cov, _ = motions(steps, first)
+        c, s = np.cos(delta[:, 2]), np.sin(delta[:, 2])
         R = np.zeros((len(ends), 3, 3))
         R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1], R[:, 2, 2] = c, -s, s, c, 1.0
-        information = np.linalg.inv(R.swapaxes(1, 2) @ np.array(cov) @ R)[:, *UPPER_3]
-        rows = zip(ends, moved.tolist(), information.tolist(), strict=True)
+        information = np.linalg.inv(R.swapaxes(1, 2) @ cov @ R)[:, *UPPER_3]
+        rows = zip(ends.tolist(), delta.tolist(), information.tolist(), strict=True)
         return [_line("EDGE_SE2", *end, *motion, *upper) for end, motion, upper in rows]
 
     def _sightings(self, steps: Sequence[Step], path: Array, first: int) -> list[str]:
         """The vertices of new landmarks and the edges of sightings, where these have them."""
-        ids, z, cov, of = _columns(steps)
+        ids, z, cov, of = sightings(steps)
         at = z[:, :1] * np.column_stack((np.cos(z[:, 1]), np.sin(z[:, 1])))
         lines, places = list[str](), act(path[of], at)
         for k in np.sort(np.unique(ids, return_index=True)[1]).tolist():
@@ -205,23 +199,21 @@ class G2o:
         rows = zip((first + of).tolist(), ids.tolist(), xy.tolist(), upper, strict=True)
         return lines + [_line("EDGE_SE2_XY", k, self._landmarks[one], *p, *entries) for k, one, p, entries in rows]
 
-    def _weigh(self) -> None:
-        """Gives sightings and loop closures their loss."""
-        kernel = getattr(g2opy, f"RobustKernel{KERNELS[self._options.loss]}")
-        for edge in self._graph.edges():
-            ends = [vertex.id() for vertex in edge.vertices()]
-            if len(ends) == 2 and ends[1] - ends[0] != 1 and edge.robust_kernel() is None:
-                one = kernel()
-                one.set_delta(self._options.loss_scale or LOSSES[self._options.loss])
-                edge.set_robust_kernel(one)
+    def _weigh(self, lines: Sequence[str], steps: Sequence[Step]) -> None:
+        """Gives the sightings and loop closures among the edges of those lines, the newest, their loss."""
+        edges = [line.partition(" ")[0] for line in lines if line.startswith("EDGE")]
+        prior, seen = edges.count("EDGE_PRIOR_SE2"), edges.count("EDGE_SE2_XY")
+        weighed = [False] * prior + motions(steps)[3].tolist() + [True] * seen
+        scale = self._options.loss_scale or LOSSES[self._options.loss]
+        kernel: Any = getattr(g2opy, KERNELS[self._options.loss])
+        for edge, robust in zip(self._edges()[-len(edges) :], weighed, strict=True):
+            if robust:
+                # Geman and McClure's delta is a squared error there, the others' an error.
+                edge.set_robust_kernel(kernel(scale**2 if self._options.loss == "geman-mcclure" else scale))
 
-
-def _columns(steps: Sequence[Step]) -> tuple[Ints, Array, Array, Ints]:
-    """Ids (s,), z (s, 2), covariances (s, 2, 2) and the step's number in `steps` (s,) of all sightings."""
-    of = np.repeat(np.arange(len(steps)), [len(step.sightings.ids) for step in steps])
-    seen = [step.sightings for step in steps]
-    ids, z, cov = (np.concatenate([getattr(one, name) for one in seen]) for name in ("ids", "z", "cov"))
-    return ids, z, cov, of
+    def _edges(self) -> list[Any]:
+        """All edges, in the order in which they were added."""
+        return sorted(self._graph.edges(), key=lambda edge: edge.internal_id())
 
 
 def _measured(z: Array, cov: Array, at: Array) -> tuple[Array, Array]:

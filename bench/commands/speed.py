@@ -1,8 +1,7 @@
-"""`bench speed`: times every backend's step as the map grows, and some in turns.
+"""`bench speed`: times backends' steps in turns, at several sizes of the map, and where a step of iSAM2 goes.
 
 With `--association` it times steps with and without ids, with `--frontend` the front ends for markers, laser scans and
-depth cameras, with `--batch` the batch optimum. Each study prints tables, and writes them as CSV with a picture on
-request.
+depth cameras. Each study prints tables, and writes them as CSV on request.
 """
 
 import argparse
@@ -12,7 +11,7 @@ from pathlib import Path
 from ...core.errors import InputError
 from ..front_ends import study as frontend
 from ..plan.values import check_file, seed
-from ..speed import association, backends, batch
+from ..speed import association, backends
 from ..words.console import screen_console, tell
 
 
@@ -25,20 +24,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="the front ends for markers, laser scans and depth cameras, not the backends",
     )
-    add("--batch", action="store_true", help="the batch optimum by both solvers of graph, not the backends' steps")
     add("--seed", type=seed, default=0, metavar="N", help="of everything that is drawn at random (0)")
     add("--quick", action="store_true", help="a quick look: little of everything, no reliable figures")
     add("--csv", type=Path, metavar="FILE", help="also write the figures")
-    add("--out", type=Path, metavar="FOLDER", help="also write the figures and a picture of them there")
+    add("--out", type=Path, metavar="FOLDER", help="also write the figures there, and pictures of front ends")
     add("--quiet", action="store_true", help="print nothing but errors")
     backends.arguments(parser.add_argument_group("backends"))
     frontend.arguments(parser.add_argument_group("--frontend"))
-    batch.arguments(parser.add_argument_group("--batch"))
 
 
 def main(namespace: argparse.Namespace) -> int:
     """Measures and prints; 0, whatever was found."""
-    studies = {"association": association, "frontend": frontend, "batch": batch, "": backends}
+    studies = {"association": association, "frontend": frontend, "": backends}
     named = [name for name in studies if name and getattr(namespace, name)]
     if len(named) > 1:
         raise InputError(f"--{' --'.join(named)}: expected one of them, they are studies of their own")
@@ -53,10 +50,9 @@ def main(namespace: argparse.Namespace) -> int:
 
 
 TIMED = {
-    "": "without --association, --frontend or --batch backends are timed",
+    "": "without --association or --frontend backends are timed",
     "association": "--association times steps with and without ids",
     "frontend": "--frontend is the study of front ends",
-    "batch": "--batch times the batch solvers",
 }
 
 

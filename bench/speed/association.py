@@ -31,15 +31,14 @@ from ..plan.spec import backend_variants
 from ..plan.variant import BackendVariant
 from ..words.console import plain
 from ..words.numerals import number
-from .backends import OF_EACH, asked, executed
+from .backends import FULL, QUICK, asked, executed
 from .process import Process, Stretch, Subject, said_of, surveyed
-from .ratios import Ratio
-from .tables import ratio_table, ratios_as_csv
 from .timing import Timing, in_turns, timing
 from .world import without_ids, world
 
 BACKENDS = "ekf,ukf,invariant-ekf,smoother,isam2,fixed-lag"
 RULE, SIGHTINGS = "jcbb", 8
+OF_EACH = 0.5  # s of CPU; of a step's three ways
 COLUMNS = ("backend", "landmarks", "steps", "told_p50_us", "told_p99_us", "p50_us", "p99_us", "layer_p50_us",
            "added_us", "added_low_us", "added_high_us", "right", "reason")  # fmt: skip
 OPTIONS = ("backend", "sizes", "sightings", "steps", "seconds", "scattered")
@@ -50,6 +49,19 @@ EXPECTED, AT, RARELY = {"ekf": 15.0, "smoother": 50.0, "isam2": 2000.0}, 100, 10
 
 TENTHS = 10
 """Parts of a drive."""
+
+
+class Limit(NamedTuple):
+    """A cost, and the most that is expected of it."""
+
+    what: str
+    most: float  # µs
+    reached: float  # µs
+
+    @property
+    def holds(self) -> bool:
+        """True within it."""
+        return self.reached <= self.most
 
 
 class Added(NamedTuple):
@@ -78,22 +90,23 @@ class AssociationRow(NamedTuple):
 
 def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
     """Measures and prints; returns the files written."""
-    sizes, _, extent = asked(namespace, SIGHTINGS, None if namespace.quick else OF_EACH)
+    usual = QUICK if namespace.quick else FULL._replace(seconds=OF_EACH)
+    extent = asked(namespace, usual._replace(sightings=SIGHTINGS))
     processes = [
-        Process((_subject(variant),), (size,), None, extent)
+        Process((_subject(variant),), size, extent)
         for variant in backend_variants(namespace.backend or BACKENDS)
-        for size in sizes
+        for size in extent.sizes
     ]
     rows = list[AssociationRow]()
     for process, found, death in executed(measure, processes, console):
-        rows += [AssociationRow(process.subjects[0].label, process.sizes[0], reason=death)] if death else found
+        rows += [AssociationRow(process.subjects[0].label, process.landmarks, reason=death)] if death else found
     reached = expectations(rows)
     console.print(_table(rows, extent))
     if reached:
-        console.print(ratio_table(reached))
+        console.print(_limits(reached))
     files = {} if namespace.csv is None else {namespace.csv: as_csv(rows)}
     if namespace.out is not None:
-        files |= {namespace.out / "association.csv": as_csv(rows), namespace.out / "ratios.csv": ratios_as_csv(reached)}
+        files[namespace.out / "association.csv"] = as_csv(rows)
     for path, text in files.items():
         write_whole(path, text)
     return list(files)
@@ -101,7 +114,7 @@ def study(namespace: argparse.Namespace, console: Console) -> list[Path]:
 
 def measure(process: Process) -> list[AssociationRow]:
     """Measures a backend at one size; one that fails has a row with the reason."""
-    (subject,), (landmarks,), extent = process.subjects, process.sizes, process.extent
+    (subject,), landmarks, extent = process.subjects, process.landmarks, process.extent
     here = world(landmarks, extent.steps, extent.sightings, extent.seed, scattered=extent.scattered)
     subject = subject._replace(options=of_one_form(subject.options, landmarks))
     hidden = subject._replace(options=dataclasses.replace(subject.options, association=RULE))
@@ -140,19 +153,16 @@ def added(told: Ints | Array, found: Ints | Array) -> Added:
     return Added(float(np.median(parts)), parts[outermost], parts[-1 - outermost])
 
 
-def expectations(rows: Sequence[AssociationRow]) -> list[Ratio]:
+def expectations(rows: Sequence[AssociationRow]) -> list[Limit]:
     """Compares what is added with what is expected, where that is known."""
-    found = list[Ratio]()
+    found = list[Limit]()
     for row in rows:
         if row.told is None or row.found is None or row.landmarks != AT or row.name not in EXPECTED:
             continue
-        limits = [("median", EXPECTED[row.name], row.added.us)]
-        limits += [("99th percentile", RARELY, row.found.p99 - row.told.p99)] * (row.name == "ekf")
-        found += [
-            Ratio(f"data association adds to {row.name}'s step, N={AT}, {what}", f"at most {most:,g} µs", us,
-                  us <= most, "µs")
-            for what, most, us in limits
-        ]  # fmt: skip
+        what = f"data association adds to {row.name}'s step, N={AT}"
+        found.append(Limit(f"{what}, median", EXPECTED[row.name], row.added.us))
+        if row.name == "ekf":
+            found.append(Limit(f"{what}, 99th percentile", RARELY, row.found.p99 - row.told.p99))
     return found
 
 
@@ -187,6 +197,16 @@ def _table(rows: Sequence[AssociationRow], extent: Stretch) -> Table:
             plain(row.name), f"{row.landmarks:,}", f"{row.found.steps:,}", *figures, str(row.added),
             f"{100 * row.share:.1f} %",
         )  # fmt: skip
+    return table
+
+
+def _limits(limits: Sequence[Limit]) -> Table:
+    table = Table(title="What is expected of it")
+    for heading in ("what", "at most, µs", "reached, µs"):
+        table.add_column(heading)
+    for limit in limits:
+        style = "green" if limit.holds else "bold red"
+        table.add_row(plain(limit.what), f"{limit.most:,g}", f"[{style}]{number(limit.reached)}[/]")
     return table
 
 

@@ -1,8 +1,7 @@
-"""Times steppers: CPU time per step until a budget is spent, its distribution, and bytes of state."""
+"""Times steppers in turns: CPU time per step until a budget is spent, and its distribution."""
 
 import gc
-from collections.abc import Iterator, Sequence
-from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +14,6 @@ from ..measure.drive import timing_pass
 FIFTHS = 5
 CHUNK = 50  # steps between two checks of the budget
 LEAST = 3  # steps that are timed however long they take
-FOREIGN = ("gtsam",)  # packages whose objects hold memory that Python cannot see
 
 
 class Timing(NamedTuple):
@@ -33,16 +31,12 @@ class Timing(NamedTuple):
 class TimingRow(NamedTuple):
     """A timing at one size, or why there is none."""
 
-    kind: str  # backend | reference | part (of a backend's step) | together (with others, in turns)
+    kind: str  # backend | part (of a backend's step)
     name: str
     landmarks: int
-    particles: int | None = None
     timing: Timing | None = None
     reason: str = ""  # "" where it was timed
-    beside: str = ""  # of a reference or part: the backend in whose process it was timed
-    finish_ms: float | None = None  # the smoothing at the end, all of it
-    array_bytes: int | None = None  # NumPy arrays that the backend holds
-    resident_bytes: int | None = None  # what the process grew by; None where Python sees all that the backend holds
+    beside: str = ""  # of a part: the backend
     implementation: str = ""  # whose program a backend is
 
 
@@ -54,13 +48,11 @@ def timing(ns: Ints | Array) -> Timing:
     return Timing(len(us), float(us.mean()), p50, p95, p99, float(us.max()), fifths)
 
 
-def stepped(stepper: Any, steps: Sequence[Step], seconds: float) -> Ints:
-    """Measures ns of CPU (n,) of each `stepper.step(step)`, without collection, until `seconds` are spent."""
-    return in_turns([stepper], [steps], seconds)[0]
-
-
 def in_turns(steppers: Sequence[Any], drives: Sequence[Sequence[Step]], seconds: float) -> list[Ints]:
-    """Measures as `stepped`, each on its drive of the same length, a chunk in turn; `seconds` are for all together."""
+    """Measures ns of CPU (n,) of each step, without collection, a chunk of each stepper's drive in turn.
+
+    The drives have the same length; it ends when `seconds` are spent, of all together.
+    """
     spent = [[np.zeros(0, np.int64)] for _ in steppers]
     clock, first, chunk = clock_cost(), 0, LEAST
     gc.collect()
@@ -75,38 +67,3 @@ def in_turns(steppers: Sequence[Any], drives: Sequence[Sequence[Step]], seconds:
     finally:
         gc.enable()
     return [np.maximum(np.concatenate(parts) - clock, 0) for parts in spent]
-
-
-def array_bytes(backend: object) -> int:
-    """Sums the bytes of NumPy arrays reachable from `backend`, each whole; read-only ones are the log's."""
-    return sum({id(array): array.nbytes for array in _arrays(backend)}.values())
-
-
-def holds_foreign(backend: object) -> bool:
-    """True if it holds objects of a package whose memory Python cannot see."""
-    return any(type(thing).__module__.split(".")[0] in FOREIGN for thing in _reached(backend))
-
-
-def _arrays(backend: object) -> Iterator[np.ndarray[Any, Any]]:
-    for thing in _reached(backend):
-        if isinstance(thing, np.ndarray):
-            while isinstance(thing.base, np.ndarray):
-                thing = thing.base  # noqa: PLW2901 - a view's memory is its base's
-            if thing.flags.writeable:
-                yield thing
-
-
-def _reached(start: object) -> Iterator[object]:
-    """Yields every object reachable from `start`, itself first; not through classes, functions and modules."""
-    seen, todo = {id(start)}, [start]
-    while todo:
-        thing = todo.pop()
-        yield thing
-        for inner in gc.get_referents(thing):
-            compiled = type(inner).__module__.startswith("numba")  # a compiler hangs on it
-            if id(inner) not in seen and not compiled and not isinstance(inner, _CODE):
-                seen.add(id(inner))
-                todo.append(inner)
-
-
-_CODE = (type, ModuleType, FunctionType, BuiltinFunctionType, MethodType)

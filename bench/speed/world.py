@@ -20,7 +20,6 @@ PACE, ROW, STRIDE = 2.0, 4.0, 0.1  # m: step and row distance of the survey at m
 ODOMETRY_SD = (0.01, 0.002, 0.01)  # m, m, rad a step: ahead, sideways, turning
 SIGHTING_SD = (0.1, 0.03)  # m, rad
 PRIOR_SD = (0.01, 0.01, 0.001)  # m, m, rad; of the start of a survey, or of a filter with a given map
-MAP_SD = 0.1  # m, of each coordinate of a given map
 
 NO_LOOPS = RelativePoses(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3, 3)))
 
@@ -33,11 +32,6 @@ class World(NamedTuple):
     drive: list[Step]  # what is timed; its first step follows the survey's last
     map: Map  # the true one, without covariance
     start: Array  # (3,) the true pose at the survey's last step
-
-    def surveyed(self) -> Prior:
-        """A prior for the drive with the whole map, for what does not make its own."""
-        n = 2 * len(self.map.ids)
-        return Prior(self.start, self.prior.cov, self.map._replace(cov=MAP_SD**2 * np.eye(n)))
 
 
 def world(landmarks: int, steps: int, sightings: int, seed: int, *, scattered: bool = False) -> World:

@@ -26,7 +26,7 @@ from slamduel.bench.speed.timing import Timing
 from slamduel.bench.speed.world import without_ids, world
 from slamduel.core.factors import UNKNOWN
 
-LITTLE = Stretch(steps=WARM_UP + 12, sightings=4, seconds=0.5, seed=0, scattered=False)
+LITTLE = Stretch((10,), steps=WARM_UP + 12, sightings=4, seconds=0.5)
 
 
 def flat(us: float) -> Timing:
@@ -44,7 +44,7 @@ def test_without_ids_all_else_is_the_same() -> None:
 
 def test_both_ways_have_a_timing_and_nearly_all_landmarks_are_found() -> None:
     subject = Subject("ekf", "ekf", registry.find("ekf").options())
-    (row,) = measure(Process((subject,), (10,), None, LITTLE))
+    (row,) = measure(Process((subject,), 10, LITTLE))
     assert row.reason == ""
     assert row.told.steps == row.found.steps == row.idle.steps == 12
     assert 0.8 < row.share <= 1
@@ -60,7 +60,7 @@ def test_a_landmark_mapped_twice_compresses_no_filter_at_the_threshold() -> None
 def test_what_fails_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(process, "PATIENCE", 0.0)
     subject = Subject("ekf", "ekf", registry.find("ekf").options())
-    (row,) = measure(Process((subject,), (10,), None, LITTLE))
+    (row,) = measure(Process((subject,), 10, LITTLE))
     assert row.told is None
     assert row.reason.startswith("its map was not made within 0 s")
 
@@ -74,7 +74,7 @@ def test_what_is_added_is_held_against_its_limit() -> None:
         AssociationRow("smoother", AT, reason="lost"),
     ]
     found = expectations(rows)
-    assert [(ratio.reached, ratio.holds) for ratio in found] == [(14.0, True), (180.0, False), (2200.0, False)]
+    assert [(limit.reached, limit.holds) for limit in found] == [(14.0, True), (180.0, False), (2200.0, False)]
     lines = list(csv.DictReader(as_csv(rows).splitlines()))
     assert tuple(lines[0]) == COLUMNS
     assert [lines[0][column] for column in ("added_us", "added_low_us", "added_high_us")] == ["14", "13", "16"]
@@ -97,4 +97,4 @@ def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFix
     assert main(["speed", "--association", "--quick", *asked]) == 0
     said = capsys.readouterr().out
     assert "8 sightings of the nearest landmarks" in " ".join(said.split())
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["association.csv", "ratios.csv"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["association.csv"]

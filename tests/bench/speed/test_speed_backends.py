@@ -1,30 +1,28 @@
 """`bench speed`: what it measures, how figures are made of that, and what it writes. Nothing here asserts a time."""
 
 import csv
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from csv_rows import csv_rows
 from places import SUPPORT
-from slamduel.backends.api import Map, NoOptions
-from slamduel.backends.gaussian.ekf import Options as EkfOptions
-from slamduel.backends.particles.fastslam import Options as FastSlamOptions
+from slamduel.backends import registry
+from slamduel.backends.api import NoOptions
 from slamduel.bench.cli import main
 from slamduel.bench.speed import process
-from slamduel.bench.speed.figure import apart, write_figure
+from slamduel.bench.speed.backends import measure
 from slamduel.bench.speed.isam2_parts import PARTS, Stopwatch
-from slamduel.bench.speed.process import Process, Stretch, Subject, measure
-from slamduel.bench.speed.ratios import exponent, growth, ratios, step_of_parts
-from slamduel.bench.speed.tables import COLUMNS, as_csv
-from slamduel.bench.speed.timing import LEAST, Timing, TimingRow, array_bytes, holds_foreign, stepped, timing
+from slamduel.bench.speed.process import Process, Stretch, Subject
+from slamduel.bench.speed.tables import COLUMNS, as_csv, step_of_parts, turns_table
+from slamduel.bench.speed.timing import LEAST, Timing, TimingRow, in_turns, timing
 from slamduel.bench.speed.world import NEAREST, ODOMETRY_SD, SIGHTING_SD, world
-from slamduel.core.se2 import Array, between, compose, wrap
+from slamduel.bench.words.console import screen_console
+from slamduel.core.factors import Step
+from slamduel.core.se2 import Array, Ints, between, compose, wrap
 
-LITTLE = Stretch(steps=12, sightings=6, seconds=0.5, seed=0, scattered=False)
+LITTLE = Stretch((10,), steps=12, sightings=6, seconds=0.5)
 
 
 def flat(us: float) -> Timing:
@@ -45,27 +43,6 @@ def test_a_run_of_three_steps_has_two_fifths_without_one() -> None:
     found = timing(np.array([1000, 2000, 6000]))
     assert found.fifths[:3] == (1.0, 2.0, 6.0)
     assert np.isnan(found.fifths[3:]).all()
-
-
-@pytest.mark.parametrize("power", [0.0, 1.0, 2.4])
-def test_the_exponent_is_that_of_the_largest_sizes(power: float) -> None:
-    sizes = np.array([1000, 10, 300, 30, 100])
-    costs = 3.0 * sizes**power
-    costs[sizes < 100] = 1e6  # what rules small sizes does not count
-    assert exponent(sizes.tolist(), costs.tolist()) == pytest.approx(power, abs=1e-9)
-
-
-def test_growth_is_that_with_the_most_particles() -> None:
-    one = [TimingRow("backend", "ekf", n, timing=flat(n**2.0)) for n in (10, 100)]
-    other = [
-        TimingRow("backend", "fastslam", n, m, flat(m * n**0.5 if m == 9 else 1.0)) for n in (10, 30) for m in (9, 3)
-    ]
-    alone = [TimingRow("backend", "ukf", 10, timing=flat(1.0)), TimingRow("backend", "ukf", 30, reason="lost")]
-    assert growth([*one, *other, *alone]) == pytest.approx({"ekf": 2.0, "fastslam": 0.5})
-
-
-def test_one_size_has_no_exponent() -> None:
-    assert np.isnan(exponent([10], [3.0]))
 
 
 @pytest.mark.parametrize("landmarks", [1, 10, 100, 300])
@@ -118,38 +95,35 @@ def test_steps_are_timed_until_the_budget_is_spent() -> None:
             return np.zeros(3)
 
     drive = world(10, 400, 6, 0).drive
-    assert len(stepped(Busy(), drive, 1e-9)) == LEAST == Busy.steps
-    assert len(stepped(Busy(), drive, 60.0)) == 400
-    assert (stepped(Busy(), drive[:5], 60.0) > 0).all()
+
+    def spent(seconds: float) -> Ints:
+        (ns,) = in_turns([Busy()], [drive], seconds)
+        return ns
+
+    assert len(spent(1e-9)) == LEAST == Busy.steps
+    assert len(spent(60.0)) == 400
+    assert (spent(60.0) > 0).all()
 
 
-def test_bytes_are_those_of_arrays_that_the_backend_made() -> None:
-    @dataclass
-    class Inner:
-        rows: list[Any]
+def test_all_take_the_same_steps_and_in_turns() -> None:
+    taken: list[tuple[str, float]] = []
 
-    class Holder:
-        def __init__(self, log: Array) -> None:
-            whole = np.zeros((10, 10))
-            self.view, self.again = whole[2:], whole.T
-            self.inner = {"a": Inner([np.zeros(7), np.zeros(5, np.float32)])}
-            self.log = log[1:]
+    class Stepper:
+        def __init__(self, name: str) -> None:
+            self.name = name
 
-    log = np.zeros(1000)
-    log.flags.writeable = False
-    assert array_bytes(Holder(log)) == 800 + 56 + 20
-    assert not holds_foreign(Holder(log))
+        def step(self, step: Step) -> Array:
+            taken.append((self.name, step.t))
+            return np.zeros(3)
 
-
-def test_gtsams_objects_are_foreign() -> None:
-    import gtsam
-
-    class Holder:
-        inner = None
-
-    holder = Holder()
-    holder.inner = gtsam.NonlinearFactorGraph()  # pyright: ignore[reportAttributeAccessIssue]
-    assert holds_foreign(holder)
+    drive = world(10, 400, 6, 0).drive
+    a, b = in_turns([Stepper("a"), Stepper("b")], [drive, drive], 60.0)
+    assert len(a) == len(b) == 400
+    times = [step.t for step in drive]
+    assert [t for name, t in taken if name == "a"] == [t for name, t in taken if name == "b"] == times
+    turns = [name for k, (name, _) in enumerate(taken) if k == 0 or taken[k - 1][0] != name]
+    assert turns == ["a", "b"] * (len(turns) // 2)
+    assert len(turns) > 8
 
 
 def test_a_stopwatch_adds_up_the_calls_of_what_it_watches() -> None:
@@ -176,143 +150,83 @@ def test_a_stopwatch_adds_up_the_calls_of_what_it_watches() -> None:
     assert watch.calls == 3
 
 
-def test_isam2_is_taken_apart() -> None:
-    rows = measure(Process((Subject("isam2", "isam2", _options("isam2")),), (10,), None, LITTLE))
-    whole, *parts = rows
-    assert whole.timing.steps == 12
-    assert whole.resident_bytes is not None
-    assert whole.finish_ms is not None
-    assert [row.name for row in parts] == [*PARTS, "marginal", "back-substitution"]
-    assert all(row.kind == "part" and row.beside == "isam2" and row.timing for row in parts)
-    total = step_of_parts(rows, "isam2", 10)
-    assert total == pytest.approx(sum(row.timing.mean for row in parts[:3] if row.timing))
-
-
-def test_a_filter_comes_with_its_references() -> None:
-    subjects = tuple(Subject(f"ekf{k}", "ekf", EkfOptions(compress_above=k)) for k in (0, 1000))
-    rows = measure(Process(subjects, (10,), None, LITTLE))
-    assert [row.name for row in rows if row.kind == "backend"] == ["ekf0", "ekf1000"]
-    assert [row.name for row in rows if row.kind == "reference"] == ["dsyrk", "memory", "textbook", "locate"]
-    assert all(row.timing and row.landmarks == 10 for row in rows)
-    assert all(row.array_bytes and row.array_bytes >= 8 * 23 * 23 and row.resident_bytes is None for row in rows[:2])
-    assert {row.beside for row in rows[2:]} == {"ekf"}
-
-
-def test_particles_are_those_asked_for_at_every_size() -> None:
-    rows = measure(Process((Subject("fastslam", "fastslam", FastSlamOptions()),), (3, 10), 40, LITTLE))
-    found = [(row.name, row.landmarks, row.particles) for row in rows]
-    assert found == [(name, n, 40) for n in (3, 10) for name in ("fastslam", "particle loop")]
-    assert all(row.timing for row in rows)
-
-
-def test_what_a_backend_raises_is_its_rows_reason(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(SUPPORT)
-    subjects = (Subject("bad", "misbehaving:raises", NoOptions()), Subject("good", "dead-reckoning", NoOptions()))
-    bad, good = measure(Process(subjects, (10,), None, LITTLE))
-    assert bad.timing is None
-    assert "ValueError" in bad.reason
-    assert "misbehaving.py:" in bad.reason
-    assert good.timing is not None
-
-
 def test_a_survey_without_end_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(process, "PATIENCE", 0.0)
-    (row,) = measure(Process((Subject("dead-reckoning", "dead-reckoning", NoOptions()),), (30,), None, LITTLE))
+    (row,) = measure(Process((Subject("dead-reckoning", "dead-reckoning", NoOptions()),), 30, LITTLE))
     assert "map was not made within 0 s of CPU: 1 of" in row.reason
 
 
-def test_ratios_are_of_medians_and_of_means_and_say_what_was_expected() -> None:
-    dense, compressed = EkfOptions(compress_above=10**6), EkfOptions(compress_above=200)
+def test_isam2_is_taken_apart_and_what_fails_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(SUPPORT)
+    bad = Subject("bad", "misbehaving:raises", NoOptions())
+    rows = measure(Process((_subject("ekf"), bad, _subject("isam2")), 10, LITTLE))
+    assert [row.name for row in rows] == ["bad", "ekf", "isam2", *PARTS, "marginal", "back-substitution"]
+    assert [row.implementation for row in rows[1:3]] == ["compiled here", "GTSAM's wheel"]
+    assert "ValueError" in rows[0].reason
+    assert "misbehaving.py:" in rows[0].reason
+    parts = rows[3:]
+    assert all(row.timing and row.timing.steps == 12 for row in rows[1:3])
+    assert all(row.kind == "part" and row.beside == "isam2" and row.timing for row in parts)
+    assert step_of_parts(rows, "isam2", 10) == pytest.approx(sum(row.timing.mean for row in parts[:3] if row.timing))
+
+
+def test_ratios_are_to_the_first_at_the_same_size() -> None:
     rows = [
-        TimingRow("backend", "ekf", 100, timing=flat(30)),
-        TimingRow("backend", "ekf", 300, timing=flat(10)),
-        TimingRow("backend", "ekf", 1000, timing=flat(12)._replace(mean=100.0)),
-        TimingRow("backend", "ekf[dense]", 100, timing=flat(29)),
-        TimingRow("backend", "ekf[dense]", 300, timing=flat(200)),
-        TimingRow("backend", "ekf[dense]", 1000, timing=flat(2000)._replace(mean=2400.0)),
-        TimingRow("reference", "textbook", 100, timing=flat(4500), beside="ekf"),
-        TimingRow("reference", "dsyrk", 300, timing=flat(125), beside="ekf"),
-        TimingRow("reference", "locate", 300, timing=flat(60_000), beside="ekf"),
-        TimingRow("backend", "fastslam[version=1]", 100, 100, flat(40)),
-        TimingRow("backend", "fastslam[version=1]", 100, 10_000, flat(2000)),
-        TimingRow("backend", "fastslam[version=1]", 1000, 10_000, flat(2600)),
-        TimingRow("backend", "fastslam", 100, 100, flat(100)),
-        TimingRow("reference", "particle loop", 100, 100, flat(40_000)),
-        TimingRow("backend", "isam2", 100, timing=flat(1000)),
-        *(
-            TimingRow("part", name, 100, timing=flat(us), beside="isam2")
-            for name, us in zip(PARTS, (500, 450, 50), strict=True)
-        ),
+        TimingRow("backend", "ekf", 10, timing=flat(4.0), implementation="compiled here"),
+        TimingRow("backend", "isam2", 10, timing=flat(50.0)._replace(p99=400.0), implementation="GTSAM's wheel"),
+        TimingRow("backend", "mrpt-ekf", 10, reason="not installed"),
+        TimingRow("backend", "mrpt-ekf", 100, reason="not installed"),
+        TimingRow("backend", "ekf", 100, reason="lost"),
+        TimingRow("backend", "isam2", 100, timing=flat(60.0), implementation="GTSAM's wheel"),
+        TimingRow("backend", "mine", 0, reason="No module"),
     ]
-    versions = {"fastslam[version=1]": _Version(1), "fastslam": _Version(2)}
-    found = ratios(rows, {"ekf": compressed, "ekf[dense]": dense, **versions})
-    reached = {r.what: (r.expected, r.found, r.holds) for r in found}
-    assert reached == {
-        "textbook filter / dense ekf, N=100, median step": ("at least 80 times", "150 times", True),
-        "dense ekf / bare dsyrk, N=300, median step": ("within 1.5 times", "1.60 times", False),
-        "dense ekf / compressed ekf, N=1,000, mean step": ("at least 15 times", "24.0 times", True),
-        "compressed ekf, N=1,000 / N=300, median step": ("within 1.5 times", "1.20 times", True),
-        "particle loop / fastslam 1.0, M=100 N=100, median step": ("at least 300 times", "1,000 times", True),
-        "fastslam 1.0, N=1,000 / N=100, M=10,000, median step": ("within 1.2 times", "1.30 times", False),
-        "fastslam 2.0 / 1.0, M=100, median step, worst N": ("within 4 times", "2.50 times", True),
-        "Python's own share of isam2's step, N=100": ("under 8 %", "5.00 %", True),
-        "a search for the robot on the whole map, N=300, p99": ("within 100 ms", "60.0 ms", True),
-    }
+    console = screen_console(quiet=False)
+    with console.capture() as captured:
+        console.print(turns_table(rows, "6 sightings"))
+    said = " ".join(captured.get().split()).replace("\N{MULTIPLICATION SIGN}", "x")
+    assert "how many times ekf or isam2's: 6 sightings" in said
+    assert "ekf compiled here 100 4.00 1.00 x 4.00 1.00 x 4.00 1.00 x" in said
+    assert "isam2 GTSAM's wheel 100 50.0 12.5 x 50.0 12.5 x 400 100 x" in said
+    assert "isam2 GTSAM's wheel 100 60.0 1.00 x" in said
+    assert "mrpt-ekf, N=10 and N=100: not installed." in said
+    assert "mine: No module." in said
+    assert "Costs compare implementations, not algorithms alone." in said
 
 
 def test_csv_has_every_column_and_blanks() -> None:
     rows = [
-        TimingRow("backend", "ekf", 10, timing=timing(np.array([1000, 2000, 6000])), array_bytes=99),
+        TimingRow("backend", "ekf", 10, timing=timing(np.array([1000, 2000, 6000])), implementation="compiled here"),
         TimingRow("backend", "ukf", 10, reason="it diverged, twice"),
     ]
     first, second = csv.DictReader(as_csv(rows).splitlines())
     assert tuple(first) == COLUMNS
-    assert (first["mean_us"], first["p50_us"], first["max_us"], first["array_bytes"]) == ("3.0", "2.0", "6.0", "99")
-    assert (first["fifth3_us"], first["fifth4_us"], first["particles"], first["reason"]) == ("6.0", "", "", "")
+    assert (first["mean_us"], first["p50_us"], first["max_us"], first["fifth3_us"]) == ("3.0", "2.0", "6.0", "6.0")
+    assert (first["fifth4_us"], first["reason"], first["implementation"]) == ("", "", "compiled here")
     assert (second["reason"], second["steps"], second["mean_us"]) == ("it diverged, twice", "", "")
-
-
-def test_names_keep_their_order_and_their_distance() -> None:
-    heights = apart([10.0, 11.0, 50.0, 9.0], 5.0)
-    assert heights == pytest.approx([10.0, 15.0, 50.0, 5.0])
-    close = apart([0.0, 4.0, 8.0, 12.0], 5.0)
-    assert np.diff(close) == pytest.approx(5.0)
-    assert np.mean(close) == pytest.approx(6.0)
-
-
-def test_nothing_timed_is_nothing_drawn(tmp_path: Path) -> None:
-    assert not write_figure(tmp_path / "a.png", [TimingRow("backend", "ekf", 10, reason="broken")], "nothing")
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_command_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, table = tmp_path / "out", tmp_path / "t.csv"
-    sizes = ["--sizes", "10,4", "--particles", "20", "--steps", "8", "--csv", str(table), "--out", str(out)]
-    names = "dead-reckoning,fastslam,nowhere:build"
-    assert main(["speed", "--quick", "--backend", names, *sizes]) == 0
-    said = capsys.readouterr().out
-    for words in ("timed fastslam: N=4, 10, M=20", "6 sightings a step, of the nearest landmarks", "wrote: "):
+    sizes = ["--sizes", "10,4", "--steps", "8", "--csv", str(table), "--out", str(out)]
+    assert main(["speed", "--quick", "--backend", "dead-reckoning,ekf,nowhere:build", *sizes]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    for words in ("timed dead-reckoning, ekf: N=4", "6 sightings a step, of the nearest landmarks", "wrote: "):
         assert words in said
-    assert all(words in said for words in ("particle loop", "nowhere", "No module"))
-    assert sorted(path.name for path in out.iterdir()) == ["backends.csv", "backends.png", "ratios.csv"]
-    assert (out / "backends.png").read_bytes().startswith(b"\x89PNG")
+    assert all(words in said for words in ("nowhere", "No module"))
+    assert [path.name for path in out.iterdir()] == ["backends.csv"]
     assert table.read_text() == (out / "backends.csv").read_text()
     rows = csv_rows(table)
-    backends = [(r["name"], r["landmarks"], r["particles"]) for r in rows if r["kind"] == "backend"]
-    assert backends[:2] == [("dead-reckoning", "4", ""), ("dead-reckoning", "10", "")]
-    assert backends[2:4] == [("fastslam", "4", "20"), ("fastslam", "10", "20")]
-    assert [r["steps"] for r in rows if r["name"] == "dead-reckoning"] == ["8", "8"]
+    assert [(r["name"], r["landmarks"], r["steps"]) for r in rows] == [
+        ("dead-reckoning", "4", "8"),
+        ("ekf", "4", "8"),
+        ("dead-reckoning", "10", "8"),
+        ("ekf", "10", "8"),
+        ("nowhere:build", "0", ""),
+    ]
 
 
-@dataclass(frozen=True)
-class _Version:
-    version: int = 1
-
-
-def _options(name: str) -> Any:
-    from slamduel.backends import registry
-
-    return registry.find(name).options()
+def _subject(name: str) -> Subject:
+    return Subject(name, name, registry.find(name).options())
 
 
 def _true_path(landmarks: int, steps: int, seed: int) -> list[Array]:
@@ -327,12 +241,3 @@ def _true_path(landmarks: int, steps: int, seed: int) -> list[Array]:
         pose = compose(pose, step.odometry.delta)
         path.append(pose)
     return path
-
-
-def test_a_surveyed_belief_has_the_whole_map() -> None:
-    here = world(10, 2, 6, 0)
-    known = here.surveyed().map
-    assert isinstance(known, Map)
-    assert known.cov is not None
-    assert known.cov.shape == (20, 20)
-    assert np.linalg.eigvalsh(known.cov).min() > 0
