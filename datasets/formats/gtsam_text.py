@@ -4,7 +4,8 @@
     VERTEX_XY id x y                                                 likewise of a point
     EDGE2 i j dx dy dtheta + 6 numbers (or EDGE_SE2, EDGE, ODOMETRY) pose j in the body frame of pose i
     BR i l bearing range sd_bearing sd_range                         point l from pose i
-    LANDMARK i l x y cxx cxy cyy                                     the same, in the body frame of pose i
+    LANDMARK i l x y cxx cxy cyy                                     the same, in the body frame of pose i; with
+                                                                     noise=root a root, as in iSAM's files
     LANDMARK2 i l x y rxx rxy ryy                                    the same, with a root of the information
     EQUIV i j                                                        from TORO; only counted here
 
@@ -105,9 +106,9 @@ def read(
 
     The log's `name` and the `notes` on its source default to the file's.
     """
-    tables = read_tagged(path, KINDS, _COLUMNS, ("VERTEX3", "EDGE3", "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT"))
+    tables = read_tables(path)
     edges, edge_cov, found = _edges(tables, noise)
-    sightings, z, z_cov = _sightings(tables)
+    sightings, z, z_cov = _sightings(tables, noise)
     graph = PoseGraph(
         path, tables["vertices"], tables["points"], edges, edge_cov, sightings, z, z_cov, shared_ids=False
     )
@@ -118,6 +119,11 @@ def read(
         **without_equivalences(tables["equivalences"]),
     }
     return Dataset(log_of(graph, name or path.stem, notes={**said, **(notes or {}), **counted}), None)
+
+
+def read_tables(path: Path) -> dict[str, Table]:
+    """Reads the rows of the file `path`, a table for each of `KINDS`; InputError as from `read`."""
+    return read_tagged(path, KINDS, _COLUMNS, ("VERTEX3", "EDGE3", "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT"))
 
 
 def _edges(tables: Mapping[str, Table], noise: str) -> tuple[Table, Array, list[str]]:
@@ -160,14 +166,14 @@ def _covariance(table: Table, numbers: Array, kind: str) -> Array:
     return matrices
 
 
-def _sightings(tables: Mapping[str, Table]) -> tuple[Table, Array, Array]:
+def _sightings(tables: Mapping[str, Table], noise: str) -> tuple[Table, Array, Array]:
     """The sightings in the order of the file, range and bearing (s, 2), and (s, 2, 2)."""
     direct, landmarks, roots = (tables[kind] for kind in ("bearing_ranges", "landmarks", "roots"))
     with np.errstate(all="ignore"):  # overflow is reported, with its line, when the log is checked
         sd = direct.rows[:, [5, 4]]
         parts = [
             (wrapped(direct, "bearing")[:, [3, 2]], sd[:, :, None] ** 2 * np.eye(2)),
-            points_seen(landmarks, _covariance(landmarks, landmarks.rows[:, 4:], "cov")),
+            points_seen(landmarks, _covariance(landmarks, landmarks.rows[:, 4:], "root" if noise == "root" else "cov")),
             points_seen(roots, _covariance(roots, roots.rows[:, 4:], "root")),
         ]
     sightings, order = joined([direct, landmarks, roots], 2)
