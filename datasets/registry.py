@@ -56,6 +56,7 @@ BUILTIN = {
     "city": ".worlds.city:source",
     "city-trees10000": ".published.isam_worlds:city_trees10000",
     "city10000": ".published.isam_worlds:city10000",
+    "city10000-ambiguous": ".published.gtsam_worlds:city10000_ambiguous",
     "csv": ".formats.csv_tables:source",
     "depth-room": ".worlds.depth_room:source",
     "dlr": ".published.dlr:source",
@@ -82,6 +83,8 @@ BUILTIN = {
     "tum-pioneer-slam3": ".published.tum_pioneer:pioneer_slam3",
     "victoria-park": ".published.victoria_park:source",
     "victoria-park-raw": ".published.victoria_park_raw:source",
+    "w10000": ".published.gtsam_worlds:w10000",
+    "w20000": ".published.gtsam_worlds:w20000",
 }
 """Name -> module of this package and the `Source` in it."""
 

@@ -100,18 +100,22 @@ def shipped(name: str) -> Path:
 
 
 def read(
-    path: Path, noise: str = "auto", name: str | None = None, notes: Mapping[str, object] | None = None
+    path: Path,
+    noise: str = "auto",
+    name: str | None = None,
+    notes: Mapping[str, object] | None = None,
+    edge_cov: Array | None = None,
 ) -> Dataset:
     """Reads the log in the file `path`; InputError names the file and line of what is invalid.
 
-    The log's `name` and the `notes` on its source default to the file's.
+    The log's `name` and the `notes` on its source default to the file's. `edge_cov` (3, 3) replaces the covariance of
+    every edge, in the body frame of its first pose.
     """
     tables = read_tables(path)
-    edges, edge_cov, found = _edges(tables, noise)
+    edges, stated, found = _edges(tables, noise)
+    covs = stated if edge_cov is None else np.broadcast_to(edge_cov, stated.shape)
     sightings, z, z_cov = _sightings(tables, noise)
-    graph = PoseGraph(
-        path, tables["vertices"], tables["points"], edges, edge_cov, sightings, z, z_cov, shared_ids=False
-    )
+    graph = PoseGraph(path, tables["vertices"], tables["points"], edges, covs, sightings, z, z_cov, shared_ids=False)
     said = {"source": f"the text graph {path.name}, as GTSAM reads it", "licence": "not stated in the file"}
     counted = {
         "covariances": "GTSAM's are in the body frame after a motion, converted to the one before it",

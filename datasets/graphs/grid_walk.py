@@ -17,7 +17,7 @@ QUARTER = np.pi / 2
 WRITTEN = 1e-4  # m and rad: farthest from the grid that the six digits of a truth may be
 MEASURED = 0.5  # m: the nearest point of the grid is meant, whatever the noise
 
-_COS, _SIN = np.array([1, 0, -1, 0]), np.array([0, 1, 0, -1])
+_COS, _SIN = np.array([1.0, 0.0, -1.0, 0.0]), np.array([0.0, 1.0, 0.0, -1.0])
 _HEADINGS = np.array([0.0, QUARTER, np.pi, -QUARTER])
 
 
@@ -25,13 +25,13 @@ class Walk(NamedTuple):
     """The poses of a walk, in the order of their ids."""
 
     ids: Ints  # (n,)
-    xy: Ints  # (n, 2) m
+    xy: Array  # (n, 2) m, whole numbers
     quarters: Ints  # (n,) heading in quarter turns, 0 to 3
 
     @property
     def poses(self) -> Array:
         """(n, 3)."""
-        return np.column_stack((self.xy.astype(np.float64), _HEADINGS[self.quarters]))
+        return np.column_stack((self.xy, _HEADINGS[self.quarters]))
 
 
 def walked(edges: Table, within: float = WRITTEN) -> Walk:
@@ -57,7 +57,7 @@ def walked(edges: Table, within: float = WRITTEN) -> Walk:
     turns = np.where(back, -turn[row], turn[row])
     quarters = np.concatenate(([0], np.cumsum(turns))) % 4
     ahead = np.where(back[:, None], -_turned(motion[row], turns), motion[row])
-    xy = np.concatenate((np.zeros((1, 2), np.int64), np.cumsum(_turned(ahead, quarters[:-1]), axis=0)))
+    xy = np.concatenate((np.zeros((1, 2)), np.cumsum(_turned(ahead, quarters[:-1]), axis=0)))
 
     seen = _turned(xy[last] - xy[first], -quarters[first])
     wrong = (seen != motion).any(axis=1) | ((quarters[last] - quarters[first] - turn) % 4 != 0)
@@ -85,7 +85,7 @@ def nearest(poses: Array) -> Array:
     return np.column_stack((np.rint(poses[:, :2]) + 0.0, _HEADINGS[quarters]))
 
 
-def _on_grid(edges: Table, within: float) -> tuple[Ints, Ints]:
+def _on_grid(edges: Table, within: float) -> tuple[Array, Ints]:
     """The motions (m, 2), in m, and the turns (m,), in quarters, of the grid that are nearest to the edges'."""
     found = wrapped(edges, "dtheta")[:, edges.columns.index("dx") :][:, :3]
     motion, turn = np.rint(found[:, :2]), np.rint(found[:, 2] / QUARTER)
@@ -93,10 +93,10 @@ def _on_grid(edges: Table, within: float) -> tuple[Ints, Ints]:
     for row in np.flatnonzero(off > within):
         dx, dy, dtheta = found[row]
         raise edges.fault(row, f"the motion is {dx:g} {dy:g} {dtheta:g}, expected whole metres and quarter turns")
-    return motion.astype(np.int64), turn.astype(np.int64)
+    return motion, turn.astype(np.int64)
 
 
-def _turned(xy: Array | Ints, quarters: Ints) -> Array | Ints:
+def _turned(xy: Array, quarters: Ints) -> Array:
     """The vectors `xy` (m, 2) turned by so many quarters (m,), exactly."""
     c, s = _COS[quarters % 4], _SIN[quarters % 4]
-    return np.stack((c * xy[:, 0] - s * xy[:, 1], s * xy[:, 0] + c * xy[:, 1]), axis=-1)
+    return np.stack((c * xy[:, 0] - s * xy[:, 1], s * xy[:, 0] + c * xy[:, 1]), axis=-1) + 0.0  # no -0

@@ -33,7 +33,7 @@ def edges_of(poses: Array, noise: float = 0.0, seed: int = 0) -> Table:
     first, last = np.array(pairs).T
     motion = between(poses[first], poses[last])
     motion += noise * rng.standard_normal(motion.shape)
-    rows = np.column_stack((10 * first, 10 * last, motion[:, :2], wrap(motion[:, 2])))
+    rows = np.column_stack((10.0 * first, 10.0 * last, motion[:, :2], wrap(motion[:, 2])))
     return Table(FILE, ("from", "to", "dx", "dy", "dtheta"), rows, np.arange(1, len(rows) + 1))
 
 
@@ -66,7 +66,9 @@ def test_landmarks_are_where_every_sighting_has_them() -> None:
     step, which = np.repeat(np.arange(40), 2), np.tile([0, 1], 40)
     x, y = (places[which] - walk.poses[step, :2]).T
     c, s = np.cos(walk.poses[step, 2]), np.sin(walk.poses[step, 2])
-    rows = np.column_stack((walk.ids[step], 7 + which, np.round(c * x + s * y, 6), np.round(c * y - s * x, 6)))
+    rows = np.column_stack((walk.ids[step], 7 + which, np.round(c * x + s * y, 6), np.round(c * y - s * x, 6))).astype(
+        np.float64
+    )
     sightings = Table(FILE, ("pose", "id", "x", "y"), rows, np.arange(1, 81))
     known = standing(walk, sightings)
     assert known.ids.tolist() == [7, 8]

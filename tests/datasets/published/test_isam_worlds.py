@@ -2,6 +2,7 @@
 
 import gzip
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ STEPS = ((1, 0, 0), (1, 0, 1.5708), (1, 0, 0), (1, 0, 3.14159), (-1, -0, 0), (0,
 """True motions with the digits of the files."""
 
 
-def text(rows: list[tuple[object, ...]]) -> str:
+def text(rows: Sequence[tuple[object, ...]]) -> str:
     return "".join(" ".join(map(str, row)) + "\n" for row in rows)
 
 
