@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.factors import Dataset
 from ..core.options import NoOptions
+from . import redrawn
 
 
 class Member(NamedTuple):
@@ -39,6 +40,10 @@ class Source:
     portable: bool = True
     files: Callable[[Any], Sequence[Path]] = field(default=lambda _: ())
     many: Callable[[Any], Sequence[Member]] = field(default=lambda _: ())
+
+    def draws(self, options: Any) -> bool:
+        """True if each seed is another log with these options."""
+        return self.seeded or redrawn.draws(options)
 
     @property
     def summary(self) -> str:
@@ -99,6 +104,11 @@ def find(name: str) -> Source:
     return getattr(import_module(module(name)), BUILTIN[name].partition(":")[2])
 
 
-def seeded(name: str) -> bool:
-    """True if each seed of that dataset is another log; False for an unknown name."""
-    return name in BUILTIN and find(name).seeded
+def seeded(name: str, given: str = "") -> bool:
+    """True if each seed of that dataset, with the options `given` as text, is another log; False if it is unknown."""
+    return name in BUILTIN and (find(name).seeded or redrawn.DRAWN in given.split(","))
+
+
+def drawable(name: str) -> bool:
+    """True if the noise of that dataset can be drawn anew; False for an unknown name."""
+    return name in BUILTIN and issubclass(find(name).options, redrawn.Drawn)

@@ -22,6 +22,7 @@ from ..false_loops import FalseLoops
 from ..formats import gtsam_text
 from ..graphs.grid_walk import MEASURED, nearest, walked
 from ..graphs.hypotheses import ALL, CHOICES, log_and_truth, read_hypotheses
+from ..redrawn import Drawn
 from ..registry import Source
 
 FILE, OWN = NOISES = ("file", "true")
@@ -36,14 +37,14 @@ _LICENCE = "that of GTSAM, in whose package it is: BSD"
 
 
 @dataclass(frozen=True)
-class Walk(FalseLoops):
+class Walk(Drawn, FalseLoops):
     """The covariances."""
 
     noise: str = option(FILE, "covariances: as in the file, or of the noise that its numbers have", choices=NOISES)
 
 
 @dataclass(frozen=True)
-class Ambiguous:
+class Ambiguous(Drawn):
     """Which graph, and which hypotheses."""
 
     ambiguous: str = option(

@@ -22,6 +22,7 @@ from ..false_loops import FalseLoops
 from ..formats import gtsam_text
 from ..graphs.grid_walk import standing, walked
 from ..hidden_ids import HiddenIds
+from ..redrawn import Drawn
 from ..registry import Source
 from .catalogue import PUBLISHED, fetched, place
 
@@ -36,12 +37,12 @@ class Copy:
 
 
 @dataclass(frozen=True)
-class Graph(FalseLoops, Copy):
+class Graph(Drawn, FalseLoops, Copy):
     """A graph with loop closures."""
 
 
 @dataclass(frozen=True)
-class Trees(HiddenIds, Copy):
+class Trees(Drawn, HiddenIds, Copy):
     """A graph with landmarks."""
 
 
