@@ -31,7 +31,7 @@ class FalseLoops:
 
 
 def planted(dataset: Dataset, share: float, rng: np.random.Generator) -> Dataset:
-    """Adds `share` times as many false loops as the log has loops; the truth's `false_loops` has their rows.
+    """Adds `share` times as many false loops as the log has loops; the truth's `false_loops` has their rows, too.
 
     Each is between two random steps. It puts the later one anywhere in the rectangle around the dead-reckoned path, at
     any heading, with the covariance of one of the log's own loops. A log without ground truth gets one without path and
@@ -62,7 +62,8 @@ def planted(dataset: Dataset, share: float, rng: np.random.Generator) -> Dataset
         loop_cov=_frozen(np.concatenate((log.loop_cov, cov))[order]),
         notes={**log.notes, FALSE_NOTE: f"{len(step)} of {len(steps)}"},
     )
-    return Dataset(faulty, truth._replace(false_loops=_frozen(np.flatnonzero(order >= own))))
+    false = order >= own if truth.false_loops is None else (order >= own) | np.isin(order, truth.false_loops)
+    return Dataset(faulty, truth._replace(false_loops=_frozen(np.flatnonzero(false))))
 
 
 def _frozen(column: Column) -> Column:

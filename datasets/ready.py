@@ -1,7 +1,7 @@
 """Makes logs ready for backends: turns (name, options, seed) into a log.
 
-Ids are hidden here, false loops planted and maps given, so that the log is otherwise that without these options, and
-cached once.
+Noise is drawn anew here, false loops are planted, ids hidden and maps given, so that the log is otherwise that without
+these options, and cached once.
 """
 
 from dataclasses import fields, replace
@@ -12,12 +12,13 @@ from .cache import cached, generator
 from .false_loops import FalseLoops, planted
 from .hidden_ids import KNOWN, HiddenIds, hidden
 from .on_map import OnMap, on_map
+from .redrawn import Drawn, draws, redrawn
 from .registry import Source
 
 
 def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
     """Makes the dataset `name` of `source`, with `options`, for `seed`; InputError if that fails."""
-    seed = seed if source.seeded else 0
+    seed = seed if source.draws(options) else 0
     if isinstance(grid := getattr(options, "grid", None), str):
         options = replace(options, grid=grid.replace("*", str(seed)))
     own = options
@@ -27,7 +28,11 @@ def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
         own = replace(own, **{one.name: one.default for one in fields(OnMap)})
     if isinstance(options, FalseLoops):
         own = replace(own, false_loops=0.0)
-    dataset = cached(name, source, own, seed)
+    if isinstance(options, Drawn):
+        own = replace(own, draw=False)
+    dataset = cached(name, source, own, seed if source.seeded else 0)
+    if draws(options):
+        dataset = redrawn(dataset, generator(f"noise of {name}", seed))
     if isinstance(options, FalseLoops):
         dataset = planted(dataset, options.false_loops, generator(f"false loops of {name}", seed))
     if isinstance(options, HiddenIds):

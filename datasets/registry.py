@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.factors import Dataset
 from ..core.options import NoOptions
+from . import redrawn
 
 
 class Member(NamedTuple):
@@ -40,6 +41,10 @@ class Source:
     files: Callable[[Any], Sequence[Path]] = field(default=lambda _: ())
     many: Callable[[Any], Sequence[Member]] = field(default=lambda _: ())
 
+    def draws(self, options: Any) -> bool:
+        """True if each seed is another log with these options."""
+        return self.seeded or redrawn.draws(options)
+
     @property
     def summary(self) -> str:
         """The first line of the maker's docstring."""
@@ -54,6 +59,9 @@ BUILTIN = {
     "carmen": ".formats.carmen:source",
     "circle": ".worlds.circle:source",
     "city": ".worlds.city:source",
+    "city-trees10000": ".published.isam_worlds:city_trees10000",
+    "city10000": ".published.isam_worlds:city10000",
+    "city10000-ambiguous": ".published.gtsam_worlds:city10000_ambiguous",
     "csv": ".formats.csv_tables:source",
     "depth-room": ".worlds.depth_room:source",
     "dlr": ".published.dlr:source",
@@ -67,6 +75,7 @@ BUILTIN = {
     "linear": ".worlds.linear:source",
     "log": ".formats.log_folder:source",
     "logs": ".formats.log_list:source",
+    "manhattan": ".published.isam_worlds:manhattan",
     "matlab-report": ".worlds.matlab_report:source",
     "mit-csail": ".published.laser_logs:mit_csail",
     "mrclam": ".published.mrclam:source",
@@ -79,6 +88,8 @@ BUILTIN = {
     "tum-pioneer-slam3": ".published.tum_pioneer:pioneer_slam3",
     "victoria-park": ".published.victoria_park:source",
     "victoria-park-raw": ".published.victoria_park_raw:source",
+    "w10000": ".published.gtsam_worlds:w10000",
+    "w20000": ".published.gtsam_worlds:w20000",
 }
 """Name -> module of this package and the `Source` in it."""
 
@@ -93,6 +104,11 @@ def find(name: str) -> Source:
     return getattr(import_module(module(name)), BUILTIN[name].partition(":")[2])
 
 
-def seeded(name: str) -> bool:
-    """True if each seed of that dataset is another log; False for an unknown name."""
-    return name in BUILTIN and find(name).seeded
+def seeded(name: str, given: str = "") -> bool:
+    """True if each seed of that dataset, with the options `given` as text, is another log; False if it is unknown."""
+    return name in BUILTIN and (find(name).seeded or redrawn.DRAWN in given.split(","))
+
+
+def drawable(name: str) -> bool:
+    """True if the noise of that dataset can be drawn anew; False for an unknown name."""
+    return name in BUILTIN and issubclass(find(name).options, redrawn.Drawn)

@@ -17,12 +17,16 @@ from slamduel.bench.suite.best import NONE_APART
 from slamduel.bench.suite.file import read
 from slamduel.bench.words.styles import BASELINE
 from slamduel.datasets import registry as datasets
+from slamduel.datasets.redrawn import Drawn
 
 FOLDER = Path(__file__).parent
 BEGIN, END = "<!-- begin: written by make docs-tables -->", "<!-- end -->"
 
 BAR = "\\|"
 """A bar within a cell."""
+
+DRAWN = "one; drawn, one per seed"
+"""Logs of a dataset with the option draw."""
 
 SHARED = 5
 """An option that so many have is described once."""
@@ -65,9 +69,17 @@ def _backends() -> Iterator[Entry]:
 def _datasets() -> Iterator[Entry]:
     for name in datasets.BUILTIN:
         source = datasets.find(name)
-        many = len(source.many(source.options()))
-        logs = "one per seed" if source.seeded else "several" if name == LIST else str(many) if many else "one"
-        yield Entry(name, (logs, source.summary), describe(source.options))
+        yield Entry(name, (_logs(name, source), source.summary), describe(source.options))
+
+
+def _logs(name: str, source: datasets.Source) -> str:
+    """The number of logs that a dataset has, as the table says it."""
+    if source.seeded:
+        return "one per seed"
+    if issubclass(source.options, Drawn):
+        return DRAWN
+    many = len(source.many(source.options()))
+    return "several" if name == LIST else str(many) if many else "one"
 
 
 def _tables(headings: tuple[str, ...], entries: list[Entry]) -> Iterator[str]:

@@ -11,8 +11,8 @@ from ...core.se2 import Array, Ints
 def motions(steps: Sequence[Step], first: int = 0) -> tuple[Ints, Array, Array, Array]:
     """Motions and loop closures of steps whose first one has the number `first`.
 
-    Their ends (m, 2), the later one last, delta (m, 3) and cov (m, 3, 3) in the frame of the first end, and True (m,) for
-    a loop closure; in the order of the steps, each motion before its step's loops.
+    Their ends (m, 2), the later one last, delta (m, 3) and cov (m, 3, 3) in the frame of the first end, and True (m,)
+    for a loop closure; in the order of the steps, each motion before its step's loops.
     """
     ends, loop = list[tuple[int, int]](), list[bool]()
     delta, cov = list[Array](), list[Array]()

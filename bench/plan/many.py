@@ -57,7 +57,7 @@ def _of_entry(entry: Entry, find: Find) -> list[Member]:
     text = entry.dataset or f'"{entry.path}"'
     found: list[Member] = []
     for variant in find(text, entry.where):
-        if entry.seed is not None and (variant.members or not variant.source.seeded):
+        if entry.seed is not None and (variant.members or not variant.source.draws(variant.options)):
             raise entry.refused("draws nothing at random, expected no seed")
         if variant.members:
             named = os.path.normpath if entry.path else str

@@ -66,7 +66,7 @@ class DatasetVariant(Variant):
     def log(self, seed: int) -> "OneLog":
         """The log of a seed; InputError beyond the logs of a dataset of many."""
         if not self.members:
-            return OneLog(self, seed if self.source.seeded else 0)
+            return OneLog(self, seed if self.source.draws(self.options) else 0)
         if len(self.members) > 1 and seed >= len(self.members):
             last = len(self.members) - 1
             raise InputError(
@@ -78,7 +78,7 @@ class DatasetVariant(Variant):
     @property
     def numbered(self) -> bool:
         """True where each seed is another log."""
-        return len(self.members) > 1 or (self.source.seeded and not self.members)
+        return len(self.members) > 1 or (self.source.draws(self.options) and not self.members)
 
     def seeds(self, wanted: Sequence[int], *, random: bool) -> Sequence[int]:
         """The seeds that a backend runs with, `random` or not: of a dataset of many logs, all of them.
@@ -99,7 +99,7 @@ class OneLog(NamedTuple):
     cluster: str | None = None  # that it belongs to
 
     def __str__(self) -> str:
-        return self.dataset.label + f", seed {self.seed}" * self.dataset.source.seeded
+        return self.dataset.label + f", seed {self.seed}" * self.dataset.source.draws(self.dataset.options)
 
 
 def text_of(value: Any) -> str:

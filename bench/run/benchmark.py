@@ -79,7 +79,7 @@ def planned(given: Mapping[str, Any], out: Path) -> Plan:
         plan = Plan.from_words(DEFAULTS | dict(given))
         if "seeds" in given:
             _refuse_seeds(plan)
-        if len(plan.backends) > 1 and plan.seeds > MOST and any(dataset.source.seeded for dataset in plan.datasets):
+        if len(plan.backends) > 1 and plan.seeds > MOST and any(one.source.draws(one.options) for one in plan.datasets):
             raise InputError(f"seeds: found {plan.seeds:,}, expected at most {MOST:,} to compare backends on.")
         return plan
     return replace(plan, repeats=_refuse_another(plan, given, out))

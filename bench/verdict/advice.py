@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from math import inf, isinf
 from typing import NamedTuple
 
-from ...datasets.registry import seeded
+from ...datasets.registry import drawable, seeded
 from ..words.numerals import counted, larger, listed, number, times
 from ..words.styles import BASELINE
 from .accuracy import between, unborne
@@ -118,9 +118,12 @@ def _too_few(found: Ranking) -> str:
         return f"{of} are too few, {of.at_least(FEWEST)}{more}."
     if any(len(line.rows) > 1 for line in found.lines):
         return "There is one log, nothing to test."
-    return f"One log is too few, {FEWEST} at least " + (
-        "(--seeds)." if seeded(first["dataset"]) else "of a dataset; --seeds draws no others of a recording."
-    )
+    few, name = f"One log is too few, {FEWEST} at least", first["dataset"]
+    if seeded(name, first["dataset_options"]):
+        return f"{few} (--seeds)."
+    if drawable(name):
+        return f"{few}: {name}[draw=true] draws its noise anew for each seed."
+    return f"{few} of a dataset; --seeds draws no others of a recording."
 
 
 def _accuracy(found: Ranking, chosen: Line, rival: Line | None) -> str:

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
+from ...frontend.camera.quiet_decoders import silenced
 from ...frontend.markers.aruco import Image
-from ..quiet_decoders import silenced
 
 
 class _Layout(NamedTuple):

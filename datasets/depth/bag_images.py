@@ -14,12 +14,12 @@ import cv2
 import numpy as np
 
 from ...core.errors import InputError
+from ...frontend.camera.quiet_decoders import silenced
 from ..bags import images
 from ..bags.bag import Bag, Topic
 from ..bags.cameras import COMPRESSED, IMAGE, in_order
 from ..bags.left_out import LeftOut
 from ..bags.topics import found, shown
-from ..quiet_decoders import silenced
 from .folder import MM
 from .shots import Flaw, Pixels, Shot, in_metres
 

@@ -4,7 +4,8 @@
     VERTEX_XY id x y                                                 likewise of a point
     EDGE2 i j dx dy dtheta + 6 numbers (or EDGE_SE2, EDGE, ODOMETRY) pose j in the body frame of pose i
     BR i l bearing range sd_bearing sd_range                         point l from pose i
-    LANDMARK i l x y cxx cxy cyy                                     the same, in the body frame of pose i
+    LANDMARK i l x y cxx cxy cyy                                     the same, in the body frame of pose i; with
+                                                                     noise=root a root, as in iSAM's files
     LANDMARK2 i l x y rxx rxy ryy                                    the same, with a root of the information
     EQUIV i j                                                        from TORO; only counted here
 
@@ -99,18 +100,22 @@ def shipped(name: str) -> Path:
 
 
 def read(
-    path: Path, noise: str = "auto", name: str | None = None, notes: Mapping[str, object] | None = None
+    path: Path,
+    noise: str = "auto",
+    name: str | None = None,
+    notes: Mapping[str, object] | None = None,
+    edge_cov: Array | None = None,
 ) -> Dataset:
     """Reads the log in the file `path`; InputError names the file and line of what is invalid.
 
-    The log's `name` and the `notes` on its source default to the file's.
+    The log's `name` and the `notes` on its source default to the file's. `edge_cov` (3, 3) replaces the covariance of
+    every edge, in the body frame of its first pose.
     """
-    tables = read_tagged(path, KINDS, _COLUMNS, ("VERTEX3", "EDGE3", "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT"))
-    edges, edge_cov, found = _edges(tables, noise)
-    sightings, z, z_cov = _sightings(tables)
-    graph = PoseGraph(
-        path, tables["vertices"], tables["points"], edges, edge_cov, sightings, z, z_cov, shared_ids=False
-    )
+    tables = read_tables(path)
+    edges, stated, found = _edges(tables, noise)
+    covs = stated if edge_cov is None else np.broadcast_to(edge_cov, stated.shape)
+    sightings, z, z_cov = _sightings(tables, noise)
+    graph = PoseGraph(path, tables["vertices"], tables["points"], edges, covs, sightings, z, z_cov, shared_ids=False)
     said = {"source": f"the text graph {path.name}, as GTSAM reads it", "licence": "not stated in the file"}
     counted = {
         "covariances": "GTSAM's are in the body frame after a motion, converted to the one before it",
@@ -118,6 +123,11 @@ def read(
         **without_equivalences(tables["equivalences"]),
     }
     return Dataset(log_of(graph, name or path.stem, notes={**said, **(notes or {}), **counted}), None)
+
+
+def read_tables(path: Path) -> dict[str, Table]:
+    """Reads the rows of the file `path`, a table for each of `KINDS`; InputError as from `read`."""
+    return read_tagged(path, KINDS, _COLUMNS, ("VERTEX3", "EDGE3", "VERTEX_SE3:QUAT", "EDGE_SE3:QUAT"))
 
 
 def _edges(tables: Mapping[str, Table], noise: str) -> tuple[Table, Array, list[str]]:
@@ -160,14 +170,14 @@ def _covariance(table: Table, numbers: Array, kind: str) -> Array:
     return matrices
 
 
-def _sightings(tables: Mapping[str, Table]) -> tuple[Table, Array, Array]:
+def _sightings(tables: Mapping[str, Table], noise: str) -> tuple[Table, Array, Array]:
     """The sightings in the order of the file, range and bearing (s, 2), and (s, 2, 2)."""
     direct, landmarks, roots = (tables[kind] for kind in ("bearing_ranges", "landmarks", "roots"))
     with np.errstate(all="ignore"):  # overflow is reported, with its line, when the log is checked
         sd = direct.rows[:, [5, 4]]
         parts = [
             (wrapped(direct, "bearing")[:, [3, 2]], sd[:, :, None] ** 2 * np.eye(2)),
-            points_seen(landmarks, _covariance(landmarks, landmarks.rows[:, 4:], "cov")),
+            points_seen(landmarks, _covariance(landmarks, landmarks.rows[:, 4:], "root" if noise == "root" else "cov")),
             points_seen(roots, _covariance(roots, roots.rows[:, 4:], "root")),
         ]
     sightings, order = joined([direct, landmarks, roots], 2)

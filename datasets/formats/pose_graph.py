@@ -105,6 +105,11 @@ def log_of(graph: PoseGraph, name: str, prior: Prior | None = None, notes: Mappi
     return log
 
 
+def loop_edges(graph: PoseGraph) -> Ints:
+    """(l,) the edges that are the loop closures of the graph's log, in their order there; InputError as `log_of`."""
+    return _Edges(graph, graph.ids()).loops
+
+
 def wrapped(table: Table, column: str) -> Array:
     """The rows of `table`, that column (rad) wrapped to (-pi, pi]; InputError beyond a full turn."""
     k, rows = table.columns.index(column), table.rows.copy()

@@ -8,7 +8,7 @@ arrival.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ...core.errors import Absent
@@ -24,7 +24,8 @@ class Published:
     names that must be found, each with its sha256, or None if unknown. `archive` is the sha256 of the download as
     reported by others, which is shown but not enforced. `by_hand` ends the sentence "open `page` and ...". `goes_by` is
     a regular expression for names of its archive and of the folder in it, for logs whose files have the same names as
-    another's. A download of more than `largest` bytes is something else.
+    another's. `also` are names that a file has elsewhere; gzipped ones are unpacked. A download of more than `largest`
+    bytes is something else.
     """
 
     title: str
@@ -38,6 +39,7 @@ class Published:
     link: str = ""
     archive: str | None = None
     goes_by: str = ""
+    also: Mapping[str, str] = field(default_factory=dict[str, str])
     largest: int = 2**30
 
 
@@ -129,8 +131,51 @@ def _pioneer(run: str, about: str) -> Published:
     )
 
 
+_ISAM = (
+    "https://github.com/ori-drs/isam/archive/c977f3d031af5f0ad742054095f79d050a00ffe2.zip",
+    "https://github.com/ori-drs/isam/archive/refs/heads/master.zip",
+    "https://github.com/qh-huang/iSAM/archive/669fc794cc511b2cbec901f45eb093c0dbf66f2c.zip",
+)
+
+
+_KAESS = (
+    "H. Johannsson and M. Kaess; Kaess et al., iSAM2: incremental smoothing and mapping using the Bayes tree, "
+    "IJRR 31(2):216-235, 2012"
+)
+
+
+def _isam(stem: str, title: str, citation: str, graph: str, truth: str) -> Published:
+    """A simulated pose graph of iSAM's repository, with its truth; `graph` and `truth` are the sha256 of both."""
+    plain, right, short = f"{stem}.txt", f"{stem}_groundtruth.txt", f"{stem}_gt.txt"
+    return Published(
+        title=title,
+        citation=citation,
+        licence="LGPL-2.1, of iSAM, which has this copy",
+        page="https://github.com/ori-drs/isam/tree/master/data",
+        urls=_ISAM,
+        addresses="the repositories are iSAM's on GitHub and a copy of it; their archives, all of each, were not tried",
+        by_hand=f"download {plain} and {right} into a folder",
+        files={plain: graph, right: truth},
+        also={short: right, f"{plain}.gz": plain, f"{right}.gz": right, f"{short}.gz": right},
+    )
+
+
 PUBLISHED: dict[str, Published] = {
     "aces": _laser("aces", "ACES building, Austin: laser scans and odometry, relations", "P. Beeson"),
+    "city10000": _isam(
+        "city10000",
+        "City10000: 10,000 simulated poses in a city, 10,688 loop closures, with truth",
+        _KAESS,
+        "7b2885aa3f76e0ce513c1a4ea270557d5c884509064f4e1678adf215a2ec105a",
+        "ebdf93eaeb3498dcebc7ba0b88ff6a3dc86d06767b1e42c166d686d7323051ab",
+    ),
+    "city-trees10000": _isam(
+        "cityTrees10000",
+        "CityTrees10000: 10,000 simulated poses among 100 trees, 4,443 sightings, with truth",
+        _KAESS,
+        "62760029d3b492f357117a3922b57a68585b137fbcb7a115def597ab7a4f2c24",
+        "0ff138c64003d0fcf7a8d864a99de4d98d57f7b487096fa81abd7f53a8b63c04",
+    ),
     "dlr": Published(
         title="DLR Spatial Cognition: a camera, circles on the floor, wheel odometry; one building, no truth",
         citation="Kurlbaum and Frese, A Benchmark Data Set for Data Association, DLR and University of Bremen",
@@ -166,6 +211,13 @@ PUBLISHED: dict[str, Published] = {
     "intel-lab": _laser("intel", "Intel Research Lab, Seattle: laser scans and odometry, relations", "D. Haehnel"),
     "killian": _laser(
         "mit-killian", "MIT, Killian Court: laser scans and odometry over 1.9 km, relations", "M. Bosse and J. Leonard"
+    ),
+    "manhattan": _isam(
+        "manhattanOlson3500",
+        "Manhattan: 3,500 simulated poses on a grid, 2,099 loop closures, with truth",
+        "Olson, Leonard and Teller, Fast iterative alignment of pose graphs with poor initial estimates, ICRA 2006",
+        "cbca9a57a97e43b8a32e3d76d7c78d285e2719aae08fa005d601feb0573c7bbf",
+        "058854bc5943514dea9b40559df56bfb82e8d78261eb8227a9a725c4a7d0d533",
     ),
     "mit-csail": _laser("mit-csail", "MIT, CSAIL building: laser scans and odometry, relations", "C. Stachniss"),
     **{f"mrclam-{number}": _mrclam(number) for number in range(1, 10)},

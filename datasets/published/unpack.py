@@ -3,6 +3,7 @@
 Only requested files are read, and their paths are used only to identify the log.
 """
 
+import gzip
 import hashlib
 import tarfile
 import zipfile
@@ -29,12 +30,15 @@ def unpacked(log: str, source: Path, called: str) -> dict[str, Content]:
     another log are excluded. Raises NotFound if a file is missing or is not the right one, or if `source` is damaged or
     something else; and OSError.
     """
-    wanted = PUBLISHED[log].files
+    wanted, also = PUBLISHED[log].files, PUBLISHED[log].also
     copies: dict[str, dict[str, Content]] = {}  # name -> sha256 -> content
     passed_over = ""
     try:
-        for path, content in _contents(source, wanted, called):
-            name = PurePosixPath(path).name
+        for path, content in _contents(source, [*wanted, *also], called):
+            found_as = PurePosixPath(path).name
+            name = also.get(found_as, found_as)
+            if name != found_as and found_as.endswith(".gz"):
+                content = gzip.decompress(content if isinstance(content, bytes) else content.read_bytes())  # noqa: PLW2901
             other = named_in(f"{PurePosixPath(called).name}/{path}")
             if wanted[name] is None and other not in (None, log):
                 passed_over = passed_over or f"{path} in it is of {other} by its path, not of {log}"

@@ -23,9 +23,9 @@ import numpy as np
 from ...core.csv_values import finite
 from ...core.errors import InputError
 from ...core.table import text
+from ...frontend.camera.quiet_decoders import silenced
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Frame
-from ..quiet_decoders import silenced
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff", ".webp")
 FRAMES = "frames.csv"

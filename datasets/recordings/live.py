@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 
 from ...core.errors import InputError
+from ...frontend.camera.quiet_decoders import silenced
 from ...frontend.markers.pipeline import Frame
-from ..quiet_decoders import silenced
 
 PREFIX = "camera:"
 

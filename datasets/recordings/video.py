@@ -14,9 +14,9 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.table import read_csv
+from ...frontend.camera.quiet_decoders import silenced
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Frame
-from ..quiet_decoders import silenced
 from .frames_folder import FRAMES
 
 VIDEOS = (".mkv", ".avi", ".mp4", ".mov", ".m4v", ".webm", ".mpg", ".mpeg")

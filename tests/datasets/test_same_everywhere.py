@@ -15,6 +15,7 @@ from places import SUPPORT
 from slamduel.core.factors import Dataset
 from slamduel.datasets import cache as datasets
 from slamduel.datasets import registry
+from slamduel.datasets.redrawn import redrawn
 from slamduel.datasets.truth import digest
 from tiers import first_quick
 
@@ -32,6 +33,10 @@ def made(name: str, seed: int = 0, **options: Any) -> Dataset:
     return source.make(source.options(**options), datasets.generator(name, seed))
 
 
+def drawn(name: str, seed: int, **options: Any) -> Dataset:
+    return redrawn(made(name, **options), datasets.generator(f"noise of {name}", seed))
+
+
 def logs(whole: bool) -> dict[str, Callable[[], Dataset]]:
     """Every world, as it is by default and with all faults, and every published log that is there.
 
@@ -44,7 +49,11 @@ def logs(whole: bool) -> dict[str, Callable[[], Dataset]]:
         found |= {f"{name} {seed}": partial(made, name, seed) for seed in (0, 1)}
         found[f"{name} with faults"] = partial(made, name, 3, **FAULTS)
     found["victoria-park"] = partial(made, "victoria-park")
+    found["w20000 drawn"] = partial(drawn, "w20000", 1, noise="true")
     if DATA is not None:
+        for name, file in (("manhattan", "manhattanOlson3500"), ("city-trees10000", "cityTrees10000")):
+            path = f"{DATA}/posegraphs/{file}.txt.gz"
+            found |= {name: partial(made, name, path=path), f"{name} drawn": partial(drawn, name, 1, path=path)}
         found["dlr"] = partial(made, "dlr", path=f"{DATA}/dlr/map.circles")
         for motion in ("turns", "course"):
             found[f"freiburg {motion}"] = partial(made, "freiburg", path=f"{DATA}/freiburg", motion=motion)

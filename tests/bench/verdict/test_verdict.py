@@ -133,6 +133,7 @@ def test_one_log_is_nothing_to_test_and_repeats_speak_for_it_alone() -> None:
     ("dataset", "words"),
     [
         ("circle", "One log is too few, 6 at least (--seeds)."),
+        ("w20000", "One log is too few, 6 at least: w20000[draw=true] draws its noise anew for each seed."),
         ("csv", "One log is too few, 6 at least of a dataset; --seeds draws no others of a recording."),
     ],
 )

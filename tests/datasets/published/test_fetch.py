@@ -173,7 +173,7 @@ def test_one_that_fails_does_not_stop_the_others(serve: Serve, capsys: Printed) 
 @pytest.mark.parametrize(
     ("words", "wording"),
     [
-        (["none"], "there is no such published log; there are aces, dlr, fr079, freiburg"),
+        (["none"], "there is no such published log; there are aces, city10000, city-trees10000, dlr"),
         (["--url", "http://x"], "--url is for one published log; found 0 names"),
         (["toy", "dlr", "--from", "x"], "--from is for one published log; found 2 names"),
         (["toy", "--from", "x", "--url", "y"], "--from and --url do not go together"),
@@ -191,8 +191,8 @@ def test_a_log_that_is_not_here_names_the_command() -> None:
 def test_the_catalogue_is_complete() -> None:
     logs = {name: log for name, log in PUBLISHED.items() if name != "toy"}
     pioneer = (f"tum-pioneer-{run}" for run in ("360", "slam", "slam2", "slam3"))
-    laser = ("aces", "dlr", "fr079", "freiburg", "intel-lab", "killian", "mit-csail")
-    assert list(logs) == [*laser, *(f"mrclam-{n}" for n in range(1, 10)), *pioneer, "victoria-park-raw"]
+    others = ("aces", "city10000", "city-trees10000", "dlr", "fr079", "freiburg", "intel-lab", "killian", "manhattan")
+    assert list(logs) == [*others, "mit-csail", *(f"mrclam-{n}" for n in range(1, 10)), *pioneer, "victoria-park-raw"]
     for log in logs.values():
         assert log.urls
         assert all(re.match(r"(https?|ftp)://", url) for url in [log.page, *log.urls])

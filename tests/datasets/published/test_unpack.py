@@ -57,6 +57,20 @@ def test_what_is_not_the_log_is_turned_down(serve: Serve, tmp_path: Path, capsys
     assert beside() == set()  # nothing of it is kept
 
 
+def test_a_file_may_have_another_name_and_be_gzipped(tmp_path: Path, capsys: Printed) -> None:
+    also = {"way.dat": "path.dat", "marks.dat.gz": "marks.dat"}
+    PUBLISHED["toy"] = dataclasses.replace(entry(), also=also)
+    (source := tmp_path / "log.zip").write_bytes(
+        zipped({"way.dat": FILES["path.dat"], "marks.dat.gz": gzip.compress(FILES["marks.dat"])})
+    )
+    assert main(["fetch", "toy", "--quiet", "--from", str(source)]) == 0
+    assert_in_place()
+    source.write_bytes(zipped({"way.dat": FILES["path.dat"], "marks.dat.gz": FILES["marks.dat"]}))
+    assert "it cannot be unpacked (Not a gzipped file" in refusal(capsys, "toy", "--from", source)
+    PUBLISHED["toy"] = entry()
+    assert "missing path.dat, marks.dat." in refusal(capsys, "toy", "--from", source)
+
+
 def test_a_bad_new_one_leaves_the_old_one(serve: Serve, capsys: Printed) -> None:
     server = serve(publishers.sends(LOG), publishers.sends(BAD["another file"][0]))
     assert main(["fetch", "toy", "--quiet", "--url", server.url]) == 0
