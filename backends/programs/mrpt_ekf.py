@@ -18,13 +18,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.factors import Map, Prior, Step
 from ...core.files import cache_folder, replaced
 from ...core.options import option
-from ...core.se2 import Array, Ints
+from ...core.se2 import Ints
 from ..api import Belief, Builder, Diverged, Pose, Unsuited
 
 SOURCE = Path(__file__).with_suffix(".cpp")
@@ -61,8 +63,8 @@ class MrptEkf:
         self._numbers = {landmark: k for k, landmark in enumerate(known.ids.tolist())}  # MRPT's, by id
         self._library = library()
         davison = options.method == "davison"
-        arrays = (davison, _address(prior.pose), _address(prior.cov), len(known.ids), _address(known.xy))
-        self._filter = self._library.make(*arrays, None if known.cov is None else _address(known.cov))
+        arrays = (davison, _array(prior.pose), _array(prior.cov), len(known.ids), _array(known.xy))
+        self._filter = self._library.make(*arrays, None if known.cov is None else _array(known.cov))
         self._pose, self._cov = prior.pose.copy(), prior.cov.copy()
 
     def __del__(self) -> None:
@@ -76,12 +78,12 @@ class MrptEkf:
         self._pose, self._cov = np.empty(3), np.empty((3, 3))
         trouble = self._library.step(
             self._filter,
-            None if motion is None else _address(motion.delta),
-            None if motion is None else _address(motion.cov),
+            None if motion is None else _array(motion.delta),
+            None if motion is None else _array(motion.cov),
             len(numbers),
-            _address(np.array(numbers, np.intc)),
-            _address(seen.z),
-            _address(seen.cov),
+            _array(np.array(numbers, np.intc)),
+            _array(seen.z),
+            _array(seen.cov),
             self._pose.ctypes.data,
             self._cov.ctypes.data,
         )
@@ -107,12 +109,9 @@ class MrptEkf:
         """None: a filter keeps no path."""
 
 
-def _address(values: Array | Ints) -> ctypes.c_void_p:
-    """The address of the values in C's order, doubles or C's int; they live as long as the pointer."""
-    held = np.ascontiguousarray(values)
-    pointer = ctypes.c_void_p(held.ctypes.data)
-    pointer.held = held  # ty: ignore[unresolved-attribute]
-    return pointer
+def _array(values: NDArray[Any]) -> Any:
+    """The values in C's order, for an argument that is a pointer to them; it keeps them."""
+    return np.ascontiguousarray(values).ctypes
 
 
 def _message(said: str) -> str:

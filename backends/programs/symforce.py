@@ -32,7 +32,9 @@ class Options:
 
     iterations: int = option(100, "most iterations", minimum=1)
     relative_tolerance: float = option(1e-10, "stop where J falls by a smaller share in one iteration", minimum=0)
-    damping: float = option(1.0, "first factor of the damping", minimum=0)
+    damping: float = option(
+        1e-8, "first damping; with SymForce's own 1 it ends above the minimum of long pose graphs", minimum=0
+    )
 
 
 class SymForce:
@@ -181,7 +183,8 @@ class Graph:
         rows, columns, shape = self._places
         if not len(self._order):
             numbered = csc_matrix((np.arange(1, len(entries) + 1), (rows, columns)), shape)
-            self._order, self._inner, self._outer = numbered.data - 1, numbered.indices, numbered.indptr
+            self._order = np.asarray(numbered.data, np.int64) - 1
+            self._inner, self._outer = numbered.indices, numbered.indptr
         return csc_matrix((entries[self._order], self._inner, self._outer), shape)
 
 
@@ -192,7 +195,7 @@ def _matrices(*entries: Array) -> Array:
 
 def _whitening(cov: Array) -> Array:
     """W (m, n, n) of covariances C (m, n, n), W' W = C^-1."""
-    return np.linalg.inv(np.linalg.cholesky(cov)) if len(cov) else cov
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(cov)), np.float64) if len(cov) else cov
 
 
 build = Builder(
