@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from ...core.dead_reckoning import summed
 from ...core.factors import Map, Prior, Step
 from ...core.options import option
-from ...core.se2 import Array, act, between, compose, rotation
+from ...core.se2 import Array, Ints, act, between, compose, rotation
 from ...core.truth_errors import rows_of
 from .. import common_options
 from ..api import Belief, Builder, Diverged, Pose, Solution, Unsuited
@@ -144,7 +145,8 @@ class G2o:
             return
         path = self._reckoned(first)
         lines = list[str]() if first else self._first()
-        lines += [_line("VERTEX_SE2", first + k, *pose) for k, pose in enumerate(path.tolist()) if first + k > 0]
+        new = slice(0 if first else 1, None)  # the first pose comes with its prior
+        lines += _lines("VERTEX_SE2", first + np.arange(len(path))[new], path[new])
         lines += self._motions(steps, first) + self._sightings(steps, path, first)
         with tempfile.TemporaryDirectory(prefix="slamduel-") as folder:
             file = Path(folder) / "graph.g2o"
@@ -157,22 +159,21 @@ class G2o:
 
     def _reckoned(self, first: int) -> Array:
         """The poses of the steps from `first` on, by dead reckoning from the last estimate."""
-        path = [_pose(self._graph.vertex(first - 1)) if first else self._prior.pose]
-        for step in self._steps[max(first, 1) :]:
-            assert step.odometry is not None  # of each but the first
-            path.append(compose(path[-1], step.odometry.delta))
-        return np.array(path[1:] if first else path)
+        start = _pose(self._graph.vertex(first - 1)) if first else self._prior.pose
+        motions = [step.odometry.delta for step in self._steps[max(first, 1) :] if step.odometry is not None]
+        path = summed(start, np.array(motions).reshape(-1, 3))
+        return path[1:] if first else path
 
     def _first(self) -> list[str]:
         """The first pose with its prior, and the given map."""
         R = rotation(self._prior.pose[2])
         information = np.linalg.inv(R.T @ self._prior.cov @ R)[UPPER_3]
-        pose = self._prior.pose.tolist()
-        lines = [_line("VERTEX_SE2", 0, *pose), _line("EDGE_PRIOR_SE2", 0, *pose, *information.tolist())]
+        zero, pose = np.zeros(1, np.int64), self._prior.pose[None]
+        lines = _lines("VERTEX_SE2", zero, pose) + _lines("EDGE_PRIOR_SE2", zero, pose, information[None])
         if self._prior.map is not None:
-            for landmark, xy in zip(self._prior.map.ids.tolist(), self._prior.map.xy.tolist(), strict=True):
-                vertex = self._landmarks[landmark] = FIRST_LANDMARK + len(self._landmarks)
-                lines += [_line("VERTEX_XY", vertex, *xy), f"FIX {vertex}"]
+            vertices = FIRST_LANDMARK + np.arange(len(self._prior.map.ids))
+            self._landmarks = dict(zip(self._prior.map.ids.tolist(), vertices.tolist(), strict=True))
+            lines += _lines("VERTEX_XY", vertices, self._prior.map.xy) + _lines("FIX", vertices)
         return lines
 
     def _motions(self, steps: Sequence[Step], first: int) -> list[str]:
@@ -182,8 +183,7 @@ class G2o:
         R = np.zeros((len(ends), 3, 3))
         R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1], R[:, 2, 2] = c, -s, s, c, 1.0
         information = np.linalg.inv(R.swapaxes(1, 2) @ cov @ R)[:, *UPPER_3]
-        rows = zip(ends.tolist(), delta.tolist(), information.tolist(), strict=True)
-        return [_line("EDGE_SE2", *end, *motion, *upper) for end, motion, upper in rows]
+        return _lines("EDGE_SE2", ends, delta, information)
 
     def _sightings(self, steps: Sequence[Step], path: Array, first: int) -> list[str]:
         """The vertices of new landmarks and the edges of sightings, where these have them."""
@@ -193,11 +193,10 @@ class G2o:
         for k in np.sort(np.unique(ids, return_index=True)[1]).tolist():
             if int(ids[k]) not in self._landmarks:
                 vertex = self._landmarks[int(ids[k])] = FIRST_LANDMARK + len(self._landmarks)
-                lines.append(_line("VERTEX_XY", vertex, *places[k].tolist()))
+                lines += _lines("VERTEX_XY", np.array([vertex]), places[k : k + 1])
         xy, information = _measured(z, cov, at)
-        upper = information[:, *UPPER_2].tolist()
-        rows = zip((first + of).tolist(), ids.tolist(), xy.tolist(), upper, strict=True)
-        return lines + [_line("EDGE_SE2_XY", k, self._landmarks[one], *p, *entries) for k, one, p, entries in rows]
+        vertices = np.array([self._landmarks[one] for one in ids.tolist()], np.int64)
+        return lines + _lines("EDGE_SE2_XY", first + of, vertices, xy, information[:, *UPPER_2])
 
     def _weigh(self, lines: Sequence[str], steps: Sequence[Step]) -> None:
         """Gives the sightings and loop closures among the edges of those lines, the newest, their loss."""
@@ -223,8 +222,11 @@ def _measured(z: Array, cov: Array, at: Array) -> tuple[Array, Array]:
     return at + off, H.swapaxes(1, 2) @ np.linalg.solve(cov, H)
 
 
-def _line(tag: str, *values: float) -> str:
-    return f"{tag} {' '.join(map(repr, values))}"
+def _lines(tag: str, *columns: Array | Ints) -> list[str]:
+    """One line for each row of the columns, (n,) or (n, k), in so many digits that they are read as they are."""
+    parts = [(part, "%d" if c.dtype.kind == "i" else "%.17g") for c in columns for part in np.atleast_2d(c.T).tolist()]
+    form = " ".join((tag, *(form for _, form in parts)))
+    return [form % row for row in zip(*(part for part, _ in parts), strict=True)]
 
 
 def _pose(vertex: Any) -> Pose:
