@@ -227,5 +227,5 @@ def _is_pair(one: Any) -> bool:
 
 
 def _of_robot(content: Any, robot: str) -> Any:
-    """What an object has for a robot; the content itself, where it is none."""
+    """The part of an object that is a robot's; the content itself, where it is no object."""
     return content.get(robot) if isinstance(content, dict) else content
