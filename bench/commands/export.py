@@ -17,6 +17,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = (
         "Of a dataset: g2o: log.g2o, a graph for g2o's programs. gtsam: log-gtsam.g2o, which "
         "gtsam.readG2o reads whole, but for the prior, which it has no row for. "
+        "jrl: log.jrl, a JSON Robot Log; pyfg: log.pyfg, PyFG's text: both with the true poses and landmarks. "
         "tum: odometry.tum, the dead-reckoned path, and truth.tum where there is a truth; evo reads both. "
         "log: the folder log, of CSV files, which bench run --dataset takes. "
         "Of the folder of a study or a run: --csv or --parquet or both, one row per cell, with its parameters and all "

@@ -13,6 +13,8 @@ from ...core.files import beside
 from ...core.tum import write_tum
 from ...datasets.formats import log_folder
 from ...datasets.formats.g2o_write import write_g2o
+from ...datasets.graphs.jrl_write import write_jrl
+from ...datasets.graphs.pyfg_write import write_pyfg
 from ..words.numerals import counted
 
 
@@ -43,15 +45,14 @@ def formats_of(text: str) -> list[str]:
     return names
 
 
-def _graph(folder: Path, dataset: Dataset, file: str, for_gtsam: bool) -> list[tuple[str, str]]:
-    log = dataset.log
-    left_out = write_g2o(folder / file, log, for_gtsam=for_gtsam)
+def _graph(folder: Path, dataset: Dataset, file: str, write: Callable[[Path, Dataset], int]) -> list[tuple[str, str]]:
+    log, left_out = dataset.log, write(folder / file, dataset)
     what = (
         f"{counted(len(log), 'pose')}, {counted(len(log.loop_to), 'loop closure')}, "
         f"{counted(len(log.ids) - left_out, 'sighting')}"
     )
     if left_out:
-        what += f"; {left_out:,} of unknown landmarks are left out, g2o has no place for them"
+        what += f"; {left_out:,} of unknown landmarks are left out, the format has no place for them"
     return [(file, what)]
 
 
@@ -71,8 +72,10 @@ def _log(folder: Path, dataset: Dataset) -> list[tuple[str, str]]:
 
 
 FORMATS: dict[str, Callable[[Path, Dataset], list[tuple[str, str]]]] = {
-    "g2o": partial(_graph, file="log.g2o", for_gtsam=False),
-    "gtsam": partial(_graph, file="log-gtsam.g2o", for_gtsam=True),
+    "g2o": partial(_graph, file="log.g2o", write=lambda path, dataset: write_g2o(path, dataset.log)),
+    "gtsam": partial(_graph, file="log-gtsam.g2o", write=lambda path, dataset: write_g2o(path, dataset.log, True)),
+    "jrl": partial(_graph, file="log.jrl", write=write_jrl),
+    "pyfg": partial(_graph, file="log.pyfg", write=write_pyfg),
     "tum": _tum,
     "log": _log,
 }

@@ -11,7 +11,9 @@ CARMEN = (".clf", ".clf.gz")
 SCANS = (b"FLASER", b"ROBOTLASER1")  # the first words of its lines
 BEGINNING = 1 << 18  # bytes in which a laser log under another name, such as .log.gz, has a scan
 
-SUFFIXES = (".g2o", ".toro", ".graph", *CARMEN)  # endings of such files
+OTHERS = {".jrl": "jrl", ".pyfg": "pyfg"}  # endings that name the dataset
+
+SUFFIXES = (".g2o", ".toro", ".graph", *OTHERS, *CARMEN)  # endings of such files
 
 
 def is_carmen(path: Path) -> bool:
@@ -29,13 +31,15 @@ def is_carmen(path: Path) -> bool:
 
 
 def format_of(path: Path) -> str:
-    """The dataset that reads a file: carmen by its ending, g2o, toro or gtsam by its rows; InputError if it is no text.
+    """The dataset that reads a file: carmen, jrl or pyfg by its ending, else by its rows; InputError if it is no text.
 
     Rows that only GTSAM has decide for gtsam. EDGE2 rows are TORO's, with its order of the information, except in a
     file named .g2o: GTSAM ships one with the other order. Any other file is left to g2o's reader.
     """
     if path.name.lower().endswith(CARMEN):
         return "carmen"
+    if path.suffix.lower() in OTHERS:
+        return OTHERS[path.suffix.lower()]
     found = tags(path)
     if not found.isdisjoint(_GTSAM_ALONE):
         return "gtsam"

@@ -62,7 +62,7 @@ def test_no_log_of_a_packaged_study_has_a_remark(name: str) -> None:
     seen: dict[str, set[int]] = {}
     quick, full = ([planned.cell for planned in study_file.read(name, full=full).cells] for full in (False, True))
     for cell in [*quick, *(cell for cell in full if not cell.dataset.source.costly)]:
-        dataset, seed = cell.dataset, cell.seed if cell.dataset.source.seeded else 0
+        dataset, seed = cell.dataset, cell.seed if cell.dataset.source.draws(cell.dataset.options) else 0
         of = seen.setdefault(dataset.label, set())
         if seed in of or len(of) == 2 or not at_hand(dataset.name) or dataset.name in PARTIAL:
             continue

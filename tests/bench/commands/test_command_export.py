@@ -60,7 +60,7 @@ def test_a_log_without_truth_has_no_path_of_it(place: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        ("--out out --as g2o,pdf", "--as: found 'pdf', expected one of g2o, gtsam, tum, log."),
+        ("--out out --as g2o,pdf", "--as: found 'pdf', expected one of g2o, gtsam, jrl, pyfg, tum, log."),
         ("--out out --as g2o,g2o", "--as g2o,g2o: a format is named twice, expected once."),
         ("--out out --as gtsam", "range and bearing of sighting 0 are correlated"),
         ("--out log", "log: exists and is not an empty folder, expected a new one."),

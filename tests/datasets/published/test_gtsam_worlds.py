@@ -82,6 +82,7 @@ def test_the_walks_agree_with_all_of_their_loops(name: str, sizes: tuple[int, in
     assert truth is not None
     check_truth(log, truth, name)
     assert (len(log), len(log.loop_to)) == sizes
+    assert log.remarks == []
     assert squared(dataset).mean == pytest.approx(chi2, abs=1e-3)
 
 
