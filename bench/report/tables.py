@@ -121,8 +121,9 @@ def details_tables(lines: Sequence[Line]) -> list[Table]:
 
 def cost_table(lines: Sequence[Line]) -> Table:
     """Makes the table of costs of a step and of the log: medians; * where other cells ran at the same time."""
-    n = rounds(lines)
-    repeated = f"; times are medians of {n} rounds, intervals those of the machine as it was" * (n >= FEWEST_ROUNDS)
+    n = max(map(rounds, lines), default=1)
+    which = "times" if all(rounds(line) == n for line in lines) else "times with an interval"
+    repeated = f"; {which} are medians of {n} rounds, intervals those of the machine as it was" * (n >= FEWEST_ROUNDS)
 
     def entry(line: Line, name: str) -> Entry:
         found = cost(line, name) if name in COMPARED else None

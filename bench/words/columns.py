@@ -282,8 +282,8 @@ METRICS = (
            "Logs of one cluster share a run, a robot or a building, and are not independent of each other. Blank: the "
            "log is independent of all others."),
     Column("repeats", "repeats", kind.COUNT,
-           "Rounds in which the cell was timed (--repeats), each in a process of its own: times are medians over them. "
-           "With 1, every time was measured once."),
+           "Rounds in which the cell was timed (--repeats; by default 5 if it is small), each in a process of its own: "
+           "times are medians over them. With 1, every time was measured once."),
     *(
         Column(name, f"{heading}, {end}", unit,
                f"The {end} end of the 95 % interval of {heading} over the repeats, for this log and the machine as it "
@@ -320,7 +320,7 @@ PAIRS = (
 COST_PAIRS = (
     *PAIRS[:2],
     Column("cost_ratio", "ratio", kind.NUMBER,
-           "Ratio of the second one's cost to the first one's on the same log in the same round of --repeats: the "
+           "Ratio of the second one's cost to the first one's on the same log in the same round: the "
            "geometric mean. Beside it its 95 % interval, over logs and rounds, for the machine as it was."),
     Column("cost_verdict", "verdict", kind.TEXT,
            "Cheaper, or more costly, where the whole interval is beyond 1.5, which is more than load shifted any ratio "

@@ -15,7 +15,8 @@ import older_machine
 import slamduel
 from dask_processes import WITHOUT, Processes
 from places import LAYERS
-from slamduel.bench.engine.engine import RunRequest, Tally, run
+from slamduel.bench.engine.engine import Tally, run
+from slamduel.bench.engine.request import RunRequest
 from slamduel.bench.measure.cell import Job
 from slamduel.bench.plan import spec
 from slamduel.bench.study.file import made
