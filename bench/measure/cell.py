@@ -18,9 +18,10 @@ from ...backends.api import Builder, Diverged, TruthWanted, Unsuited
 from ...core.errors import SlamduelError
 from ...core.factors import UNKNOWN, Log, Truth
 from ...core.kernels import compiled
+from ..process.memory import Peak, limited
+from ..process.threads import one_thread
 from .cpu_time import repeated_cost
 from .drive import Outcome, drive, path_digest, timed_again, warm_up
-from .memory import Peak, limited
 from .score import Score, score
 
 TOLD = "was given the ground truth: linearised there"  # the remark on a cell whose backend made use of it
@@ -65,7 +66,7 @@ def run_on(
 
     Of a log that is `mistaken`, what its measurements are off from the truth by is not taken for noise.
     """
-    with limited(job.memory_mb):
+    with one_thread(), limited(job.memory_mb):
         return _run(job, read_log, read_truth, mistaken=mistaken)
 
 

@@ -18,7 +18,7 @@ from ...backends.locating.locating import WINDOW
 from ...backends.locating.map_index import indexed
 from ...core.factors import UNKNOWN
 from ...core.se2 import Ints
-from ..measure.clock import clock_cost
+from ..process.clock import clock_cost
 from .timing import LEAST, TimingRow, stepped, timing
 from .world import World
 
