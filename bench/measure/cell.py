@@ -123,7 +123,8 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
         row["peak_mb"] = held
     loops += outcome.left_out
     minimises = builder.minimising(job.options)
-    judged = score(log, outcome, read_truth(), sightings=builder.sightings, minimises=minimises, mistaken=mistaken)
+    takes = {"sightings": builder.sightings, "loops": builder.loops}
+    judged = score(log, outcome, read_truth(), **takes, minimises=minimises, mistaken=mistaken)
     return _scored(judged, outcome, loops, row)
 
 

@@ -47,6 +47,7 @@ ASSOCIATION = (
     "associate_us_p99", "nodes_max", "moved_out", "moved_found", "moved_false", "misread_share",
 )  # fmt: skip
 FIT = ("j_prior", "j_odometry", "j_sightings", "j_loops", "j_final", "j_online")
+LOOPS = ("loops_rejected", "loop_precision", "loop_recall")
 INNER = ("n_eff_least", "ancestors_left", "refused_share")
 PAPER = ("ate_m", "final_ate_m", "nees", "cpu_s")
 PAPER_RELATIONS = ("relation_m", "relation_deg", "final_relation_m", "final_relation_deg", "cpu_s")
@@ -114,6 +115,7 @@ def details_tables(lines: Sequence[Line]) -> list[Table]:
             ("Data association", ASSOCIATION),
             ("Online path and map", ONLINE),
             ("Path and map smoothed at the end", FINAL),
+            ("Rejected loop closures", LOOPS),
         )
         if (having := _having(lines, names))
     ]

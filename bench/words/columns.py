@@ -237,6 +237,16 @@ METRICS = (
            "Particles at the start that those at the end descend from. 1: all share a single early path."),
     Column("refused_share", "refused", kind.SHARE,
            "Share of the sightings and loop closures that the backend's gate rejected."),
+    Column("loops_rejected", "loops rejected", kind.COUNT,
+           "Loop closures that the final path contradicts: beyond what 999 of 1,000 correct ones stay within by their "
+           "stated noise, however the backend treats them. Blank without a final path, and of backends that take no "
+           "loops.", "loop closures that the final path rejects"),
+    Column("loop_precision", "loop precision", kind.SHARE,
+           "Of the loop closures that the final path rejects, the share that are false. Blank where it rejects none, "
+           "or it is not known which are false (false_loops=).", "share of rejected loop closures that are false"),
+    Column("loop_recall", "loop recall", kind.SHARE,
+           "Of the false loop closures, the share that the final path rejects. Blank where none is known.",
+           "share of false loop closures that are rejected"),
     Column("moved_out", "taken out", kind.COUNT,
            "Landmarks taken out of the log because they have moved, with moved=out.", "landmarks taken out as moved"),
     Column("moved_found", "movers found", kind.SHARE,
