@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 from typing import Any
 
-from ..measure.repeats import ROUNDS, SMALL_S
+from ..measure.repeats import MOST_CELLS, ROUNDS, SMALL_S
 from ..plan.work import PlannedCell, Work
 from ..record.schema import FAILED
 from ..workers.executor import Executor
@@ -42,7 +42,7 @@ def lacking(
 
 
 def _small(cells: Sequence[PlannedCell], keys: Sequence[str | None], found: Rounds) -> set[tuple[str, str]]:
-    """The backends whose cells on a dataset are small, by the median of their first rounds, all or none.
+    """The backends whose cells on a dataset are small, by the median of their first rounds, and few: all or none.
 
     A backend is compared by the rounds that all of its cells have, so that a few without would void the others'.
     """
@@ -51,7 +51,7 @@ def _small(cells: Sequence[PlannedCell], keys: Sequence[str | None], found: Roun
         first = next((one for one in found.get(key or "", ()) if one["round"] == 1), None)
         if first is not None and first["cpu_s"] is not None:
             took.setdefault(_kind(cell), []).append(first["cpu_s"])
-    return {kind for kind, seconds in took.items() if median(seconds) <= SMALL_S}
+    return {kind for kind, seconds in took.items() if median(seconds) <= SMALL_S and len(seconds) <= MOST_CELLS}
 
 
 def _kind(cell: PlannedCell) -> tuple[str, str]:

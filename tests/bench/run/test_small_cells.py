@@ -13,7 +13,7 @@ from csv_rows import csv_rows
 from slamduel.bench.cli import main
 from slamduel.bench.engine.repeats import lacking
 from slamduel.bench.engine.request import RunRequest
-from slamduel.bench.measure.repeats import ROUNDS, SMALL_S
+from slamduel.bench.measure.repeats import MOST_CELLS, ROUNDS, SMALL_S
 from slamduel.bench.plan.plan import Plan
 from slamduel.bench.plan.work import PlannedCell, work_of
 from slamduel.bench.run.benchmark import DEFAULTS, planned
@@ -135,6 +135,11 @@ def test_all_cells_of_a_backend_are_repeated_or_none() -> None:
     s = SMALL_S
     assert chosen({"ekf": [0.9 * s, 0.9 * s, 1.5 * s], "isam2": [0.8 * s, 1.1 * s, 1.2 * s]}) == {"ekf"}
     assert chosen({"ekf": [s, s, 99 * s], "isam2": [2 * s] * 3}) == {"ekf"}
+
+
+def test_what_would_take_minutes_is_not_repeated() -> None:
+    assert chosen({"ekf": [0.01] * MOST_CELLS}) == {"ekf"}
+    assert chosen({"ekf": [0.01] * (MOST_CELLS + 1)}) == set()
 
 
 @pytest.mark.parametrize("seed", range(5))
