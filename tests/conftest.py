@@ -75,6 +75,15 @@ def lasting_workers() -> None:
 
 
 @pytest.fixture(autouse=True, scope="session")
+def timed_once() -> None:
+    """Runs time their cells once where nothing else is said: each further round starts processes."""
+    if "slamduel.bench.cli" in sys.modules:
+        from slamduel.bench.run.benchmark import DEFAULTS
+
+        pytest.MonkeyPatch().setitem(DEFAULTS, "repeats", 1)
+
+
+@pytest.fixture(autouse=True, scope="session")
 def one_compiler() -> None:
     """Keeps every core to one compiler: where several workers test, a second process for each takes their time."""
     from slamduel.core.kernels import compile_ahead

@@ -13,7 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 from ...core.errors import InputError
-from ..engine.engine import RunRequest, Tally, run
+from ..engine.engine import Tally, run
+from ..engine.request import RunRequest
 from ..plan.values import count
 from ..record.schema import FILE
 from ..record.store import Store

@@ -8,6 +8,7 @@ import textwrap
 from pathlib import Path
 
 from ...core.factors import STARTS
+from ..measure.repeats import MOST_CELLS, ROUNDS, SMALL_S
 from ..plan.values import count, positive
 from ..run.benchmark import DEFAULTS, benchmark, folder_for
 from ..run.document import SCHEMA, document
@@ -47,10 +48,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=count,
         metavar="N",
         help=f"time every cell in N rounds, each time in a process of its own, for intervals of costs (default "
-        f"{d['repeats']}: costs are measured once, and not compared); a larger N with --out adds rounds to a run",
+        f"{ROUNDS} for backends whose cells on a dataset take up to {SMALL_S:g} s of CPU and are {MOST_CELLS} at most, "
+        "else 1: costs measured once are not compared); a larger N with --out adds rounds to a run",
     )
     add("--out", type=Path, metavar="FOLDER", help="where results go (default results/DATE-TIME)")
-    executors.arguments(parser, jobs="cells at once; more than 1 marks all timings (default 1; slurm: 4 jobs)")
+    executors.arguments(parser, jobs="cells at once; more than 1 marks what is timed once (default 1; slurm: 4 jobs)")
     add("--retry", action="store_true", help="run failed cells again")
     add(
         "--timeout",

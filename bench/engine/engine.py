@@ -1,6 +1,6 @@
 """Runs cells into a record: makes the logs it needs, then runs the cells without a result, round by round.
 
-In each further round every cell that is done is timed again: log by log, all backends one after another in a shuffled
+In each further round cells that are done are timed again: log by log, all backends one after another in a shuffled
 order. A machine that becomes slower meanwhile does so for all of them, and what a round has for two backends on one log
 was measured at about the same time.
 """
@@ -30,6 +30,8 @@ from .facts import facts
 from .key import result_key
 from .log_files import FOLDER as LOGS
 from .logs import KnownLogs
+from .repeats import lacking, last_round
+from .request import RunRequest
 
 MOST_JOBS = 20  # jobs of a batch: no more is lost with a machine
 SHARES = 4  # batches for each slot, at least, so that the end of a study is shared evenly
@@ -58,21 +60,6 @@ class Watcher(Protocol):
 
     def repeated(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
         """Reports such a cell that ended, with its values by column of a round."""
-
-
-def everything(cell: PlannedCell) -> bool:
-    """Selects every cell."""
-    del cell
-    return True
-
-
-class RunRequest(NamedTuple):
-    """The cells to be run now."""
-
-    chosen: Callable[[PlannedCell], bool] = everything
-    limit: int | None = None  # cells at most
-    retry: bool = False  # failed ones, too
-    strict: bool = False  # a log with a remark is refused, where all logs are made first
 
 
 class Tally(NamedTuple):
@@ -130,32 +117,20 @@ class _Engine:
             places = [place for place in able if work.cells[place].timed == timed]
             for finished in self._executed(self._batches(places), alone=timed):
                 self._keep(finished)
-        for number in range(2, work.repeats + 1):
-            self._repeat(number, request)
+        last = last_round(work, self.executor)
+        for number in range(2, last + 1):
+            self._repeat(number, last, request)
         store.put_about({"finished": time.time()})
         statuses = [self._status(place) for place in range(len(self.keys))]
         failed = sum(status in FAILED for status in statuses)
         return Tally(len(statuses), self._ended(), failed)
 
-    def _repeat(self, number: int, request: RunRequest) -> None:
-        """Times the cells that lack that round, those whose result is done."""
-        done = {key: {one["round"]: one["status"] for one in found} for key, found in self.store.rounds().items()}
-        places: dict[Any, int] = {}
-        for place, key in enumerate(self.keys):
-            status = done.get(key or "", {}).get(number)
-            wanted = status is None or (request.retry and status in FAILED)
-            if (
-                key is not None
-                and wanted
-                and self.statuses.get(key) == "done"
-                and request.chosen(self.work.cells[place])
-            ):
-                places.setdefault(key, place)
-        todo = list(places.values())
-        random.Random(number).shuffle(todo)
+    def _repeat(self, number: int, last: int, request: RunRequest) -> None:
+        """Times the cells that lack that round, one at a time."""
+        todo = lacking(self.work, self.keys, self.statuses, self.store.rounds(), number, request)
         if todo:
-            self.watcher.repeating([self.work.cells[place] for place in todo], number, self.work.repeats)
-        for finished in self._executed(self._batches(todo, number), alone=False):
+            self.watcher.repeating([self.work.cells[place] for place in todo], number, last)
+        for finished in self._executed(self._batches(todo, number), alone=True):
             self._keep_round(finished, number)
 
     def _keep_round(self, finished: Finished, number: int) -> None:
@@ -224,8 +199,8 @@ class _Engine:
         return todo[: request.limit]
 
     def _batches(self, places: Sequence[int], number: int = 1) -> list[Batch]:
-        """Makes batches of cells by log, of a round."""
-        most = min(MOST_JOBS, max(1, len(places) // (SHARES * self.executor.slots)))
+        """Makes batches of cells by log, of a round; in a repeat a log's cells stay together, on one machine."""
+        most = len(places) if number > 1 else min(MOST_JOBS, max(1, len(places) // (SHARES * self.executor.slots)))
         by_log: dict[str, list[tuple[int, PlannedCell]]] = {}
         for place in places:
             by_log.setdefault(self.log_keys[place], []).append((place, self.work.cells[place]))

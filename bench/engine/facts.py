@@ -13,8 +13,8 @@ from ..workers.executor import Executor
 TIMING_POLICY = (
     "Process CPU time of each step(), the clock's own cost subtracted, garbage collection off, one thread, after a "
     "warm-up on a backend of its own. Beliefs, map and finish are timed apart, in a second pass whose path is the same "
-    "to the last bit. timing_alone = 0 marks cells that ran side by side with others. Repeats time every cell "
-    "in so many rounds, each in processes of its own, and its times are their medians. GTSAM is the published generic "
+    "to the last bit. timing_alone = 0 marks cells that ran side by side with others. Repeats time a cell "
+    "in several rounds, each in processes of its own, and its times are their medians. GTSAM is the published generic "
     "wheel; so are numpy and its BLAS."
 )
 

@@ -16,7 +16,7 @@ from ...core.se2 import wrap
 from ...datasets import archive
 from ...datasets.truth import digest
 from ..record.store import Known
-from ..workers.batch import KeptLog, facts_of
+from ..workers.batch import KeptLog, digested
 from .key import hashed
 
 FOLDER = "logs"
@@ -42,7 +42,7 @@ class LogFiles:
             found = archive.load(entry.path)
         except InputError:
             return None
-        return found if facts_of(found).digests == entry.digests else None
+        return found if digested(found).digests == entry.digests else None
 
     def like(self, dataset: str, made: Dataset, candidates: Iterable[Known]) -> Dataset | None:
         """Finds the first candidate that is kept and differs from `made` by rounding alone; None without any."""

@@ -18,9 +18,10 @@ from ...backends.api import Builder, Diverged, TruthWanted, Unsuited
 from ...core.errors import SlamduelError
 from ...core.factors import UNKNOWN, Log, Truth
 from ...core.kernels import compiled
+from ..process.memory import Peak, limited
+from ..process.threads import one_thread
 from .cpu_time import repeated_cost
 from .drive import Outcome, drive, path_digest, timed_again, warm_up
-from .memory import Peak, limited
 from .score import Score, score
 
 TOLD = "was given the ground truth: linearised there"  # the remark on a cell whose backend made use of it
@@ -65,7 +66,7 @@ def run_on(
 
     Of a log that is `mistaken`, what its measurements are off from the truth by is not taken for noise.
     """
-    with limited(job.memory_mb):
+    with one_thread(), limited(job.memory_mb):
         return _run(job, read_log, read_truth, mistaken=mistaken)
 
 
@@ -122,7 +123,8 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
         row["peak_mb"] = held
     loops += outcome.left_out
     minimises = builder.minimising(job.options)
-    judged = score(log, outcome, read_truth(), sightings=builder.sightings, minimises=minimises, mistaken=mistaken)
+    takes = {"sightings": builder.sightings, "loops": builder.loops}
+    judged = score(log, outcome, read_truth(), **takes, minimises=minimises, mistaken=mistaken)
     return _scored(judged, outcome, loops, row)
 
 

@@ -22,6 +22,8 @@ from ...backends.locating.locating import begin
 from ...core.factors import Log, Map, Step, Truth
 from ...core.kernels import compiled
 from ...core.se2 import Array, Ints
+from ..process.clock import CLOCK, Meanwhile
+from ..process.threads import one_thread
 from .answers import (
     COV,
     POSE,
@@ -37,7 +39,6 @@ from .answers import (
     finite_cov,
     is_floats,
 )
-from .clock import CLOCK, Meanwhile
 
 WARM_UP = 20
 """Steps that a separate backend runs through before the clock starts, so that most compilation and imports are over.
@@ -105,6 +106,14 @@ def drive(
     where a number is not finite, Broken where the contract is not kept, and whatever the backend raises.
     """
     log = log if builder.associating(options) else log.identified()
+    warm_up(builder, options, log, generator, truth)
+    with one_thread():  # of what the warm-up has loaded, too
+        return _driven(builder, options, log, generator, truth)
+
+
+def _driven(
+    builder: Builder, options: Any, log: Log, generator: Callable[[], np.random.Generator], truth: Truth | None
+) -> Outcome:
     steps = list(log)
     timed = _timed(builder, options, log, steps, generator, truth)
     backend = begin(builder, log.prior, options, generator())
@@ -126,7 +135,9 @@ def timed_again(
 ) -> Timing:
     """Repeats the timing pass of `drive`, and nothing else of it; raises as that does."""
     log = log if builder.associating(options) else log.identified()
-    return _timed(builder, options, log, list(log), generator, truth)
+    warm_up(builder, options, log, generator, truth)
+    with one_thread():
+        return _timed(builder, options, log, list(log), generator, truth)
 
 
 def _timed(
@@ -137,7 +148,6 @@ def _timed(
     generator: Callable[[], np.random.Generator],
     truth: Truth | None,
 ) -> Timing:
-    warm_up(builder, options, log, generator, truth)
     clock = CLOCK.cost()
     gc.collect()
     gc.disable()

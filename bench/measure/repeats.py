@@ -18,6 +18,14 @@ import numpy as np
 
 from ...core.se2 import Array
 
+ROUNDS = 5  # in which small cells are timed where no number is given
+SMALL_S = 0.15
+"""CPU time in s up to which a cell is small. Starting, loading and warming up cost another 0.06 s in each round. The
+demo's longest small cells take half of it and its shortest others thrice, so that most machines repeat the same ones."""
+
+MOST_CELLS = 100
+"""Small cells of a backend on a dataset up to which they are repeated: with more it would take minutes."""
+
 FEWEST_ROUNDS = 3  # for an interval: with two, what rounds have in common is hardly known
 COMPARED = ("step_us_p50", "cpu_s")  # the costs that backends are compared by
 ENDS = {"step_us_p50": ("step_us_p50_low", "step_us_p50_high"), "cpu_s": ("cpu_low_s", "cpu_high_s")}
@@ -27,9 +35,14 @@ UPPER = 0.975  # of a 95 % interval, the probability below its upper end
 
 
 def over_rounds(found: Sequence[Mapping[str, Any]], timed: Iterable[str]) -> dict[str, Any]:
-    """Sums up the rounds of a cell by column: medians of those that are `timed`, and intervals of COMPARED."""
-    done = [one for one in found if one["status"] == "done"]
-    row: dict[str, Any] = {"repeats": len(done)}
+    """Sums up the rounds of a cell by column: medians of those that are `timed`, and intervals of COMPARED.
+
+    Rounds in which other cells ran beside it count only where it ran alone in none.
+    """
+    ended = [one for one in found if one["status"] == "done"]
+    alone = [one for one in ended if one["timing_alone"]]
+    done = alone or ended
+    row: dict[str, Any] = {"repeats": len(done), "timing_alone": int(bool(alone))}
     for name in timed:
         values = [one[name] for one in done if one[name] is not None]
         row[name] = median(values) if values else None

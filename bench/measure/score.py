@@ -17,6 +17,7 @@ from .kept import kept
 from .locating import from_the_fix_on, locating
 from .misfit import Misfit, lowest_near, misfit
 from .nees import nees, nees_columns, not_covariances
+from .rejected_loops import rejected_loops
 from .relations import counted_relations, relation_columns
 from .stated_noise import misstated
 from .times import length
@@ -66,10 +67,11 @@ def score(
     truth: Truth | None,
     *,
     sightings: bool = True,
+    loops: bool = True,
     minimises: bool = False,
     mistaken: bool = False,
 ) -> Score:
-    """Scores the outcome of a backend that uses `sightings`, or does not, and `minimises` J, or does not.
+    """Scores the outcome of a backend that uses `sightings` and `loops`, or does not, and `minimises` J, or does not.
 
     A `mistaken` log is one with a mistake, so that no noise is blamed.
 
@@ -77,6 +79,8 @@ def score(
     """
     ends = _ends(outcome, truth)
     row, taken_out = moved(log, outcome, truth)
+    if loops and outcome.solution is not None:
+        row |= rejected_loops(log, truth, outcome.solution.path)
     remarks = [*_remarks(log, outcome, truth), *taken_out]
     for prefix, end in ends.items():
         columns, void = not_covariances(log, end.path, end.cov, end.map)

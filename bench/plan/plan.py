@@ -47,7 +47,7 @@ class Plan:
     memory_mb: int
     map: GivenMap | None = None  # goes into every log's prior: localisation
     oracle: bool = False  # backends that ask for the ground truth are given it
-    repeats: int = 1  # rounds in which every cell is timed
+    repeats: int | None = 1  # rounds in which every cell is timed; None: small ones in several, others once
 
     def cells(self) -> list[Cell]:
         """Lists all cells; one seed where neither the log nor the backend is random."""
@@ -63,7 +63,7 @@ class Plan:
         cells = sum(len(self._wanted(d, b)) for d in self.datasets for b in self.backends)
         if wrong := too_many(cells):
             raise InputError(f"seeds: {wrong}")
-        if wrong := too_many(cells * self.repeats):
+        if wrong := too_many(cells * (self.repeats or 1)):
             raise InputError(f"repeats: {wrong}")
 
     def _wanted(self, dataset: DatasetVariant, backend: BackendVariant) -> Sequence[int]:
@@ -127,10 +127,14 @@ class Plan:
             as_whole("memory_mb", words["memory_mb"], 1),
             _map(words),
             as_switch("oracle", words.get("oracle", False)),
-            as_whole("repeats", words.get("repeats", 1), 1),  # a run of an earlier version has none
+            _repeats(words.get("repeats", 1)),  # a run of an earlier version has none
         )
         plan.check_number()
         return plan
+
+
+def _repeats(given: Any) -> int | None:
+    return None if given is None else as_whole("repeats", given, 1)
 
 
 def _logs(dataset: DatasetVariant) -> list[list[str]]:

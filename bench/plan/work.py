@@ -33,7 +33,7 @@ class Work:
     memory_mb: int  # a cell
     map: GivenMap | None = None  # goes into the prior of every log
     logs_first: bool = False  # every log is made before any cell runs; one that cannot be made ends the run
-    repeats: int = 1  # rounds in which every cell is timed; the first one is the cell itself
+    repeats: int | None = 1  # rounds in which every cell is timed, the first one the cell itself; None: ROUNDS if small
 
 
 def work_of(plan: Plan) -> Work:

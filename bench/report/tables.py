@@ -47,6 +47,7 @@ ASSOCIATION = (
     "associate_us_p99", "nodes_max", "moved_out", "moved_found", "moved_false", "misread_share",
 )  # fmt: skip
 FIT = ("j_prior", "j_odometry", "j_sightings", "j_loops", "j_final", "j_online")
+LOOPS = ("loops_rejected", "loop_precision", "loop_recall")
 INNER = ("n_eff_least", "ancestors_left", "refused_share")
 PAPER = ("ate_m", "final_ate_m", "nees", "cpu_s")
 PAPER_RELATIONS = ("relation_m", "relation_deg", "final_relation_m", "final_relation_deg", "cpu_s")
@@ -114,6 +115,7 @@ def details_tables(lines: Sequence[Line]) -> list[Table]:
             ("Data association", ASSOCIATION),
             ("Online path and map", ONLINE),
             ("Path and map smoothed at the end", FINAL),
+            ("Rejected loop closures", LOOPS),
         )
         if (having := _having(lines, names))
     ]
@@ -121,8 +123,9 @@ def details_tables(lines: Sequence[Line]) -> list[Table]:
 
 def cost_table(lines: Sequence[Line]) -> Table:
     """Makes the table of costs of a step and of the log: medians; * where other cells ran at the same time."""
-    n = rounds(lines)
-    repeated = f"; times are medians of {n} rounds, intervals those of the machine as it was" * (n >= FEWEST_ROUNDS)
+    n = max(map(rounds, lines), default=1)
+    which = "times" if all(rounds(line) == n for line in lines) else "times with an interval"
+    repeated = f"; {which} are medians of {n} rounds, intervals those of the machine as it was" * (n >= FEWEST_ROUNDS)
 
     def entry(line: Line, name: str) -> Entry:
         found = cost(line, name) if name in COMPARED else None

@@ -32,7 +32,7 @@ DEFAULTS: dict[str, Any] = {
     "map_fixed": False,
     "start": "known",
     "oracle": False,
-    "repeats": 1,
+    "repeats": None,
 }
 """the settings of a run where nothing is given"""
 
@@ -52,10 +52,11 @@ def benchmark(
     InputError where that has other settings, and with `strict` for a log with a remark.
     """
     plan = planned(given, out)
-    if plan.repeats > 1 and executor.slots > 1:
+    if (plan.repeats or 1) > 1 and not executor.times:
         raise InputError(
-            f"repeats: found {plan.repeats}, and cells that run {executor.slots} at once, expected one at a time "
-            "(--jobs 1): times of cells that run side by side are not compared."
+            f"repeats: found {plan.repeats}, and an executor that cannot run cells one at a time on each machine, "
+            "expected one that can, on Dask by workers with the resource MACHINE: times of cells that run side by side "
+            "are not compared."
         )
     if not given and not begun(out):
         watcher.say(f"A new run in {out}: {DEFAULTS['backend']} on {DEFAULTS['dataset']}, {DEFAULTS['seeds']} seeds.")
@@ -142,11 +143,11 @@ def begun(out: Path) -> bool:
     return False
 
 
-def _refuse_another(plan: Plan, given: Mapping[str, Any], out: Path) -> int:
-    """The repeats to be there, more than before or as many; InputError where other settings differ."""
+def _refuse_another(plan: Plan, given: Mapping[str, Any], out: Path) -> int | None:
+    """The repeats to be there, no fewer than were asked for before; InputError where other settings differ."""
     recorded = plan.words()
     asked = Plan.from_words(recorded | {"map_digest": None} | dict(given)).words()
-    if asked["repeats"] < plan.repeats:
+    if plan.repeats is not None and asked["repeats"] < plan.repeats:
         raise InputError(
             f"--out {out}: holds a run with repeats {plan.repeats}, found repeats {asked['repeats']}; expected at "
             "least as many, or nothing but --out to continue it, or another folder."

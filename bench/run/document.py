@@ -31,7 +31,7 @@ datasets          one each:
                   comparisons: {column: [{first, second, n, closer, ratio, low,
                   high, p, adjusted, effect, units}]},
                   costs: {column: [{first, second, ratio, low, high, logs,
-                  rounds}]}, with --repeats
+                  rounds}]}, of backends timed in rounds
   lines           one per backend: backend, implementation, done, cells,
                   timing_alone, estimates: {column: {value, low,
                   high, n, units}}, costs: {column: {value, low, high,

@@ -137,9 +137,9 @@ def run(
     `dataset` is a name with its options, a path, a `Log`, a `Dataset`, or several of these; `truth` belongs to a single
     `Log`. `logs` are the logs of one dataset, with one verdict: a list of such, or lists by the name of the cluster
     that they are of, as logs that share a run, a robot or a building are not independent. With `repeats` every cell is
-    timed in so many rounds, without which nothing is claimed of costs. Results go to `out`, by
-    default results/DATE-TIME; a run that was stopped is continued. The other arguments are the options of the command
-    line. SlamduelError, with a sentence, for anything that cannot be used.
+    timed in so many rounds, by default small ones in five; nothing is claimed of costs that were measured once.
+    Results go to `out`, by default results/DATE-TIME; a run that was stopped is continued. The other arguments are the
+    options of the command line. SlamduelError, with a sentence, for anything that cannot be used.
     """
     said = {
         "seeds": seeds,

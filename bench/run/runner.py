@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from ...core.errors import InputError
-from ..engine.engine import RunRequest, Watcher
+from ..engine.engine import Watcher
 from ..engine.engine import run as run_cells
 from ..engine.log_files import FOLDER as LOGS
+from ..engine.request import RunRequest
 from ..plan.plan import Plan
 from ..plan.work import work_of
 from ..record.database import Empty

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...core.factors import Step
-from ..measure.clock import clock_cost
+from ..process.clock import clock_cost
 from .timing import TimingRow, timing
 
 EVERY = 20  # steps between two timings of what is no part of a step

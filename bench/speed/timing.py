@@ -8,8 +8,8 @@ import numpy as np
 
 from ...core.factors import Step
 from ...core.se2 import Array, Ints
-from ..measure.clock import clock_cost
 from ..measure.drive import timing_pass
+from ..process.clock import clock_cost
 
 FIFTHS = 5
 CHUNK = 50  # steps between two checks of the budget

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from ..engine.batches import batch_of
-from ..engine.engine import RunRequest
 from ..engine.key import log_key, made_once, result_key
 from ..engine.log_files import LogFiles
+from ..engine.request import RunRequest
 from ..measure.cell import Result
 from ..plan.work import PlannedCell
 from ..record.schema import FAILED

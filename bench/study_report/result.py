@@ -7,8 +7,8 @@ from html import escape
 from pathlib import Path
 
 from ..claims.answer import Answer
-from ..engine.engine import RunRequest
 from ..engine.engine import run as run_cells
+from ..engine.request import RunRequest
 from ..run.result import Result
 from ..study import file as study_file
 from ..study.only import choice

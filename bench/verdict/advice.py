@@ -70,12 +70,11 @@ def advice(purpose: str, found: Ranking) -> Use:
     cheapest = [line for line in sure if line not in dear] or sure
     chosen = cheapest[0]
     rival = next((line for line in found.lines if line is not chosen), None)
-    accuracy = _accuracy(found, chosen, rival)
     parts = [
-        accuracy,
+        _accuracy(found, chosen, rival),
         _belief(word[chosen.backend], {line.backend: word[line.backend] for line in whole if line not in sure}),
         _failures(chosen, [line for line in level if line not in whole]),
-        _cost(COST[purpose], chosen, rival, named=rival is not None and rival.backend in accuracy),
+        _cost(COST[purpose], chosen, rival),
         _tied(cheapest),
     ]
     why = "; ".join(part for part in parts if part)
@@ -177,15 +176,15 @@ def _tied(alike: Sequence[Line]) -> str:
     return f"costs do not decide between {listed([line.backend for line in alike])}, its median error is the lowest"
 
 
-def _cost(column: str, chosen: Line, rival: Line | None, *, named: bool = False) -> str:
-    """Compares the chosen one's cost with the rival's, or states both; `named`: the sentence has its name already."""
+def _cost(column: str, chosen: Line, rival: Line | None) -> str:
+    """Compares the chosen one's cost with the rival's, or states both."""
     if column not in chosen.values:
         return ""
     said, alone = _amount(column, chosen), chosen.alone
     if rival is not None and column in rival.values:
         ratio = compare_costs(chosen, rival, column)
-        borne = compared(ratio, "" if named else rival.backend)
-        n = rounds([chosen, rival])
+        borne = compared(ratio, rival.backend)
+        n = min(rounds(chosen), rounds(rival))
         often = "each timed once" if n == 1 else f"{n} rounds are too few to compare"
         said += f", {borne}" if borne else f" against {_short(column, rival)} of {rival.backend} ({often})"
         alone = alone and rival.alone

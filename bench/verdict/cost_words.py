@@ -36,20 +36,25 @@ def basis(lines: Sequence[Line]) -> str:
     timed = [line for line in lines if line.done and "cpu_s" in line.values]
     if len(timed) < 2:
         return ""
-    n = rounds(timed)
+    number_of = {line.backend: rounds(line) for line in timed}
+    n = max(number_of.values())
     if n == 1:
         return "Each cell was timed once, so none is called cheaper; --repeats 5 measures intervals."
     if n < FEWEST_ROUNDS:
         return f"Every time was measured in {n} rounds, too few for intervals, {FEWEST_ROUNDS} at least (--repeats)."
-    return (
-        f"Times are medians of {n} rounds. One is called cheaper only beyond {MARGIN:g} times: load shifts ratios, too."
-    )
+    said = f"Times are medians of {n} rounds"
+    if few := {backend: count for backend, count in number_of.items() if count < FEWEST_ROUNDS}:
+        seldom = "once" if max(few.values()) == 1 else "too seldom"
+        said += f"; those of {listed([*few])} were measured {seldom}, and are not compared (--repeats {n} does)"
+    if len(timed) - len(few) < 2:
+        return f"{said}."
+    return f"{said}. One is called cheaper only beyond {MARGIN:g} times: load shifts ratios, too."
 
 
 def meanwhile(lines: Sequence[Line]) -> str:
     """Says what the machine did while the lines' cells were timed; "" without several rounds."""
     found = [one for line in lines for row in line.rows for one in row.rounds if one["status"] == "done"]
-    if rounds(lines) < 2 or not found:
+    if max(map(rounds, lines), default=1) < 2 or not found:
         return ""
     said: list[str] = []
     work = _range(found, "work_us")

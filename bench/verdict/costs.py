@@ -6,7 +6,7 @@ machine as it was. Load changes the ratio of two backends, too, as they depend d
 called cheaper only where the whole interval is beyond MARGIN.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import combinations
 from math import isnan
 from typing import Any, NamedTuple
@@ -67,9 +67,9 @@ class CostRatio(NamedTuple):
         )
 
 
-def rounds(lines: Iterable[Line]) -> int:
-    """The number of rounds that any cell was timed in."""
-    return max((1, *(len(row.rounds) for line in lines for row in line.rows)))
+def rounds(line: Line) -> int:
+    """The number of rounds that any cell of the line was timed in, those beside other cells left out."""
+    return max((1, *(len(_times(row, "cpu_s")) for row in line.rows)))
 
 
 def cost(line: Line, column: str) -> Cost | None:
@@ -120,18 +120,18 @@ def is_dearer(line: Line, other: Line, column: str) -> bool:
 def _grids(lines: Sequence[Line], column: str) -> list[Array] | None:
     """Returns logarithms of costs (units, rounds) of each line, over what all of them have.
 
-    A round counts once it has ended for every cell, and a log where every cell on it has a time in all of them; the
-    logs of a unit are averaged, as are the runs of a random backend on one log.
+    A round counts once it has ended for every cell, alone on its machine, and a log where every cell on it has a time
+    in all of them; the logs of a unit are averaged, as are the runs of a random backend on one log.
     """
     cells = [[row for row in line.rows if row.columns["status"] == "done"] for line in lines]
-    if not all(cells) or not all(line.alone for line in lines):
+    if not all(cells):
         return None
-    ended = min(len(_times(row.rounds, row.columns, column)) for rows in cells for row in rows)
+    times = [[_times(row, column) for row in rows] for rows in cells]
+    ended = sorted(set[int].intersection(*(set(one) for found in times for one in found)))
     by_log: list[dict[str, list[Sequence[float | None]]]] = [{} for _ in lines]
-    for found, rows in zip(by_log, cells, strict=True):
-        for row in rows:
-            values = _times(row.rounds, row.columns, column)[:ended]
-            found.setdefault(row.columns["digest"], []).append(values)
+    for found, rows, each in zip(by_log, cells, times, strict=True):
+        for row, one in zip(rows, each, strict=True):
+            found.setdefault(row.columns["digest"], []).append([one[number] for number in ended])
     whole = [
         {digest: np.log(np.array(runs, float)).mean(axis=0) for digest, runs in found.items() if _known(runs)}
         for found in by_log
@@ -145,11 +145,12 @@ def _grids(lines: Sequence[Line], column: str) -> list[Array] | None:
     return [np.array([np.mean([found[one] for one in unit], axis=0) for unit in units.values()]) for found in whole]
 
 
-def _times(found: Sequence[Mapping[str, Any]], columns: Mapping[str, Any], column: str) -> list[float | None]:
-    """A cell's cost in every round; of a record without rounds, the one it has."""
-    if not found:
-        return [columns[column]]
-    return [one[column] if one["status"] == "done" and one["timing_alone"] else None for one in found]
+def _times(row: Row, column: str) -> dict[int, float | None]:
+    """A cell's cost in every round that it ran alone, None where that failed; of a record without rounds, the one."""
+    if not row.rounds:
+        return {1: row.columns[column]} if row.columns["timing_alone"] else {}
+    counted = [one for one in row.rounds if one["timing_alone"] or one["status"] != "done"]
+    return {one["round"]: one[column] if one["status"] == "done" else None for one in counted}
 
 
 def _known(runs: Iterable[Iterable[float | None]]) -> bool:
@@ -171,8 +172,9 @@ def between_runs(cells: Sequence[tuple[Row, Row]], column: str) -> BetweenRuns |
         return None
     means: list[Array] = []
     for rows in zip(*cells, strict=True):
-        found = [_times(row.rounds, row.columns, column) for row in rows]
-        whole = [times[: min(map(len, found))] for times in found]
+        found = [_times(row, column) for row in rows]
+        ended = sorted(set[int].intersection(*(set(times) for times in found)))
+        whole = [[times[number] for number in ended] for times in found]
         if not _known(whole) or len(whole[0]) < FEWEST_ROUNDS:
             return None
         means.append(np.log(np.array(whole, float)).mean(axis=0))

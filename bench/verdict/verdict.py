@@ -64,7 +64,7 @@ def verdict(lines: Sequence[Line]) -> Verdict:
     sentences += [*_cost(lines), *repeat_troubles(lines), *failures]
     if told := [line.backend for line in lines if line.told]:
         sentences.append(f"Not compared: {listed(told)} (given the ground truth).")
-    costs = {column: all_pairs(lines, column) for column in COMPARED if rounds(lines) > 1}
+    costs = {column: all_pairs(lines, column) for column in COMPARED if max(map(rounds, lines)) > 1}
     return Verdict(rests_on, _uses(lines, rankings), sentences, comparisons, costs)
 
 

@@ -237,6 +237,16 @@ METRICS = (
            "Particles at the start that those at the end descend from. 1: all share a single early path."),
     Column("refused_share", "refused", kind.SHARE,
            "Share of the sightings and loop closures that the backend's gate rejected."),
+    Column("loops_rejected", "loops rejected", kind.COUNT,
+           "Loop closures that the final path contradicts: beyond what 999 of 1,000 correct ones stay within by their "
+           "stated noise, however the backend treats them. Blank without a final path, and of backends that take no "
+           "loops.", "loop closures that the final path rejects"),
+    Column("loop_precision", "loop precision", kind.SHARE,
+           "Of the loop closures that the final path rejects, the share that are false. Blank where it rejects none, "
+           "or it is not known which are false (false_loops=).", "share of rejected loop closures that are false"),
+    Column("loop_recall", "loop recall", kind.SHARE,
+           "Of the false loop closures, the share that the final path rejects. Blank where none is known.",
+           "share of false loop closures that are rejected"),
     Column("moved_out", "taken out", kind.COUNT,
            "Landmarks taken out of the log because they have moved, with moved=out.", "landmarks taken out as moved"),
     Column("moved_found", "movers found", kind.SHARE,
@@ -282,8 +292,8 @@ METRICS = (
            "Logs of one cluster share a run, a robot or a building, and are not independent of each other. Blank: the "
            "log is independent of all others."),
     Column("repeats", "repeats", kind.COUNT,
-           "Rounds in which the cell was timed (--repeats), each in a process of its own: times are medians over them. "
-           "With 1, every time was measured once."),
+           "Rounds in which the cell was timed (--repeats; by default 5 if it is small), each in a process of its own: "
+           "times are medians over them. With 1, every time was measured once."),
     *(
         Column(name, f"{heading}, {end}", unit,
                f"The {end} end of the 95 % interval of {heading} over the repeats, for this log and the machine as it "
@@ -320,7 +330,7 @@ PAIRS = (
 COST_PAIRS = (
     *PAIRS[:2],
     Column("cost_ratio", "ratio", kind.NUMBER,
-           "Ratio of the second one's cost to the first one's on the same log in the same round of --repeats: the "
+           "Ratio of the second one's cost to the first one's on the same log in the same round: the "
            "geometric mean. Beside it its 95 % interval, over logs and rounds, for the machine as it was."),
     Column("cost_verdict", "verdict", kind.TEXT,
            "Cheaper, or more costly, where the whole interval is beyond 1.5, which is more than load shifted any ratio "

@@ -91,21 +91,22 @@ class Logs:
     """The last few logs that a process has made or loaded, shared by batches."""
 
     def __init__(self) -> None:
-        self._kept: dict[Any, tuple[Dataset, LogFacts]] = {}  # the one that was asked for last is last
+        self._kept: dict[tuple[Any, bool], tuple[Dataset, LogFacts]] = {}  # the one that was asked for last is last
 
     def forget_files(self) -> None:
         """Forgets logs made from files, which may have changed."""
-        for name in [name for name in self._kept if name[3] is None and not datasets.find(name[0]).seeded]:
+        for name in [name for name in self._kept if name[0][3] is None and not datasets.find(name[0][0]).seeded]:
             del self._kept[name]
 
     def get(self, batch: Batch) -> tuple[Dataset, LogFacts]:
         """The batch's log and its facts; SlamduelError where it cannot be made or loaded."""
-        found = self._kept.pop(batch.log, None)
+        name = batch.log, batch.round > 1
+        found = self._kept.pop(name, None)
         if found is None:
             options = batch.dataset, batch.options, batch.seed, batch.map, batch.start
             dataset = _loaded(batch.kept) if batch.kept else made_with_reference(*options)
-            found = dataset, facts_of(dataset)
-        self._kept[batch.log] = found
+            found = dataset, digested(dataset) if batch.round > 1 else facts_of(dataset)  # a repeat is not scored
+        self._kept[name] = found
         while len(self._kept) > LOGS_KEPT:
             del self._kept[next(iter(self._kept))]
         return found
@@ -149,25 +150,30 @@ def unmade(batch: Batch, result: Result, seconds: float) -> Iterator[Finished]:
 
 def _loaded(kept: KeptLog) -> Dataset:
     dataset = archive.load(kept.path)
-    found = facts_of(dataset).digests
+    found = digested(dataset).digests
     if found != kept.digests:
         log, expected = found[0][:12], kept.digests[0][:12]
         raise InputError(f"{kept.path}: holds another log or truth: the log's digest is {log}, expected {expected}.")
     return dataset
 
 
+def digested(dataset: Dataset) -> LogFacts:
+    """The digests and the kind of truth of a log, and nothing that takes long."""
+    log, truth = dataset
+    return LogFacts(log.digest, "", "", {}) if truth is None else LogFacts(log.digest, digest(truth), truth.kind, {})
+
+
 def facts_of(dataset: Dataset) -> LogFacts:
     """The facts of a log with its truth or reference."""
     log, truth = dataset
-    odd = remarked(dataset)
-    said: dict[str, Any] = {"remarks": tuple(odd.all), "mistaken": odd.mistaken}
-    arrays = beside_arrays(log)
+    odd, arrays = remarked(dataset), beside_arrays(log)
+    found = digested(dataset)._replace(truth=arrays, remarks=tuple(odd.all), mistaken=odd.mistaken)
     if truth is None:
-        return LogFacts(log.digest, "", "", arrays, **said)
+        return found
     arrays |= {} if truth.relations is not None else {"t": truth.t, "poses": truth.poses}
     if truth.map is not None:
         arrays |= {"ids": truth.map.ids, "xy": truth.map.xy}
     if truth.assigned is not None:
         steps = np.repeat(np.arange(len(log)), np.diff(log.sighting_first))
         arrays |= {"sighted": truth.assigned, "sighted_at": steps}
-    return LogFacts(log.digest, digest(truth), truth.kind, arrays, **said)
+    return found

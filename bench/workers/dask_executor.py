@@ -61,6 +61,13 @@ class Dask:
         workers = self.cluster.workers().items()
         return max(1, sum(worker["nthreads"] for address, worker in workers if address not in self.unfit))
 
+    @property
+    def times(self) -> bool:
+        """True where machines have a worker for timed cells, and none has two."""
+        workers = self.cluster.workers().items()
+        timed = [one["host"] for address, one in workers if address not in self.unfit and _is_timed(one)]
+        return 0 < len(timed) == len(set(timed))
+
     def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
         """Yields each job as it ends; InputError without a scheduler, or without a usable worker for too long."""
         yield from _Run(self, batches, alone).finished()

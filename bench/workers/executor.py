@@ -16,6 +16,11 @@ class Executor(Protocol):
         """Returns how many jobs it runs at once, as far as known: for estimates and the size of batches."""
         ...
 
+    @property
+    def times(self) -> bool:
+        """True if it can run cells one at a time on each machine, so that their times are comparable."""
+        ...
+
     def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:
         """Yields each job as it ends, in any order; `alone`: one at a time on each machine.
 
@@ -33,6 +38,7 @@ class Here:
 
     name = "here"
     slots = 1
+    times = True
 
     def run(self, batches: Sequence[Batch], *, alone: bool) -> Generator[Finished]:  # noqa: ARG002 - it always is
         """Yields each job as it ends."""

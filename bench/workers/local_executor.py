@@ -34,6 +34,7 @@ class Local:
     """A pool of `workers` processes, forked from one server. Not for several threads at once."""
 
     name = "local"
+    times = True
 
     def __init__(self, workers: int) -> None:
         self.slots = workers

@@ -32,6 +32,11 @@ class Slurm(Dask):
         self.workers = workers
         self.exclusive = exclusive
 
+    @property
+    def times(self) -> bool:
+        """True where each job has its node to itself."""
+        return self.exclusive
+
     def close(self) -> None:
         """Ends the jobs."""
         super().close()

@@ -69,7 +69,8 @@ ROOMS: dict[str, dict[str, set[str]]] = {
     },
     "bench": {
         "words": set(),
-        "measure": set(),
+        "process": set(),
+        "measure": {"process"},
         "contradiction": {"measure", "words"},
         "record": {"measure", "words"},
         "plan": {"words", "measure", "record"},
@@ -89,7 +90,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "suite": {
             "verify", "run", "engine", "report", "workers", "verdict", "drawing", "plan", "record", "measure", "words",
         },
-        "speed": {"workers", "plan", "measure", "drawing", "words"},
+        "speed": {"workers", "plan", "measure", "process", "drawing", "words"},
         "front_ends": {"drawing", "words"},
         "study": {"engine", "workers", "plan", "record", "measure", "words"},
         "claims": {"study", "verdict", "record", "measure", "words"},

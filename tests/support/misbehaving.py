@@ -76,6 +76,15 @@ class FailsWhereAsked(Reckoning):
             raise ValueError("asked for")
 
 
+class Busy(Reckoning):
+    """Takes half a second of CPU time in a step."""
+
+    def trouble(self) -> None:
+        end = time.process_time() + 0.5
+        while time.process_time() < end:
+            pass
+
+
 class Raises(Reckoning):
     def trouble(self) -> None:
         raise ValueError("the [brackets] of this\nmessage are <b>not</b> markup")

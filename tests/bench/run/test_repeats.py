@@ -10,8 +10,8 @@ import pytest
 
 from csv_rows import csv_rows
 from slamduel.bench.cli import main
-from slamduel.bench.engine.engine import RunRequest
 from slamduel.bench.engine.engine import run as run_cells
+from slamduel.bench.engine.request import RunRequest
 from slamduel.bench.plan.plan import Plan
 from slamduel.bench.plan.work import PlannedCell, work_of
 from slamduel.bench.record.schema import COLUMNS, KEY, ROUND
@@ -168,9 +168,12 @@ def test_a_repeat_that_fails_is_told_and_tried_again_where_asked(
     assert status(lines(rows(folder).values())) == 0
 
 
-def test_repeats_beside_other_cells_get_a_sentence(tmp_path: Path) -> None:
-    beside = pytest.raises(InputError, match="repeats: found 3, and cells that run 2 at once, expected one at a time")
-    with contextlib.closing(Local(2)) as executor, Screen(screen_console(quiet=True)) as screen, beside:
+def test_repeats_where_no_cell_can_be_timed_get_a_sentence(tmp_path: Path) -> None:
+    class Untimed(Local):
+        times = False
+
+    unable = pytest.raises(InputError, match="repeats: found 3, and an executor that cannot run cells one at a time")
+    with contextlib.closing(Untimed(2)) as executor, Screen(screen_console(quiet=True)) as screen, unable:
         benchmark({**WORDS, "repeats": 3}, tmp_path / "run", executor, ["bench"], screen)
     with pytest.raises(InputError, match="repeats: found 0, expected a whole number, at least 1"):
         run_in_python("circle", "ekf", repeats=0, out=tmp_path / "other")

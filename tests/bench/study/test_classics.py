@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from slamduel.bench.engine.engine import RunRequest, run
+from slamduel.bench.engine.engine import run
+from slamduel.bench.engine.request import RunRequest
 from slamduel.bench.plan.work import PlannedCell
 from slamduel.bench.study import file as study_file
 from slamduel.bench.study.study import about

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from slamduel.bench.engine.engine import RunRequest, run
+from slamduel.bench.engine.engine import run
+from slamduel.bench.engine.request import RunRequest
 from slamduel.bench.measure.cell import Result
 from slamduel.bench.record.store import Store
 from slamduel.bench.study.estimate import StudyEstimate, estimate

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from slamduel.bench.engine import logs as study_logs
-from slamduel.bench.engine.engine import RunRequest, Tally, run
+from slamduel.bench.engine.engine import Tally, run
 from slamduel.bench.engine.key import log_key
 from slamduel.bench.engine.log_files import FOLDER, LogFiles, same
+from slamduel.bench.engine.request import RunRequest
 from slamduel.bench.measure.cell import Result
 from slamduel.bench.plan import reference
 from slamduel.bench.record.store import Known, Store

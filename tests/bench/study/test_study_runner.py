@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slamduel.bench.engine.engine import RunRequest, Tally, run
+from slamduel.bench.engine.engine import Tally, run
+from slamduel.bench.engine.request import RunRequest
 from slamduel.bench.measure.cell import Result
 from slamduel.bench.record.store import Store
 from slamduel.bench.study.file import made

@@ -9,7 +9,7 @@ from judged_rows import LOGS, rows, timed, told
 from slamduel.bench.measure.repeats import FEWEST_ROUNDS, over_rounds, two_way
 from slamduel.bench.record.schema import Row
 from slamduel.bench.verdict.cost_simulation import COSTS, Case
-from slamduel.bench.verdict.cost_words import compared, meanwhile, repeat_troubles
+from slamduel.bench.verdict.cost_words import basis, compared, meanwhile, repeat_troubles
 from slamduel.bench.verdict.costs import MARGIN, CostRatio, between_runs, compare_costs, cost, is_dearer
 from slamduel.bench.verdict.summary import Line, lines
 from slamduel.bench.verdict.verdict import verdict
@@ -78,8 +78,33 @@ def test_a_round_counts_once_every_cell_has_ended_and_a_log_where_all_are_done()
 
 
 def test_times_beside_other_cells_are_not_compared() -> None:
-    a, b = timed(rows("a", 1, timing_alone=0), *LOADED), timed(rows("b", 1, step=50), *LOADED)
-    assert held(a, b, "step_us_p50") is None
+    once = held(rows("a", 1, timing_alone=0), rows("b", 1, step=50), "step_us_p50")
+    a, b = timed(rows("a", 1), *LOADED), timed(rows("b", 1, step=50), *LOADED)
+    for one in a[2].rounds[:1]:
+        one["timing_alone"] = 0  # pyright: ignore[reportIndexIssue]
+    found = held(a, b, "step_us_p50")
+    for one in a[2].rounds:
+        one["timing_alone"] = 0  # pyright: ignore[reportIndexIssue]
+    assert (once, found.rounds, held(a, b, "step_us_p50")) == (None, 4, None)
+
+
+def test_a_cells_times_are_those_of_the_rounds_that_it_ran_alone() -> None:
+    (cell,) = timed(rows("a", 1, 1, step=10), 9.0, 1.0, 3.0, 2.0, noise=0.0)
+    cell.rounds[0]["timing_alone"] = 0  # pyright: ignore[reportIndexIssue]
+    alone, beside = over_rounds(cell.rounds, TIMED), over_rounds(cell.rounds[:1], TIMED)
+    assert (alone["repeats"], alone["timing_alone"], alone["step_us_p50"]) == (3, 1, pytest.approx(20))
+    assert (beside["repeats"], beside["timing_alone"], beside["step_us_p50"]) == (1, 0, pytest.approx(90))
+
+
+def test_backends_that_were_timed_once_beside_others_that_were_repeated_are_named() -> None:
+    some = of(timed(rows("a", 1), *LOADED), timed(rows("b", 1, step=50), *LOADED), rows("c", 1, step=900))
+    assert basis(some) == (
+        "Times are medians of 5 rounds; those of c were measured once, and are not compared (--repeats 5 does). One is "
+        "called cheaper only beyond 1.5 times: load shifts ratios, too."
+    )
+    assert compare_costs(some[0], some[1], "cpu_s").standing == "cheaper"
+    assert compare_costs(some[0], some[2], "cpu_s").standing == "few"
+    assert "cheaper only" not in basis(some[1:])
 
 
 def test_a_cost_of_nothing_has_no_ratio() -> None:

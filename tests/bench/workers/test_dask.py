@@ -15,11 +15,17 @@ import older_machine
 import slamduel
 from dask_processes import WITHOUT, Processes
 from places import LAYERS
-from slamduel.bench.engine.engine import RunRequest, Tally, run
+from slamduel.bench.engine.engine import Tally, run
+from slamduel.bench.engine.request import RunRequest
 from slamduel.bench.measure.cell import Job
+from slamduel.bench.measure.repeats import ROUNDS
 from slamduel.bench.plan import spec
+from slamduel.bench.plan.plan import Plan
+from slamduel.bench.run.runner import run as run_plan
 from slamduel.bench.study.file import made
 from slamduel.bench.study.study import about
+from slamduel.bench.verdict.costs import compare_costs
+from slamduel.bench.verdict.summary import lines
 from slamduel.bench.words.columns import MACHINE
 from slamduel.bench.workers import dask_cluster
 from slamduel.bench.workers.batch import Batch, Finished
@@ -28,6 +34,7 @@ from slamduel.bench.workers.dask_executor import Dask
 from slamduel.bench.workers.executor import Here
 from slamduel.core.errors import InputError
 from slamduel.datasets.formats.gtsam_text import shipped
+from small_run import Silent, rows
 from small_study import silent
 
 pytestmark = pytest.mark.slow
@@ -234,3 +241,22 @@ def test_the_scheduler_falls_silent_or_dies(
     dask.close()
     processes.scheduler.send_signal(signal.SIGCONT)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("resources", [(), ("--resources", "MACHINE=1")])
+def test_small_cells_of_a_run_are_timed_again_where_there_is_a_worker_for_timed_cells(
+    tmp_path: Path, resources: tuple[str, ...]
+) -> None:
+    words = {"backend": "dead-reckoning,ekf", "dataset": "circle[steps=30]", "seeds": 3, "repeats": None}
+    plan = Plan.from_words({**words, "timeout_s": 60.0, "memory_mb": 4000})
+    (tmp_path / "dask").mkdir()
+    with closing(Processes(tmp_path / "dask")) as there, closing(Dask(there.address)) as dask:
+        there.worker(*resources)
+        there.worker()
+        there.until(lambda: dask.slots == 2)
+        run_plan(plan, tmp_path / "run", dask, ["bench"], Silent())
+    reckoning, ekf = lines(rows(tmp_path / "run").values())
+    found = compare_costs(reckoning, ekf, "cpu_s")
+    assert {row.columns["repeats"] for row in reckoning.rows} == {ROUNDS - 1 if resources else 1}
+    assert reckoning.alone == ekf.alone == bool(resources)
+    assert (None if found is None else (found.logs, found.rounds)) == ((3, ROUNDS - 1) if resources else None)

@@ -216,3 +216,14 @@ def test_the_resource_is_asked_for_where_nobody_has_it(on: Any) -> None:
     dask = on(lambda worker, batch: answer(batch), a={})
     with pytest.raises(InputError, match=r'dask worker tcp://.* --nthreads 1 --resources "MACHINE=1"'):
         list(dask.run(batches(1), alone=True))
+
+
+@pytest.mark.parametrize(
+    ("workers", "times"),
+    [({"a": {}}, False), ({"a": TIMED, "b": {}}, True), ({"a": TIMED, "b": TIMED}, False)],
+    ids=["none for timed cells", "one", "two on a machine"],
+)
+def test_times_are_comparable_where_each_machine_has_one_worker_for_them(
+    on: Any, workers: dict[str, dict[str, Any]], times: bool
+) -> None:
+    assert on(lambda worker, batch: answer(batch), **workers).times is times

@@ -16,12 +16,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 import lasting_workers
 from random_logs import random_log
 from slamduel.backends import registry as backends
 from slamduel.bench.measure.cell import Job, Result
-from slamduel.bench.measure.memory import limited
+from slamduel.bench.process.memory import limited
 from slamduel.bench.workers import local_executor
 from slamduel.bench.workers.batch import Batch, Finished
 from slamduel.bench.workers.batch_queue import BatchQueue
@@ -88,7 +89,8 @@ def pool() -> Generator[Local]:
 
 def test_numbers_are_those_of_this_process_in_any_order(pool: Local) -> None:
     batches = [batch(MANY, seed=seed, first=10 * seed, keep=True) for seed in (0, 1)]
-    here = by_index(Here().run(batches, alone=False))
+    with threadpool_limits(limits=2):  # as many as a notebook may have, and a worker has one
+        here = by_index(Here().run(batches, alone=False))
     single = [dataclasses.replace(one, jobs=(job,)) for one in batches for job in one.jobs]
     random.Random(5).shuffle(single)
     pooled = by_index(pool.run(single, alone=False))
@@ -278,7 +280,7 @@ def test_a_limit_of_memory_is_put_back() -> None:
 
 PEAKS = """
 import numpy as np
-from slamduel.bench.measure.memory import Peak
+from slamduel.bench.process.memory import Peak
 for megabytes in (80, 24, 48):
     peak = Peak()
     held = np.ones(megabytes << 17)

@@ -1,0 +1,1 @@
+"""Clocks, memory and threads of the process that measures."""
