@@ -77,8 +77,10 @@ class Factors:
     def __init__(self, prior: Prior, loss: str = "none", loss_scale: float = 0.0, at_once: bool = False) -> None:
         self.keys = Keys()
         self._prior = prior
-        self._weighed = partial(_weighed, loss, loss_scale)
-        self._noise = lru_cache(64)(partial(_sighting_noise, loss, loss_scale))
+        self.weighed = partial(_weighed, loss, loss_scale)
+        """Gives a noise model the loss."""
+        self.noise = lru_cache(64)(partial(_sighting_noise, loss, loss_scale))
+        """The noise of a sighting, by the bytes of its covariance (2, 2)."""
         self._robust = loss != "none"
         self._newcomers = None if at_once else Newcomers(two=self._robust)
 
@@ -106,7 +108,7 @@ class Factors:
             graph.add(motion_factor(self.keys.pose(k - 1), here, step.odometry))
         if len(step.loops.to):
             for to, delta, cov in zip(step.loops.to.tolist(), step.loops.delta, step.loops.cov, strict=True):
-                graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov), self._weighed))
+                graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov), self.weighed))
         if self._robust and self._newcomers is not None:
             self._newcomers.move(step.odometry)
         known, covs = self.keys.landmarks, step.sightings.cov.tobytes()  # converted once per step: one by one is slow
@@ -142,7 +144,7 @@ class Factors:
 
     def _sighting(self, pose: int, landmark: int, z: list[float], cov: bytes) -> gtsam.BearingRangeFactor2D:
         distance, bearing = z
-        return gtsam.BearingRangeFactor2D(pose, landmark, gtsam.Rot2(bearing), distance, self._noise(cov))
+        return gtsam.BearingRangeFactor2D(pose, landmark, gtsam.Rot2(bearing), distance, self.noise(cov))
 
 
 def pose2(pose: Array) -> gtsam.Pose2:
@@ -154,6 +156,14 @@ def array(pose: gtsam.Pose2) -> Array:
     """Converts a Pose2 to (3,)."""
     heading = pose.theta()
     return np.array((pose.x(), pose.y(), heading if heading > -math.pi else math.pi))
+
+
+def turned(delta: Array, cov: Array) -> Array:
+    """Turns covariances (k, 3, 3) of motions (k, 3) from the frame before a motion to the one after it."""
+    R = np.zeros_like(cov)
+    s, c = np.sin(delta[:, 2]), np.cos(delta[:, 2])
+    R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1], R[:, 2, 2] = c, -s, s, c, 1.0
+    return R.swapaxes(1, 2) @ cov @ R
 
 
 def noise(cov: Array) -> gtsam.noiseModel.Gaussian:

@@ -37,6 +37,7 @@ from ..smoothing.valleys import descend
 from ._whole_log import Columns, linearise_at, write_steps
 from .first_values import first_values
 from .gauss_newton import Fit, eliminate, minimise
+from .headings import by_headings
 
 CHUNK = 100  # most steps of a chunk
 
@@ -85,7 +86,19 @@ class Batch:
 
     def start_by_odometry(self) -> None:
         """Adds everything, with poses from dead reckoning."""
-        for end in chunks(self.log):
+        self._start_along(np.zeros((0, 3)))
+
+    def start_by_headings(self) -> None:
+        """Adds everything, with poses from dead reckoning along headings that loop closures have a part in."""
+        self._start_along(by_headings(self.log))
+
+    def _start_along(self, path: Array) -> None:
+        """Adds everything along a path, or, if that is empty, along dead reckoning.
+
+        A landmark starts where its first chunk has it: later ones may have drifted away.
+        """
+        self._columns = self._columns._replace(start=path)
+        for end in chunks(self.log) if len(self.log.ids) else [len(self.log)]:
             self._write(end)
         self.order()
 

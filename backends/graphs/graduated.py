@@ -9,12 +9,10 @@ that what is left determines them.
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.se2 import Array, Ints, between
-from ...core.small_matrices import inverse
-from ...core.truth_errors import difference
-from ..models import innovation, sight
-from ..smoothing._graph import LANDMARK, NO_VARIABLE, POINT, POSE, SIGHTINGS
+from ...core.se2 import Array, Ints
+from ..smoothing._graph import LANDMARK, NO_VARIABLE, SIGHTINGS
 from .batch import Batch
+from .distances import of_loops, of_sightings
 
 INLIER, INLIER_LOOP = 13.816, 16.266
 """Squared Mahalanobis distance that 999 of 1000 correct sightings stay within, and that of loop closures.
@@ -43,13 +41,14 @@ def leave_out(batch: Batch, iterations: int) -> None:
     """
     g = batch.forest.g
     s = int(g.state[SIGHTINGS])
-    information, loop_information = g.seen[:s, 2:].copy(), inverse(batch.log.loop_cov)
+    information = g.seen[:s, 2:].copy()
     inlier = np.repeat((INLIER, INLIER_LOOP), (s, len(batch.log.loop_to)))
     weights, mu, before = np.ones(len(inlier)), 0.0, np.inf
     if not len(batch.log.loop_to):
         before = batch.fit(COARSE, iterations).cost
     for _ in range(ROUNDS):
-        distance = np.concatenate((_distances(batch, information), _loop_distances(batch, loop_information)))
+        path, landmarks = batch.place()
+        distance = np.concatenate((of_sightings(batch.log, path, landmarks), of_loops(batch.log, path)))
         if mu == 0.0:
             beyond = 2 * distance > inlier
             if not beyond.any():
@@ -67,22 +66,6 @@ def leave_out(batch: Batch, iterations: int) -> None:
     g.sightings[:s, LANDMARK][_left_out(weights[:s], g.sightings[:s, LANDMARK])] = NO_VARIABLE
     batch.weigh_loops(np.where(weights[s:] > HALF, 1.0, 0.0))
     batch.order()
-
-
-def _distances(batch: Batch, information: Array) -> Array:
-    """(s,) the squared Mahalanobis distances of all sightings."""
-    g, s = batch.forest.g, len(information)
-    poses, landmarks = g.values[g.sightings[:s, POSE]], g.values[g.sightings[:s, LANDMARK], :2]
-    e = innovation(g.seen[:s, :2].copy(), sight(poses, landmarks)[0])
-    rr, rb, bb = information.T
-    return rr * e[:, 0] ** 2 + 2 * rb * e[:, 0] * e[:, 1] + bb * e[:, 1] ** 2
-
-
-def _loop_distances(batch: Batch, information: Array) -> Array:
-    """(l,) likewise of all loop closures."""
-    log, path = batch.log, batch.forest.g.steps[:, POINT:]
-    e = difference(between(path[log.loop_to], path[log.loop_step]), log.loop_delta)
-    return np.einsum("li,lij,lj->l", e, information, e)
 
 
 def _weights(distance: Array, inlier: Array, mu: float) -> Array:

@@ -2,9 +2,9 @@
 
 J is the sum of the prior's, every odometry factor's and every sighting's squared Mahalanobis distance
 (`bench/measure/misfit.py`). The optimum is the reference for logs without ground truth. There are two solvers: our own
-and, as an independent check, GTSAM's. GTSAM's residual of a motion is the full logarithm of SE(2), ours the plain
-difference of poses: another J, where motions fit badly. At their minima the two differ by a share of 1e-7 on Victoria
-Park, 7e-6 on Huang's circle and 7e-4 on MRCLAM 6, robot 1; the paths by up to 0.3, 2.9 and 1.5 mm.
+and, as an independent check, GTSAM's, with its native factors. GTSAM's residual of a motion is the full logarithm of
+SE(2), ours the plain difference of poses: another J, where motions fit badly. At their minima the two differ by a share
+of 1e-7 on Victoria Park, 7e-6 on Huang's circle and 7e-4 on MRCLAM 6, robot 1; the paths by up to 0.3, 2.9 and 1.5 mm.
 
 Two options limit the effect of outliers among sightings and loop closures. A robust loss makes J grow slower with
 distance. Graduated non-convexity (H. Yang, P. Antonante, V. Tzoumas and L. Carlone, "Graduated non-convexity for robust

@@ -1,19 +1,23 @@
-"""Minimises J by GTSAM's Levenberg-Marquardt, started from iSAM2's path: a check independent of our solver.
+"""Minimises J by GTSAM's optimizers, from dead reckoning or from iSAM2's path: a check independent of our solver.
 
 GTSAM's error is half of J. Graduated non-convexity is GTSAM's, too.
 """
 
 import contextlib
 from collections.abc import Sequence
+from typing import TypeVar
 
 import gtsam
 import numpy as np
 
-from ...core.factors import Prior, Step
+from ...core.factors import Log, Prior, Step
 from ..api import Diverged, Solution
 from . import isam2
 from ._gtsam import FAILURES, Factors, failure, joint_covariance, path_and_map, pose2
+from .distances import unevenness
 from .graph_options import Options
+from .gtsam_whole import whole
+from .headings import by_headings, reckoned
 
 CHUNK = 100
 """Most steps per iSAM2 update for the initial values: as good as one by one, and much cheaper."""
@@ -25,6 +29,14 @@ Worse initial values are useless: on Huang's circle, where odometry loses 2 degr
 Levenberg-Marquardt at a J two thousand times its minimum.
 """
 
+Params = TypeVar("Params", bound=gtsam.NonlinearOptimizerParams)
+
+AT_ONCE, NEARLY = 10, 1e-6
+"""A fit from dead reckoning is trusted if after that many iterations the error falls by no more than that share."""
+
+ROUNDING = 1e-11
+"""Share of the error below which Levenberg-Marquardt damps more and more to find it fall: it is known no better."""
+
 INLIERS = 0.999
 """Share of correct sightings and loops that graduated non-convexity is to keep: chi-square, of 2 and of 3 dof."""
 
@@ -34,31 +46,73 @@ class GtsamBatch:
 
     def __init__(self, prior: Prior, options: Options, steps: Sequence[Step]) -> None:
         self._prior, self._options, self._steps = prior, options, steps
+        self._log = Log.from_steps("batch", prior, steps)
 
     def optimum(self) -> Solution:
         """Path, map and, where J is curved in every direction, the map's joint covariance."""
         options = self._options
-        robust = options.gnc or options.loss != "none"
-        factors = Factors(self._prior, "none" if options.gnc else options.loss, options.loss_scale, at_once=True)
         try:
-            if options.start == "odometry":
-                graph, values = self._reckoned_start(factors)
-            else:
-                graph, values = self._robust_start(factors) if robust else self._start(factors)
-            if options.gnc:
-                graph = self._inliers(graph, values)
-            optimum = gtsam.LevenbergMarquardtOptimizer(graph, values, self._levenberg_marquardt()).optimize()
+            factors, graph, optimum = self._fitted()
             path, landmarks = path_and_map(factors.keys, len(self._steps), optimum)
         except FAILURES as error:
             raise Diverged(failure(error)) from None
         if not np.isfinite(path).all() or not np.isfinite(landmarks.xy).all():
             raise Diverged("the optimum is not finite")
-        if len(landmarks.ids) > options.joint_up_to:
+        if not 0 < len(landmarks.ids) <= options.joint_up_to:
             return Solution(path, landmarks)
         with contextlib.suppress(*FAILURES):  # J may be flat in some direction, as for a landmark at the robot itself
             cov = joint_covariance(factors.keys, gtsam.Marginals(graph, optimum))
             return Solution(path, landmarks._replace(cov=cov))
         return Solution(path, landmarks)
+
+    def _fitted(self) -> tuple[Factors, gtsam.NonlinearFactorGraph, gtsam.Values]:
+        """All factors and the optimum: from dead reckoning where that is to be trusted, else as the options say."""
+        options = self._options
+        robust = options.gnc or options.loss != "none"
+        if options.start == "auto" and not robust:
+            with contextlib.suppress(Diverged, *FAILURES):
+                factors = self._factors()
+                graph, values = whole(factors, self._log, reckoned(self._log))
+                optimum = self._minimised(graph, values, AT_ONCE)
+                if unevenness(self._log, *path_and_map(factors.keys, len(self._steps), optimum)) <= 1:
+                    return factors, graph, optimum
+        factors = self._factors()
+        if options.start in ("odometry", "headings"):
+            path = reckoned(self._log) if options.start == "odometry" else by_headings(self._log)
+            graph, values = whole(factors, self._log, path)
+        else:
+            graph, values = self._robust_start(factors) if robust else self._start(factors)
+        if options.gnc:
+            graph = self._inliers(graph, values)
+        return factors, graph, self._minimised(graph, values)
+
+    def _factors(self) -> Factors:
+        options = self._options
+        return Factors(self._prior, "none" if options.gnc else options.loss, options.loss_scale, at_once=True)
+
+    def _minimised(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, soon: int = 0) -> gtsam.Values:
+        """The minimum; Diverged where the error falls by more than the share NEARLY in iteration `soon`, if not 0."""
+        one = self._optimizer(graph, values)
+        before = one.error()
+        for k in range(1, self._options.iterations + 1):
+            one.iterate()
+            now = one.error()
+            if not np.isfinite(now):
+                raise Diverged("the error is not finite")
+            if before - now <= max(self._options.relative_tolerance, ROUNDING) * before:
+                break
+            if k == soon and before - now > NEARLY * before:
+                raise Diverged(f"the error still falls after {k} iterations")
+            before = now
+        return one.values()
+
+    def _optimizer(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.NonlinearOptimizer:
+        """GTSAM's optimizer of the options."""
+        if self._options.algorithm == "gauss-newton":
+            return gtsam.GaussNewtonOptimizer(graph, values, self._set(gtsam.GaussNewtonParams()))
+        if self._options.algorithm == "dogleg":
+            return gtsam.DoglegOptimizer(graph, values, self._set(gtsam.DoglegParams()))
+        return gtsam.LevenbergMarquardtOptimizer(graph, values, self._set(gtsam.LevenbergMarquardtParams()))
 
     def _start(self, factors: Factors) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
         """The whole graph, and iSAM2's estimate of it, which LM needs on long logs: from dead reckoning it diverges."""
@@ -84,18 +138,6 @@ class GtsamBatch:
                 held, turned = 0, 0.0
         return isam.getFactorsUnsafe(), isam.calculateBestEstimate()
 
-    def _reckoned_start(self, factors: Factors) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
-        """The whole graph, and dead reckoning as initial values."""
-        pose = pose2(self._prior.pose)
-        graph, values = factors.prior()
-        for k, step in enumerate(self._steps):
-            if step.odometry is not None:
-                pose = pose.compose(pose2(step.odometry.delta))
-            more, more_values = factors.step(k, step, pose)
-            graph.push_back(more)
-            values.insert(more_values)
-        return graph, values
-
     def _robust_start(self, factors: Factors) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
         """The whole graph, and the estimate of an iSAM2 with a robust loss that processes the steps one by one.
 
@@ -107,12 +149,7 @@ class GtsamBatch:
         for step in self._steps:
             online.step(step)
         path, landmarks, *_ = online.finish()
-        graph, values = factors.prior()
-        for k, step in enumerate(self._steps):
-            more, more_values = factors.step(k, step, pose2(path[k]))
-            graph.push_back(more)
-            values.insert(more_values)
-        values.update(factors.keys.pose(0), pose2(path[0]))
+        graph, values = whole(factors, self._log, path)
         for landmark, xy in zip(landmarks.ids.tolist(), landmarks.xy, strict=True):
             values.update(factors.keys.landmark(landmark), xy)
         return graph, values
@@ -120,7 +157,7 @@ class GtsamBatch:
     def _inliers(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.NonlinearFactorGraph:
         """The graph without what graduated non-convexity rejects; a landmark keeps its best sighting."""
         sightings = [i for i in range(graph.size()) if isinstance(graph.at(i), gtsam.BearingRangeFactor2D)]
-        params = gtsam.GncLMParams(self._levenberg_marquardt())
+        params = gtsam.GncLMParams(self._set(gtsam.LevenbergMarquardtParams()))
         params.setLossType(gtsam.GncLossType.TLS)
         params.setKnownInliers(sorted(set(range(graph.size())).difference(sightings, _loops(graph))))
         params.setAllowNonNoiseModelFactors(True)
@@ -139,12 +176,12 @@ class GtsamBatch:
             kept.add(graph.at(i))
         return kept
 
-    def _levenberg_marquardt(self) -> gtsam.LevenbergMarquardtParams:
-        """Tolerances from the options."""
-        params = gtsam.LevenbergMarquardtParams()
+    def _set(self, params: Params) -> Params:
+        """Tolerances and the solver of linear systems from the options."""
         params.setRelativeErrorTol(self._options.relative_tolerance)
         params.setAbsoluteErrorTol(0.0)
         params.setMaxIterations(self._options.iterations)
+        params.setLinearSolverType(self._options.linear.upper().replace("-", "_"))
         return params
 
 

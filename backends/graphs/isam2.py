@@ -156,7 +156,7 @@ class Isam2:
             return self._give_way(error)
 
     def _give_way(self, error: Exception) -> int:
-        """Where Cholesky has failed, makes a tree of all factors by QR, the failed update's among them: they are kept.
+        """Makes, after Cholesky has failed, a tree of all factors by QR, the failed update's among them: they are kept.
 
         Returns the number of variables, which are all linearized anew.
         """

@@ -1,4 +1,8 @@
-"""Minimises J on the incremental smoother's tree, ordered once: see `batch`."""
+"""Minimises J on the incremental smoother's tree, ordered once: see `batch`.
+
+A start that is good enough costs an iteration, one that is certain many: smoothed chunk by chunk. So a cheap start is
+tried first, and its fit is trusted, or not, by what does not depend on how well noise is stated.
+"""
 
 import contextlib
 from collections.abc import Sequence
@@ -14,30 +18,95 @@ from ..smoothing.smoother import Options as SmootherOptions
 from ..smoothing.smoother import Smoother
 from ..smoothing.valleys import freed, here, near
 from .batch import Batch
+from .distances import unevenness
 from .gauss_newton import eliminate
 from .graduated import leave_out
 from .graph_options import Options
 
 FREED = 100  # most iterations of each further fit where landmarks are passed over
 
+AT_ONCE = 10
+"""Most iterations of a fit that may be trusted.
+
+From dead reckoning that is too far off, J falls slowly, or ends in another minimum after many more. How many it takes
+does not depend on the scale of the noise that is stated.
+"""
+
+SAME = 1e-6  # relative difference of J up to which two fits end at one minimum
+
 
 def optimum(prior: Prior, options: Options, steps: Sequence[Step]) -> Solution:
     """Path, map and, where J is curved in every direction, the covariances of both; Diverged without an optimum."""
     log = Log.from_steps("batch", prior, steps)
-    if options.start == "odometry":
-        batch = _empty(log, options)
-        batch.start_by_odometry()
-    elif options.gnc or options.loss != "none":
-        batch = _started_online(log, options, steps)
+    trusted = False
+    if options.start == "auto" and not options.gnc and options.loss == "none":
+        batch, converged, trusted = _chosen(log, options)
     else:
-        batch = _empty(log, options)
-        batch.start_by_chunks()
-    if options.gnc:
-        leave_out(batch, options.iterations)
-    converged = _fit(batch, options)
+        batch = _started(log, options, steps)
+        if options.gnc:
+            leave_out(batch, options.iterations)
+        converged = _fit(batch, options)
     if near(batch.forest.g) and not options.gnc:
-        batch = _freed(batch, options, steps)
+        batch = _freed(batch, options, () if trusted else steps)
     return batch.solution(options.joint_up_to, options.iterations, converged)
+
+
+def _chosen(log: Log, options: Options) -> tuple[Batch, bool, bool]:
+    """A fit, whether it converged and is trusted: one from a cheap start if so, else the lowest of all starts."""
+    tried = list[Batch]()
+    with contextlib.suppress(Diverged):
+        if _is_trusted(log, options, tried):
+            return tried[0], True, True
+    batch = _empty(log, options)
+    batch.start_by_chunks()
+    converged = _fit(batch, options)
+    lower = min(tried, key=lambda one: here(one.forest), default=batch)
+    if here(lower.forest) < here(batch.forest) * (1 - SAME):
+        with contextlib.suppress(Diverged):
+            lower.refit()
+            return lower, _fit(lower, options), False
+    return batch, converged, False
+
+
+def _is_trusted(log: Log, options: Options, tried: list[Batch]) -> bool:
+    """Tells if the fit from a cheap start is to be trusted; its batches are added to `tried`, that one first.
+
+    It takes few iterations, and its distances are even or the other start takes few, too, to the same J.
+    """
+    for start in ("headings", "odometry") if len(log.loop_to) else ("odometry",):
+        batch = _empty(log, options)
+        _start(batch, start)
+        tried.append(batch)
+        if not batch.fit(options.relative_tolerance, min(AT_ONCE, options.iterations)).converged:
+            return False
+        if len(tried) == 1:
+            uneven = unevenness(log, *batch.place())
+            if uneven <= 1 or uneven == np.inf:
+                return uneven <= 1
+    return len(tried) == 2 and _are_same(tried)
+
+
+def _are_same(batches: Sequence[Batch]) -> bool:
+    costs = [here(batch.forest) for batch in batches]
+    return max(costs) - min(costs) <= SAME * min(costs)
+
+
+def _started(log: Log, options: Options, steps: Sequence[Step]) -> Batch:
+    """A batch as the options say, from a robust smoother where outliers are to be expected."""
+    if options.start in ("auto", "incremental") and (options.gnc or options.loss != "none"):
+        return _started_online(log, options, steps)
+    batch = _empty(log, options)
+    _start(batch, options.start)
+    return batch
+
+
+def _start(batch: Batch, start: str) -> None:
+    if start == "headings":
+        batch.start_by_headings()
+    elif start == "odometry":
+        batch.start_by_odometry()
+    else:
+        batch.start_by_chunks()
 
 
 def _empty(log: Log, options: Options) -> Batch:
@@ -50,12 +119,13 @@ def _fit(batch: Batch, options: Options) -> bool:
 
 
 def _freed(batch: Batch, options: Options, steps: Sequence[Step]) -> Batch:
-    """The lowest fit of a log with landmarks that are passed over: also from softened bearings, and another start."""
+    """The lowest fit of a log with landmarks that are passed over: from softened bearings, and from `steps`, too."""
     options, batches = replace(options, iterations=min(options.iterations, FREED)), [batch]
-    with contextlib.suppress(Diverged):
-        other = _started_online(batch.log, options, steps)
-        _fit(other, options)
-        batches.append(other)
+    if steps:
+        with contextlib.suppress(Diverged):
+            other = _started_online(batch.log, options, steps)
+            _fit(other, options)
+            batches.append(other)
     for one in batches:
         if eliminate(one.forest):
             freed(one.forest, partial(_fit, one, options))

@@ -26,7 +26,7 @@ from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.outliers import swapped
 from tiers import first_quick
 
-STARTS = ("incremental", "odometry")
+STARTS = ("auto", "headings", "incremental", "odometry")
 
 
 def optimum(log: Log, **options: Any) -> Solution:
