@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.dead_reckoning import summed
 from ...core.factors import Map, Prior, Step
 from ...core.options import option
-from ...core.se2 import Array, Ints, act, between, compose, rotation
+from ...core.se2 import Array, act, between, compose, rotation
 from ...core.truth_errors import rows_of
 from .. import common_options
 from ..api import Belief, Builder, Diverged, Pose, Solution, Unsuited
@@ -222,7 +223,7 @@ def _measured(z: Array, cov: Array, at: Array) -> tuple[Array, Array]:
     return at + off, H.swapaxes(1, 2) @ np.linalg.solve(cov, H)
 
 
-def _lines(tag: str, *columns: Array | Ints) -> list[str]:
+def _lines(tag: str, *columns: NDArray[Any]) -> list[str]:
     """One line for each row of the columns, (n,) or (n, k), in so many digits that they are read as they are."""
     parts = [(part, "%d" if c.dtype.kind == "i" else "%.17g") for c in columns for part in np.atleast_2d(c.T).tolist()]
     form = " ".join((tag, *(form for _, form in parts)))
