@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import graph_in_gtsam
+import slamduel
 from fuzzing import survivors
 from graph_round_trip import all_kinds, assert_same_graph
 from refusals import refused, refused_at
@@ -207,3 +208,12 @@ def test_values_may_be_under_their_keys_and_the_start_is_the_true_one_without_a_
     assert truth.poses[:, 0].tolist() == [1, 2, 3]
     assert log.prior.pose.tolist() == [1, 2, 0.5]
     assert log.notes["outliers"] == "2, 1 of them loop closures, which alone are marked"
+
+
+@pytest.mark.slow
+def test_a_run_takes_a_log_per_seed_where_its_noise_is_drawn(tmp_path: Path) -> None:
+    write_jrl(path := tmp_path / "log.jrl", all_kinds(2))
+    drawn = slamduel.run(f'jrl[path="{path}",draw=true]', "graph", seeds=3, out=tmp_path / "drawn").cells
+    assert (len(drawn), len({row["digest"] for row in drawn})) == (3, 3)
+    assert {row["truth_kind"] for row in drawn} == {"truth"}
+    assert len(slamduel.run(f'jrl[path="{path}"]', "graph", seeds=3, out=tmp_path / "one").cells) == 1
