@@ -20,9 +20,8 @@ from ...core.se2 import Array
 
 ROUNDS = 5  # in which small cells are timed where no number is given
 SMALL_S = 0.15
-"""CPU time in s up to which a cell is small. Starting, loading and warming up cost another 0.06 s in each round.
-
-The demo's longest small cells take half of it and its shortest others thrice, so that most machines repeat the same."""
+"""CPU time in s up to which a cell is small. Starting, loading and warming up cost another 0.06 s in each round. The
+demo's longest small cells take half of it and its shortest others thrice: most machines repeat the same ones."""
 
 MOST_CELLS = 100
 """Small cells of a backend on a dataset up to which they are repeated: with more it would take minutes."""

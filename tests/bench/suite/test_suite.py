@@ -353,7 +353,7 @@ def test_a_log_that_differs_by_rounding_is_the_suites_and_any_other_is_left_out(
 
 
 def test_the_packaged_suites_can_be_read_and_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
-    names = ["quick", "simulated", "real", "camera", "laser", "speed"]
+    names = ["quick", "simulated", "real", "camera", "laser", "speed", "programs"]
     assert suite_file.packaged() == names
     assert all(suite_file.read(name).runs for name in names)
     assert main(["suite", "--list"]) == main(["suite"]) == 0
