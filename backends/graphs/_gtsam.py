@@ -15,8 +15,8 @@ from ...core.factors import Map, Odometry, Prior, Step
 from ...core.se2 import Array, Ints, rotation
 from ..api import Expected
 from ..common_options import LOSSES
-from ..models import place
 from ..newcomers import Newcomers
+from ..smoothing._graph import NEAR_SDS
 from ..vicinity import with_held
 
 FIXED_SD = 1e-6
@@ -80,8 +80,10 @@ class Factors:
         self.weighed = partial(_weighed, loss, loss_scale)
         """Gives a noise model the loss."""
         self.noise = lru_cache(64)(partial(_sighting_noise, loss, loss_scale))
-        """The noise of a sighting, by the bytes of its covariance (2, 2)."""
+        """The noise of a sighting, by the bytes of its covariance (2, 2) in GTSAM's order."""
         self._robust = loss != "none"
+        self.closest = math.inf
+        """m; the nearest sighting's range, or NEAR_SDS standard deviations of it if that is more."""
         self._newcomers = None if at_once else Newcomers(two=self._robust)
 
     def prior(self) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
@@ -111,9 +113,11 @@ class Factors:
                 graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov), self.weighed))
         if self._robust and self._newcomers is not None:
             self._newcomers.move(step.odometry)
-        known, covs = self.keys.landmarks, step.sightings.cov.tobytes()  # converted once per step: one by one is slow
+        known, covs = self.keys.landmarks, in_order(step.sightings.cov)  # once per step: one by one is slow
         for i, (landmark, z) in enumerate(zip(step.sightings.ids.tolist(), step.sightings.z.tolist(), strict=True)):
             cov = covs[BYTES * i : BYTES * (i + 1)]
+            if z[0] < self.closest:
+                self.closest = min(self.closest, max(z[0], NEAR_SDS * math.sqrt(step.sightings.cov[i, 0, 0])))
             to = known.get(landmark)
             if to is None:
                 if self._newcomers is not None:
@@ -122,9 +126,10 @@ class Factors:
                         continue
                     for at, z_before, cov_before in held[:-1]:
                         before = self.keys.pose(at), self.keys.landmark(landmark)
-                        graph.add(self._sighting(*before, z_before.tolist(), cov_before.tobytes()))
+                        graph.add(self._sighting(*before, z_before.tolist(), in_order(cov_before[None])))
                 to = self.keys.landmark(landmark)
-                values.insert(to, place(array(guess), np.array((max(z[0], NEAREST), z[1])))[0])
+                r = max(z[0], NEAREST)
+                values.insert(to, guess.transformFrom(np.array((r * math.cos(z[1]), r * math.sin(z[1])))))
             graph.add(self._sighting(here, to, z, cov))
         return graph, values
 
@@ -164,6 +169,11 @@ def turned(delta: Array, cov: Array) -> Array:
     s, c = np.sin(delta[:, 2]), np.cos(delta[:, 2])
     R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1], R[:, 2, 2] = c, -s, s, c, 1.0
     return R.swapaxes(1, 2) @ cov @ R
+
+
+def in_order(cov: Array) -> bytes:
+    """The covariances (k, 2, 2) of sightings in GTSAM's order, as bytes."""
+    return cov[:, ::-1, ::-1].tobytes()
 
 
 def noise(cov: Array) -> gtsam.noiseModel.Gaussian:
@@ -226,8 +236,8 @@ def motion_factor(
 
 
 def _sighting_noise(loss: str, loss_scale: float, cov: bytes) -> gtsam.noiseModel.Base:
-    """The noise of a sighting with covariance `cov`, the bytes of (2, 2), in GTSAM's order and with its robust loss."""
-    return _weighed(loss, loss_scale, noise(np.frombuffer(cov).reshape(2, 2)[::-1, ::-1]))
+    """The noise of a sighting with covariance `cov`, the bytes of (2, 2) in GTSAM's order, and its robust loss."""
+    return _weighed(loss, loss_scale, noise(np.frombuffer(cov).reshape(2, 2)))
 
 
 def _weighed(loss: str, loss_scale: float, model: gtsam.noiseModel.Base) -> gtsam.noiseModel.Base:
