@@ -104,16 +104,19 @@ class Factors:
         A new landmark is initialised by ArUco EKF SLAM, eq. (17). A held-back sighting is used if its step is not
         before `since`.
         """
-        graph, values, here = gtsam.NonlinearFactorGraph(), gtsam.Values(), self.keys.pose(k)
+        graph, values, here = gtsam.NonlinearFactorGraph(), gtsam.Values(), FIRST_POSE + k
         if step.odometry is not None:
             values.insert(j=here, pose2=guess)  # by name: else GTSAM tries four conversions first
-            graph.add(motion_factor(self.keys.pose(k - 1), here, step.odometry))
+            graph.add(motion_factor(here - 1, here, step.odometry))
         if len(step.loops.to):
             for to, delta, cov in zip(step.loops.to.tolist(), step.loops.delta, step.loops.cov, strict=True):
                 graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov), self.weighed))
         if self._robust and self._newcomers is not None:
             self._newcomers.move(step.odometry)
+        if not len(step.sightings.ids):
+            return graph, values
         known, covs = self.keys.landmarks, in_order(step.sightings.cov)  # once per step: one by one is slow
+        add, factor, Rot2, noise_of = graph.add, gtsam.BearingRangeFactor2D, gtsam.Rot2, self.noise
         for i, (landmark, z) in enumerate(zip(step.sightings.ids.tolist(), step.sightings.z.tolist(), strict=True)):
             cov = covs[BYTES * i : BYTES * (i + 1)]
             if z[0] < self.closest:
@@ -126,11 +129,12 @@ class Factors:
                         continue
                     for at, z_before, cov_before in held[:-1]:
                         before = self.keys.pose(at), self.keys.landmark(landmark)
-                        graph.add(self._sighting(*before, z_before.tolist(), in_order(cov_before[None])))
+                        r, bearing = z_before.tolist()
+                        add(factor(*before, Rot2(bearing), r, noise_of(in_order(cov_before[None]))))
                 to = self.keys.landmark(landmark)
                 r = max(z[0], NEAREST)
                 values.insert(to, guess.transformFrom(np.array((r * math.cos(z[1]), r * math.sin(z[1])))))
-            graph.add(self._sighting(here, to, z, cov))
+            add(factor(here, to, Rot2(z[1]), z[0], noise_of(cov)))
         return graph, values
 
     def forget(self, landmarks: Iterable[int]) -> None:
@@ -146,10 +150,6 @@ class Factors:
         """The expectation after step `last`, with landmarks that are held back."""
         held = self._newcomers.alone() if self._robust and self._newcomers is not None else {}
         return with_held(found, held, self._newcomers, odometry, last) if held and self._newcomers else found
-
-    def _sighting(self, pose: int, landmark: int, z: list[float], cov: bytes) -> gtsam.BearingRangeFactor2D:
-        distance, bearing = z
-        return gtsam.BearingRangeFactor2D(pose, landmark, gtsam.Rot2(bearing), distance, self.noise(cov))
 
 
 def pose2(pose: Array) -> gtsam.Pose2:

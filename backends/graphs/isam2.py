@@ -71,9 +71,10 @@ class Isam2:
             self._around.fold(graph, values, self._factors.keys.pose(self._steps), moved=moved)
         self._pose = self._latest(guess)
         self._steps += 1
-        if not math.isfinite(self._pose.x() + self._pose.y() + self._pose.theta()):
+        x, y, heading = self._pose.x(), self._pose.y(), self._pose.theta()
+        if not math.isfinite(x + y + heading):
             raise Diverged("the latest pose is not finite")
-        return array(self._pose)
+        return np.array((x, y, heading if heading > -math.pi else math.pi))
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by joint marginals; one that is held back is offered, too."""
@@ -141,7 +142,7 @@ class Isam2:
 
     def _tree(self) -> gtsam.ISAM2:
         """An empty Bayes tree."""
-        return gtsam.ISAM2(_params(self._options, self._threshold, self._factorization))
+        return gtsam.ISAM2(parameters(self._options, self._threshold, self._factorization))
 
     def _update(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool = False) -> int:
         """Adds factors, and returns the number of variables that were relinearized."""
@@ -196,7 +197,7 @@ class Isam2:
             return self._isam.marginalFactor(key)
 
 
-def _params(options: Options, threshold: float, factorization: str) -> gtsam.ISAM2Params:
+def parameters(options: Options, threshold: float, factorization: str) -> gtsam.ISAM2Params:
     """GTSAM's parameters, with that relinearize threshold and factorization."""
     params = gtsam.ISAM2Params()
     params.setRelinearizeThreshold(threshold)

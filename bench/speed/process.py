@@ -100,6 +100,10 @@ def _attempted(subject: Subject, here: World, process: Process) -> list[TimingRo
         if subject.name == "isam2":
             backend = surveyed(subject, here, process)
             rows += isam2_parts(backend, here.drive, process.extent.seconds, landmarks, subject.label)
+            from .hand_loop import beside_hand_loop  # a large library
+
+            backend = surveyed(subject, here, process)
+            rows += beside_hand_loop(backend, subject.options, here, process.extent.seconds, subject.label)
         return rows
     except Exception as error:  # whatever a backend raises, the others go on
         reason = said_of(error)
