@@ -15,8 +15,8 @@ from ...core.factors import Map, Odometry, Prior, Step
 from ...core.se2 import Array, Ints, rotation
 from ..api import Expected
 from ..common_options import LOSSES
-from ..models import place
 from ..newcomers import Newcomers
+from ..smoothing._graph import NEAR_SDS
 from ..vicinity import with_held
 
 FIXED_SD = 1e-6
@@ -80,8 +80,10 @@ class Factors:
         self.weighed = partial(_weighed, loss, loss_scale)
         """Gives a noise model the loss."""
         self.noise = lru_cache(64)(partial(_sighting_noise, loss, loss_scale))
-        """The noise of a sighting, by the bytes of its covariance (2, 2)."""
+        """The noise of a sighting, by the bytes of its covariance (2, 2) in GTSAM's order."""
         self._robust = loss != "none"
+        self.closest = math.inf
+        """m; the nearest sighting's range, or NEAR_SDS standard deviations of it if that is more."""
         self._newcomers = None if at_once else Newcomers(two=self._robust)
 
     def prior(self) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
@@ -102,18 +104,23 @@ class Factors:
         A new landmark is initialised by ArUco EKF SLAM, eq. (17). A held-back sighting is used if its step is not
         before `since`.
         """
-        graph, values, here = gtsam.NonlinearFactorGraph(), gtsam.Values(), self.keys.pose(k)
+        graph, values, here = gtsam.NonlinearFactorGraph(), gtsam.Values(), FIRST_POSE + k
         if step.odometry is not None:
             values.insert(j=here, pose2=guess)  # by name: else GTSAM tries four conversions first
-            graph.add(motion_factor(self.keys.pose(k - 1), here, step.odometry))
+            graph.add(motion_factor(here - 1, here, step.odometry))
         if len(step.loops.to):
             for to, delta, cov in zip(step.loops.to.tolist(), step.loops.delta, step.loops.cov, strict=True):
                 graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov), self.weighed))
         if self._robust and self._newcomers is not None:
             self._newcomers.move(step.odometry)
-        known, covs = self.keys.landmarks, step.sightings.cov.tobytes()  # converted once per step: one by one is slow
+        if not len(step.sightings.ids):
+            return graph, values
+        known, covs = self.keys.landmarks, in_order(step.sightings.cov)  # once per step: one by one is slow
+        add, factor, Rot2, noise_of = graph.add, gtsam.BearingRangeFactor2D, gtsam.Rot2, self.noise
         for i, (landmark, z) in enumerate(zip(step.sightings.ids.tolist(), step.sightings.z.tolist(), strict=True)):
             cov = covs[BYTES * i : BYTES * (i + 1)]
+            if z[0] < self.closest:
+                self.closest = min(self.closest, max(z[0], NEAR_SDS * math.sqrt(step.sightings.cov[i, 0, 0])))
             to = known.get(landmark)
             if to is None:
                 if self._newcomers is not None:
@@ -122,10 +129,12 @@ class Factors:
                         continue
                     for at, z_before, cov_before in held[:-1]:
                         before = self.keys.pose(at), self.keys.landmark(landmark)
-                        graph.add(self._sighting(*before, z_before.tolist(), cov_before.tobytes()))
+                        r, bearing = z_before.tolist()
+                        add(factor(*before, Rot2(bearing), r, noise_of(in_order(cov_before[None]))))
                 to = self.keys.landmark(landmark)
-                values.insert(to, place(array(guess), np.array((max(z[0], NEAREST), z[1])))[0])
-            graph.add(self._sighting(here, to, z, cov))
+                r = max(z[0], NEAREST)
+                values.insert(to, guess.transformFrom(np.array((r * math.cos(z[1]), r * math.sin(z[1])))))
+            add(factor(here, to, Rot2(z[1]), z[0], noise_of(cov)))
         return graph, values
 
     def forget(self, landmarks: Iterable[int]) -> None:
@@ -141,10 +150,6 @@ class Factors:
         """The expectation after step `last`, with landmarks that are held back."""
         held = self._newcomers.alone() if self._robust and self._newcomers is not None else {}
         return with_held(found, held, self._newcomers, odometry, last) if held and self._newcomers else found
-
-    def _sighting(self, pose: int, landmark: int, z: list[float], cov: bytes) -> gtsam.BearingRangeFactor2D:
-        distance, bearing = z
-        return gtsam.BearingRangeFactor2D(pose, landmark, gtsam.Rot2(bearing), distance, self.noise(cov))
 
 
 def pose2(pose: Array) -> gtsam.Pose2:
@@ -164,6 +169,11 @@ def turned(delta: Array, cov: Array) -> Array:
     s, c = np.sin(delta[:, 2]), np.cos(delta[:, 2])
     R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1], R[:, 2, 2] = c, -s, s, c, 1.0
     return R.swapaxes(1, 2) @ cov @ R
+
+
+def in_order(cov: Array) -> bytes:
+    """The covariances (k, 2, 2) of sightings in GTSAM's order, as bytes."""
+    return cov[:, ::-1, ::-1].tobytes()
 
 
 def noise(cov: Array) -> gtsam.noiseModel.Gaussian:
@@ -226,8 +236,8 @@ def motion_factor(
 
 
 def _sighting_noise(loss: str, loss_scale: float, cov: bytes) -> gtsam.noiseModel.Base:
-    """The noise of a sighting with covariance `cov`, the bytes of (2, 2), in GTSAM's order and with its robust loss."""
-    return _weighed(loss, loss_scale, noise(np.frombuffer(cov).reshape(2, 2)[::-1, ::-1]))
+    """The noise of a sighting with covariance `cov`, the bytes of (2, 2) in GTSAM's order, and its robust loss."""
+    return _weighed(loss, loss_scale, noise(np.frombuffer(cov).reshape(2, 2)))
 
 
 def _weighed(loss: str, loss_scale: float, model: gtsam.noiseModel.Base) -> gtsam.noiseModel.Base:

@@ -7,7 +7,7 @@ from ...core.factors import Log
 from ...core.se2 import Array
 from ...core.truth_errors import rows_of
 from ..models import place
-from ._gtsam import BYTES, NEAREST, Factors, turned
+from ._gtsam import BYTES, NEAREST, Factors, in_order, turned
 
 
 def whole(factors: Factors, log: Log, path: Array) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
@@ -47,6 +47,6 @@ def _add_sightings(
             values.insert(key, places[k])
     keys = np.array([factors.keys.landmarks[i] for i in ids.tolist()])
     ends = np.column_stack((factors.keys.pose(0) + log.sighting_step, keys[rows_of(ids, log.ids)])).tolist()
-    covs, factor, Rot2 = log.z_cov.tobytes(), gtsam.BearingRangeFactor2D, gtsam.Rot2
+    covs, factor, Rot2 = in_order(log.z_cov), gtsam.BearingRangeFactor2D, gtsam.Rot2
     for i, ((pose, landmark), (distance, bearing)) in enumerate(zip(ends, log.z.tolist(), strict=True)):
         graph.add(factor(pose, landmark, Rot2(bearing), distance, factors.noise(covs[BYTES * i : BYTES * (i + 1)])))

@@ -18,7 +18,6 @@ from ...core.options import option
 from ...core.se2 import Array, rotation
 from .. import common_options
 from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Expected, Pose, Solution
-from ..smoothing._graph import NEAR_SDS
 from ..smoothing.smoother import SMALL
 from ..vicinity import Vicinity, first_expected
 from ._gtsam import FAILURES, Factors, array, failure, joint_covariance, path_and_map, pose2, to_world
@@ -55,7 +54,6 @@ class Isam2:
         self._gave_way = ""  # where Cholesky failed
         self._threshold = options.relinearize_threshold
         self._isam = self._tree()
-        self._closest = math.inf  # m; the nearest sighting's range, or NEAR_SDS standard deviations of it
         self._factors = Factors(prior, options.loss, options.loss_scale)
         self._prior, self._vicinity, self._around = prior, Vicinity(follows=True), Neighbourhood(self._isam)
         self._steps = 0
@@ -66,8 +64,6 @@ class Isam2:
         """Adds the step's factors at the current estimate and returns the latest pose alone."""
         if self._vicinity.used:
             self._vicinity.move(step.odometry)
-        if len(step.sightings.ids):
-            self._closest = min(self._closest, _closest(step.sightings))
         guess = self._pose if step.odometry is None else self._pose.compose(pose2(step.odometry.delta))
         graph, values = self._factors.step(self._steps, step, guess)
         moved = self._update(graph, values) > 0
@@ -75,10 +71,10 @@ class Isam2:
             self._around.fold(graph, values, self._factors.keys.pose(self._steps), moved=moved)
         self._pose = self._latest(guess)
         self._steps += 1
-        pose = array(self._pose)
-        if not math.isfinite(sum(pose.tolist())):
+        x, y, heading = self._pose.x(), self._pose.y(), self._pose.theta()
+        if not math.isfinite(x + y + heading):
             raise Diverged("the latest pose is not finite")
-        return pose
+        return np.array((x, y, heading if heading > -math.pi else math.pi))
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by joint marginals; one that is held back is offered, too."""
@@ -118,7 +114,7 @@ class Isam2:
         is lower.
         """
         converged, values = self._settled()
-        threshold = self._closest / SMALL
+        threshold = self._factors.closest / SMALL
         if threshold < self._options.relinearize_threshold:
             graph, before = self._isam.getFactorsUnsafe(), self._isam
             self._threshold = threshold
@@ -146,7 +142,7 @@ class Isam2:
 
     def _tree(self) -> gtsam.ISAM2:
         """An empty Bayes tree."""
-        return gtsam.ISAM2(_params(self._options, self._threshold, self._factorization))
+        return gtsam.ISAM2(parameters(self._options, self._threshold, self._factorization))
 
     def _update(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool = False) -> int:
         """Adds factors, and returns the number of variables that were relinearized."""
@@ -201,7 +197,7 @@ class Isam2:
             return self._isam.marginalFactor(key)
 
 
-def _params(options: Options, threshold: float, factorization: str) -> gtsam.ISAM2Params:
+def parameters(options: Options, threshold: float, factorization: str) -> gtsam.ISAM2Params:
     """GTSAM's parameters, with that relinearize threshold and factorization."""
     params = gtsam.ISAM2Params()
     params.setRelinearizeThreshold(threshold)
@@ -211,11 +207,6 @@ def _params(options: Options, threshold: float, factorization: str) -> gtsam.ISA
     # Always back-substitute in full: results then do not depend on earlier queries.
     params.setOptimizationParams(gtsam.ISAM2GaussNewtonParams(0.0))
     return params
-
-
-def _closest(sightings: RangeBearing) -> float:
-    """The least range (m) of sightings, one or more, or NEAR_SDS standard deviations of it if that is more."""
-    return float(np.maximum(sightings.z[:, 0], NEAR_SDS * np.sqrt(sightings.cov[:, 0, 0])).min())
 
 
 build = Builder(Isam2, options=Options, loops=True, minimises=common_options.without_loss, implementation=GTSAM_WHEEL)

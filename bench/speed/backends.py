@@ -99,6 +99,10 @@ def measure(process: Process) -> list[TimingRow]:
         if subject.name == "isam2":
             backend = surveyed(subject, here, process)
             rows += isam2_parts(backend, here.drive, extent.seconds, process.landmarks, subject.label)
+            from .hand_loop import beside_hand_loop  # a large library
+
+            backend = surveyed(subject, here, process)
+            rows += beside_hand_loop(backend, subject.options, here, extent.seconds, subject.label)
     return rows
 
 

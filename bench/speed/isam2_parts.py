@@ -19,6 +19,8 @@ PYTHON = "Python's own"  # the rest of a step: making factors
 
 PARTS = ("update", "latest pose", PYTHON)
 
+WHOLE, BY_HAND = "whole step", "by hand"  # of the backend, and of a loop by hand, in turns
+
 _UPDATE, _LATEST, _ISAM = "_update", "_latest", "_isam"  # their names in the backend
 
 

@@ -9,7 +9,7 @@ from rich.table import Table
 from ...core.files import csv_text
 from ..words.console import plain
 from ..words.numerals import listed, number
-from .isam2_parts import PARTS
+from .isam2_parts import BY_HAND, PARTS, WHOLE
 from .timing import FIFTHS, TimingRow
 
 COLUMNS = (
@@ -50,14 +50,18 @@ def turns_table(rows: Sequence[TimingRow], which: str) -> Table:
 
 
 def part_table(rows: Sequence[TimingRow]) -> Table:
-    """Makes the table of an iSAM2 step's parts."""
+    """Makes the table of an iSAM2 step's parts, and of the step beside a loop over GTSAM by hand."""
     table = _table("Where a step of iSAM2 goes, µs, timed apart", "backend", "part")
     for heading in ("N", "mean", "of a step", "p50", "p99"):
         table.add_column(heading, justify="right", no_wrap=True)
+    by_hand = {(row.beside, row.landmarks): row.timing for row in rows if row.name == BY_HAND and row.timing}
     for row in rows:
         if row.kind == "part" and row.timing is not None:
             whole = step_of_parts(rows, row.beside, row.landmarks)
             share = f"{100 * row.timing.mean / whole:.1f} %" if row.name in PARTS else "apart"
+            if row.name == WHOLE:
+                other = by_hand[row.beside, row.landmarks]
+                share = f"{row.timing.mean / other.mean:.2f} \N{MULTIPLICATION SIGN} by hand"
             figures = (number(row.timing.mean), share, number(row.timing.p50), number(row.timing.p99))
             table.add_row(plain(row.beside), row.name, f"{row.landmarks:,}", *figures)
     return table

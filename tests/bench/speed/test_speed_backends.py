@@ -13,7 +13,7 @@ from slamduel.backends.api import NoOptions
 from slamduel.bench.cli import main
 from slamduel.bench.speed import process
 from slamduel.bench.speed.backends import measure
-from slamduel.bench.speed.isam2_parts import PARTS, Stopwatch
+from slamduel.bench.speed.isam2_parts import BY_HAND, PARTS, WHOLE, Stopwatch
 from slamduel.bench.speed.process import Process, Stretch, Subject
 from slamduel.bench.speed.tables import COLUMNS, as_csv, step_of_parts, turns_table
 from slamduel.bench.speed.timing import LEAST, Timing, TimingRow, in_turns, timing
@@ -160,7 +160,7 @@ def test_isam2_is_taken_apart_and_what_fails_is_a_reason(monkeypatch: pytest.Mon
     monkeypatch.syspath_prepend(SUPPORT)
     bad = Subject("bad", "misbehaving:raises", NoOptions())
     rows = measure(Process((_subject("ekf"), bad, _subject("isam2")), 10, LITTLE))
-    assert [row.name for row in rows] == ["bad", "ekf", "isam2", *PARTS, "marginal", "back-substitution"]
+    assert [row.name for row in rows] == ["bad", "ekf", "isam2", *PARTS, "marginal", "back-substitution", WHOLE, BY_HAND]
     assert [row.implementation for row in rows[1:3]] == ["compiled here", "GTSAM's wheel"]
     assert "ValueError" in rows[0].reason
     assert "misbehaving.py:" in rows[0].reason
