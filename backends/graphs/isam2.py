@@ -138,7 +138,14 @@ class Isam2:
             converged = self._update(gtsam.NonlinearFactorGraph(), gtsam.Values(), relinearize=True) == 0
             if converged:
                 break
-        return converged, self._isam.calculateBestEstimate()
+        return converged, self._estimate()
+
+    def _estimate(self) -> gtsam.Values:
+        """All variables, by full back-substitution."""
+        try:
+            return self._isam.calculateBestEstimate()
+        except FAILURES as error:
+            raise Diverged(failure(error)) from None
 
     def _tree(self) -> gtsam.ISAM2:
         """An empty Bayes tree."""
@@ -154,16 +161,19 @@ class Isam2:
     def _give_way(self, error: Exception) -> int:
         """Makes, after Cholesky has failed, a tree of all factors by QR, the failed update's among them: they are kept.
 
-        Returns the number of variables, which are all linearized anew.
+        The points at which the failing tree was linearized may be far off, so that the tree is made once more, of its
+        own estimate. Returns the number of variables, which are all linearized anew.
         """
         if self._gave_way or self._options.factorization != "auto":
             raise Diverged(failure(error)) from None
         self._gave_way = f"GTSAM's Cholesky factorization failed at step {self._steps}: QR from there"
         graph, points = self._isam.getFactorsUnsafe(), self._isam.getLinearizationPoint()
         self._factorization = "qr"
-        self._isam = self._tree()
+        for _ in range(2):
+            self._isam = self._tree()
+            self._update(graph, points)
+            points = self._estimate()
         self._around = Neighbourhood(self._isam)
-        self._update(graph, points)
         return points.size()
 
     def _joint_marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:

@@ -160,7 +160,16 @@ def test_isam2_is_taken_apart_and_what_fails_is_a_reason(monkeypatch: pytest.Mon
     monkeypatch.syspath_prepend(SUPPORT)
     bad = Subject("bad", "misbehaving:raises", NoOptions())
     rows = measure(Process((_subject("ekf"), bad, _subject("isam2")), 10, LITTLE))
-    assert [row.name for row in rows] == ["bad", "ekf", "isam2", *PARTS, "marginal", "back-substitution", WHOLE, BY_HAND]
+    assert [row.name for row in rows] == [
+        "bad",
+        "ekf",
+        "isam2",
+        *PARTS,
+        "marginal",
+        "back-substitution",
+        WHOLE,
+        BY_HAND,
+    ]
     assert [row.implementation for row in rows[1:3]] == ["compiled here", "GTSAM's wheel"]
     assert "ValueError" in rows[0].reason
     assert "misbehaving.py:" in rows[0].reason
