@@ -233,9 +233,9 @@ class InvariantEkf:
 
     def _reserve(self, entries: int) -> None:
         """Reserves that many entries of the landmarks' mean; half as many again in the vectors."""
-        flat = self._flat
-        self._flat = _triangle.grown(flat, entries)
-        if self._arrays is not None and self._flat is not flat:
+        before = len(self._flat)
+        self._flat = _triangle.grown(self._flat, entries)
+        if self._arrays is not None and len(self._flat) > before:  # it may have moved, and be the same array
             self._arrays = self._arrays.replaced(flat=self._flat)
         if entries <= len(self._mean):
             return

@@ -57,9 +57,9 @@ class Joint:
     def grow(self, pairs: int) -> None:
         """Reserves space for that many pairs; the new ones' entries are zero."""
         self.pairs = pairs
-        flat, space = self.flat, len(self.agreed)
-        self.flat = _triangle.grown(flat, 2 * pairs)
-        if self._arrays is not None and self.flat is not flat:
+        entries, space = len(self.flat), len(self.agreed)
+        self.flat = _triangle.grown(self.flat, 2 * pairs)
+        if self._arrays is not None and len(self.flat) > entries:  # it may have moved, and be the same array
             self._arrays = self._arrays.replaced(flat=self.flat)
         if pairs <= space:
             return
