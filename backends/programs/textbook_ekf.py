@@ -132,7 +132,7 @@ class TextbookEkf:
         innovation = np.zeros(2 * k)
         for i, (landmark, z, cov) in enumerate(sightings):
             rows = slice(2 * i, 2 * i + 2)
-            expected, H[rows] = self.predicted(landmark)
+            expected, H[rows] = self.predict_sighting(landmark)
             innovation[rows] = z[0] - expected[0], wrapped(z[1] - expected[1])
             Q[rows, rows] = cov
         replaced: list[int] = []
@@ -165,7 +165,7 @@ class TextbookEkf:
                 self.refused += 1
         return used, replaced
 
-    def predicted(self, landmark: int) -> tuple[Array, Array]:
+    def predict_sighting(self, landmark: int) -> tuple[Array, Array]:
         """Predicts the sighting (2,) of a landmark, eqs (12), (16), and its Jacobian (2, n), eq. (14)."""
         j = 3 + 2 * self.ids.index(landmark)
         x, y, theta = self.mean[:3]

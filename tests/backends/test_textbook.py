@@ -89,11 +89,11 @@ def test_jacobians_are_the_differences() -> None:
         ekf.step(step)
     mean = ekf.mean.copy()
     for landmark in ekf.ids:
-        _, H = ekf.predicted(landmark)
+        _, H = ekf.predict_sighting(landmark)
 
         def at(state: Array, landmark: int = landmark) -> Array:
             ekf.mean = state
-            return ekf.predicted(landmark)[0]
+            return ekf.predict_sighting(landmark)[0]
 
         np.testing.assert_allclose(H, differences(at, mean), atol=1e-8)
         ekf.mean = mean

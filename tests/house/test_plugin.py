@@ -95,7 +95,7 @@ def test_iterating_ends_where_the_posterior_is_flat(builder: Builder) -> None:
 
     def cost(x: Array) -> float:
         ekf.mean = x
-        gap = z - ekf.expected(int(landmark))[0]
+        gap = z - ekf.predict_sighting(int(landmark))[0]
         gap[1] = (gap[1] + np.pi) % (2 * np.pi) - np.pi
         return float((x - before) @ np.linalg.solve(P, x - before) + gap @ np.linalg.solve(R, gap))
 

@@ -237,7 +237,7 @@ class UnwrappedInnovations(Sound):
             if landmark not in self.ekf.ids:
                 self.ekf.add(landmark, z, cov)
                 continue
-            (expected, H), P = self.ekf.predicted(landmark), self.ekf.cov
+            (expected, H), P = self.ekf.predict_sighting(landmark), self.ekf.cov
             K = P @ H.T @ np.linalg.inv(H @ P @ H.T + cov)
             self.ekf.mean = self.ekf.mean + K @ (z - expected)
             self.ekf.mean[2] = np.arctan2(np.sin(self.ekf.mean[2]), np.cos(self.ekf.mean[2]))
