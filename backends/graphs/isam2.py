@@ -36,7 +36,7 @@ class Options:
     factorization: str = option(
         "auto",
         "cholesky is GTSAM's own default and costs less, but fails where little is known; qr does not; auto: cholesky "
-        "until it fails, and qr from there on all factors so far",
+        "until it fails, and then all steps so far once more by qr, which serves from there",
         choices=("auto", "cholesky", "qr"),
     )
     final_updates: int = option(10, "most updates without new factors made at the end of the log", minimum=0)
@@ -52,6 +52,7 @@ class Isam2:
         del rng
         self._options, self._factorization = options, "qr" if options.factorization == "qr" else "cholesky"
         self._gave_way = ""  # where Cholesky failed
+        self._updates = list[tuple[gtsam.NonlinearFactorGraph, gtsam.Values, bool]]()  # of the tree, until it fails
         self._threshold = options.relinearize_threshold
         self._isam = self._tree()
         self._factors = Factors(prior, options.loss, options.loss_scale)
@@ -119,6 +120,7 @@ class Isam2:
             graph, before = self._isam.getFactorsUnsafe(), self._isam
             self._threshold = threshold
             self._isam = self._tree()
+            self._updates.clear()
             try:
                 self._update(graph, values)
                 finer, found = self._settled()
@@ -153,28 +155,29 @@ class Isam2:
 
     def _update(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool = False) -> int:
         """Adds factors, and returns the number of variables that were relinearized."""
+        if self._options.factorization == "auto" and not self._gave_way:
+            self._updates.append((graph, values, relinearize))
         try:
             return self._isam.update(graph, values, force_relinearize=relinearize).getVariablesRelinearized()
         except FAILURES as error:
             return self._give_way(error)
 
     def _give_way(self, error: Exception) -> int:
-        """Makes, after Cholesky has failed, a tree of all factors by QR, the failed update's among them: they are kept.
+        """Does, after Cholesky has failed, all updates so far once more by QR, the failed one the last.
 
-        The points at which the failing tree was linearized may be far off, so that the tree is made once more, of its
-        own estimate. Returns the number of variables, which are all linearized anew.
+        A tree of the factors at the points of the failing one would be cheaper, but these may be far off: on one log
+        in ten it ended at another minimum. Returns the number of variables, which are all linearized anew.
         """
         if self._gave_way or self._options.factorization != "auto":
             raise Diverged(failure(error)) from None
         self._gave_way = f"GTSAM's Cholesky factorization failed at step {self._steps}: QR from there"
-        graph, points = self._isam.getFactorsUnsafe(), self._isam.getLinearizationPoint()
         self._factorization = "qr"
-        for _ in range(2):
-            self._isam = self._tree()
-            self._update(graph, points)
-            points = self._estimate()
+        self._isam = self._tree()
+        for graph, values, relinearize in self._updates:
+            self._update(graph, values, relinearize=relinearize)
+        self._updates.clear()
         self._around = Neighbourhood(self._isam)
-        return points.size()
+        return self._isam.getLinearizationPoint().size()
 
     def _joint_marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The last pose, the landmarks' places and their joint covariance, the pose last."""
