@@ -74,7 +74,7 @@ def advice(purpose: str, found: Ranking) -> Use:
         _accuracy(found, chosen, rival),
         _belief(word[chosen.backend], {line.backend: word[line.backend] for line in whole if line not in sure}),
         _failures(chosen, [line for line in level if line not in whole]),
-        _cost(COST[purpose], chosen, rival),
+        _cost(COST[purpose], chosen, [_next_cheapest(COST[purpose], chosen, level), rival]),
         _tied(cheapest),
     ]
     why = "; ".join(part for part in parts if part)
@@ -176,19 +176,40 @@ def _tied(alike: Sequence[Line]) -> str:
     return f"costs do not decide between {listed([line.backend for line in alike])}, its median error is the lowest"
 
 
-def _cost(column: str, chosen: Line, rival: Line | None) -> str:
-    """Compares the chosen one's cost with the rival's, or states both."""
+def _next_cheapest(column: str, chosen: Line, level: Sequence[Line]) -> Line | None:
+    """The cheapest of the others that are not significantly less accurate."""
+    others = [line for line in level if line is not chosen and column in line.values]
+    return min(others, key=lambda line: line.values[column].median, default=None)
+
+
+def _cost(column: str, chosen: Line, rivals: Sequence[Line | None]) -> str:
+    """Compares the chosen one's cost with each rival's, or states it and the first one's."""
     if column not in chosen.values:
         return ""
     said, alone = _amount(column, chosen), chosen.alone
-    if rival is not None and column in rival.values:
-        ratio = compare_costs(chosen, rival, column)
-        borne = compared(ratio, rival.backend)
-        n = min(rounds(chosen), rounds(rival))
-        often = "each timed once" if n == 1 else f"{n} rounds are too few to compare"
-        said += f", {borne}" if borne else f" against {_short(column, rival)} of {rival.backend} ({often})"
-        alone = alone and rival.alone
+    others = list({line.backend: line for line in rivals if line is not None and column in line.values}.values())
+    borne = {line.backend: compared(compare_costs(chosen, line, column), line.backend) for line in others}
+    if not any(borne.values()):
+        others = others[:1]
+    for line in others:
+        if borne[line.backend]:
+            said += f", {borne[line.backend]}"
+        elif not any(borne.values()):
+            said += f" against {_short(column, line)} of {line.backend} ({_seldom(chosen, line)})"
+        alone = alone and line.alone
     return said + ", timed while others ran beside" * (not alone)
+
+
+def _seldom(chosen: Line, rival: Line) -> str:
+    """Says why two costs are not compared: how often they were timed."""
+    n, m = rounds(chosen), rounds(rival)
+    if n == m == 1:
+        return "each timed once"
+    return (
+        f"{chosen.backend if n < m else rival.backend} timed once"
+        if min(n, m) == 1
+        else f"{min(n, m)} rounds are too few to compare"
+    )
 
 
 def _short(column: str, line: Line) -> str:

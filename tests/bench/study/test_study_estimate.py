@@ -21,7 +21,7 @@ from study_text import HEAD, study
 class Stopwatch:
     """An executor for which a cell takes as many seconds as its backend's first letter says."""
 
-    name, slots = "stopwatch", 2
+    name, slots, times = "stopwatch", 2, True
 
     def __init__(self, result: Result | None = None) -> None:
         self.asked: list[str] = []

@@ -1,5 +1,6 @@
 """Costs: nothing is claimed of times that were measured once, nor of what load alone may do."""
 
+import re
 from math import isnan
 
 import numpy as np
@@ -141,6 +142,19 @@ def test_of_those_alike_in_cost_the_one_with_the_lowest_error_is_advised_and_all
     assert advised(1.7)[0] == "b"
     assert "1.7 times cheaper" in advised(1.7)[1]
     assert advised(1.7)[0] == advised(17)[0]
+
+
+def test_cost_is_compared_with_the_next_cheapest_and_with_the_most_accurate() -> None:
+    base = LOGS[:20]
+    made = [
+        told(name, ate_m=(base * e).tolist(), step_us_p50=[c] * 20, cpu_s=[c] * 20)
+        for name, e, c in (("a", 1.004, 10.0), ("b", 1.0, 170.0), ("c", 1.002, 25.0))
+    ]
+    (use,) = verdict(of(*(timed(cells, *LOADED) for cells in made))).uses
+    assert use.backend == "a"
+    assert re.search(r"2\.\d[^,]* times cheaper than c, 1[67]\S*[^,]* times cheaper than b", use.why), use.why
+    (use,) = verdict(of(timed(made[0], *LOADED), made[1], made[2])).uses
+    assert "against 25.0 of c (c timed once)" in use.why
 
 
 def test_costs_measured_once_decide_only_where_they_are_far_apart() -> None:
