@@ -21,6 +21,11 @@ def compared(c: CostRatio | None, rival: str) -> str:
         return f"{times(1 / c.high, 1 / c.low)} as costly{f' as {rival}' * bool(rival)}"
     if c.standing == "alike":
         return "about as costly" + f" as {rival}" * bool(rival)
+    near = f"too near to the {MARGIN:g} times that load alone may do"
+    if c.low > 1:
+        return f"measured {times(c.low, c.high)} cheaper{than}, {near}"
+    if c.high < 1:
+        return f"measured {times(1 / c.high, 1 / c.low)} as costly{f' as {rival}' * bool(rival)}, {near}"
     return f"not told apart in cost{f' from {rival}' * bool(rival)} ({ends(c)})"
 
 

@@ -54,8 +54,13 @@ def test_what_load_may_do_is_not_called_cheaper() -> None:
 
 def test_costs_that_the_rounds_do_not_tell_apart_are_said_to_be_so_with_the_interval() -> None:
     found = compare_costs(*pair(1.6, *LOADED, noise=0.4), "step_us_p50")
-    assert found.low < MARGIN < found.high
-    assert "not told apart in cost from b (between" in compared(found, "b")
+    assert 1 < found.low < MARGIN < found.high
+    assert re.fullmatch(
+        r"measured .* times cheaper than b, too near to the 1.5 times that load .*", compared(found, "b")
+    )
+    assert re.match(r"measured .* times as costly as a, too near", compared(found.reverse(), "a"))
+    either = found._replace(low=0.6, high=1.8)
+    assert compared(either, "b") == "not told apart in cost from b (between 1.7 times as costly and 1.8 times cheaper)"
 
 
 @pytest.mark.parametrize("count", range(1, FEWEST_ROUNDS))
