@@ -100,10 +100,9 @@ class G2o:
 
     def finish(self) -> Solution:
         """Optimises until J hardly falls."""
-        if self._optimise(self._options.iterations) == self._options.iterations:
-            raise Diverged(f"g2o found no minimum in {self._options.iterations} iterations")
-        seen = any(len(step.sightings.ids) for step in self._steps)
-        converged = self._exact() if seen else True
+        converged = self._optimise(self._options.iterations) < self._options.iterations
+        if any(len(step.sightings.ids) for step in self._steps):
+            converged = self._exact() and converged
         return Solution(self._path(), self.map(), None, converged)
 
     def _exact(self) -> bool:

@@ -76,14 +76,12 @@ class SymForce:
             stats = cc_sym.Optimizer(params, [factor], "slamduel", keys).optimize(values)
         except (RuntimeError, ValueError) as error:
             raise Diverged(f"SymForce: {str(error).splitlines()[0]}") from None
-        if "SUCCESS" not in str(stats.status):
-            raise Diverged(f"SymForce found no minimum in {self._options.iterations} iterations")
         path, xy = graph.split(np.array(values.data()))
         if not np.isfinite(path).all():
             raise Diverged("SymForce: the path is not finite")
         path[:, 2] = wrap(path[:, 2])
         self._map = Map(graph.ids, xy, None)
-        return Solution(path, self._map, None, True)
+        return Solution(path, self._map, None, "SUCCESS" in str(stats.status))
 
 
 class Graph:

@@ -6,7 +6,7 @@ import pytest
 from driven import final, make
 from laps import laps
 from random_logs import random_log
-from slamduel.backends.api import Diverged, Unsuited
+from slamduel.backends.api import Unsuited
 from slamduel.backends.programs import symforce
 from slamduel.bench.measure.misfit import misfit
 from slamduel.core.factors import Log, Map, Prior
@@ -87,8 +87,7 @@ def test_so_it_does_with_loop_closures(seed: int) -> None:
 @installed
 def test_iterations_that_do_not_suffice_are_said() -> None:
     log = laps(np.random.default_rng(0)).log
-    with pytest.raises(Diverged, match="no minimum in 1 iterations"):
-        final("symforce", log, iterations=1)
+    assert not final("symforce", log, iterations=1).converged
     assert make("symforce", log.prior).step(next(iter(log))) is None
 
 
