@@ -16,15 +16,7 @@ from ...core.se2 import Array, wrap
 
 def by_headings(log: Log) -> Array:
     """(n, 3) a path with the headings that fit motions and loop closures best, each weighted by its information."""
-    return _along(log, _headings(log))
-
-
-def reckoned(log: Log) -> Array:
-    """(n, 3) dead reckoning."""
-    return _along(log, _reckoned(log))
-
-
-def _along(log: Log, heading: Array) -> Array:
+    heading = _headings(log)
     c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
     x, y = log.delta[1:, 0], log.delta[1:, 1]
     steps = np.concatenate((log.prior.pose[None, :2], np.column_stack((c * x - s * y, s * x + c * y))))

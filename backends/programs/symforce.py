@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix
 
+from ...core.dead_reckoning import summed
 from ...core.factors import Map, Prior, Step
 from ...core.options import option
-from ...core.se2 import Array, Ints, act, between, compose, wrap
+from ...core.se2 import Array, Ints, act, between, wrap
 from ...core.truth_errors import rows_of
 from ..api import Belief, Builder, Diverged, Pose, Solution
 from ..models import innovation, sight
@@ -92,11 +93,8 @@ class Graph:
 
     def __init__(self, prior: Prior, steps: Sequence[Step]) -> None:
         self._prior = prior
-        path = [prior.pose]
-        for step in steps[1:]:
-            assert step.odometry is not None  # of each but the first
-            path.append(compose(path[-1], step.odometry.delta))
-        self.path = np.array(path[: len(steps)])
+        moved = [step.odometry.delta for step in steps if step.odometry is not None]
+        self.path = summed(prior.pose, np.array(moved).reshape(-1, 3))
         self._ends, self._delta, cov, _ = motions(steps)
         self._root = _whitening(cov)
         ids, self._z, cov, self._of = sightings(steps)

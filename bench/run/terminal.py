@@ -183,8 +183,9 @@ def _entries(line: Line, planned: Mapping[tuple[str, str], int] | None) -> dict[
     entries["NEES"] = _Entry("none" * void(line) if nees is None else f"{nees.median:{form}}")
     inside, p50, p99 = (v.get(name) for name in ("nees_inside", "step_us_p50", "step_us_p99"))
     entries["in 95 %"] = _Entry("" if inside is None else f"{100 * inside.median:.0f} %")
-    entries["step, µs"] = _Entry("" if p50 is None else _whole(p50.median))
-    entries["p99"] = _Entry("" if p99 is None else _whole(p99.median) + ("" if line.alone else "*"))
+    batch = bool(entries["final, m"].text) and not entries["ATE, m"].text  # it keeps the steps until the end
+    entries["step, µs"] = _Entry("" if p50 is None or batch else _whole(p50.median))
+    entries["p99"] = _Entry("" if p99 is None or batch else _whole(p99.median) + ("" if line.alone else "*"))
     return entries
 
 
