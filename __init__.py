@@ -30,10 +30,12 @@ if TYPE_CHECKING:
     from .core.factors import RelativePoses as RelativePoses
     from .core.factors import Step as Step
     from .core.factors import Truth as Truth
+    from .core.mounting import Mounting as Mounting
 
 _HOMES = {
     "InputError": ".core.errors",
     "LogPicture": ".bench.logs.show",
+    "Mounting": ".core.mounting",
     "Result": ".bench.run.result",
     "SlamduelError": ".core.errors",
     "check": ".bench.check.suite",

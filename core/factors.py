@@ -16,6 +16,7 @@ import numpy as np
 
 from .beside import Clouds, Scans, head_of
 from .errors import InputError
+from .mounting import Mounting, mounted
 from .relations import Relations
 from .se2 import Array, Ints
 
@@ -161,19 +162,21 @@ class Log:
         loop_to: Ints | None = None,
         loop_delta: Array | None = None,
         loop_cov: Array | None = None,
+        sensor: Mounting | None = None,
         notes: Mapping[str, Any] | None = None,
     ) -> "Log":
         """Builds a log of n steps from its tables; the arrays are copied and made read-only.
 
         `delta` (n, 3) and `delta_cov` (n, 3, 3) have one row per step, row 0 ignored. `sighting_step` (s,) and
-        `loop_step` (l,), both sorted, give the step of each row of the other columns. InputError for values that are
-        not numbers or not sorted; `check` judges the values themselves.
+        `loop_step` (l,), both sorted, give the step of each row of the other columns. Sightings are of the body: those
+        of a sensor that sits elsewhere, or is late, are converted if `sensor` says where it sits. InputError for values
+        that are not numbers or not sorted; `check` judges the values themselves.
         """
         if not isinstance(prior, Prior):  # pyright: ignore[reportUnnecessaryIsInstance] - no notebook checks types
             raise InputError(f"prior: found {type(prior).__name__}, expected Prior(pose, cov).")
         time = _seconds("t", t)
         steps, none = np.arange(len(time) + 1), np.zeros(0, np.int64)
-        return cls(
+        log = cls(
             name=name,
             prior=_frozen_prior(prior),
             t=_frozen(time),
@@ -191,6 +194,7 @@ class Log:
             loop_cov=_frozen(np.zeros((0, 3, 3)) if loop_cov is None else _even(_numbers("loop_cov", loop_cov))),
             notes=dict(notes or {}),
         )
+        return log if sensor is None else log.of_sensor(sensor)
 
     @classmethod
     def from_steps(
@@ -296,6 +300,11 @@ class Log:
             z=_frozen(self.z[known]),
             z_cov=_frozen(self.z_cov[known]),
         )
+
+    def of_sensor(self, sensor: Mounting) -> "Log":
+        """The log with its sightings, which are `sensor`'s, as the body's own, from its poses at the log's times."""
+        z, cov = mounted(sensor, self.t, self.delta, self.sighting_step, self.z, self.z_cov)
+        return replace(self, z=_frozen(z), z_cov=_frozen(cov))
 
     def without_loops(self) -> "Log":
         """The log without its loop closures; itself if it has none."""

@@ -44,6 +44,16 @@ def compose_jacobians(a: Array, b: Array) -> tuple[Array, Array]:
     return by_a, by_b
 
 
+def summed(start: Array, motions: Array) -> Array:
+    """(n + 1, 3) the path from the pose `start` (3,) by the motions (n, 3), each in the body frame before it."""
+    heading = start[2] + np.concatenate(([0.0], np.cumsum(motions[:, 2])))
+    s, c = sincos(heading[:-1])
+    dx, dy = motions[:, 0], motions[:, 1]
+    moved = np.stack((c * dx - s * dy, s * dx + c * dy), axis=-1)
+    xy = start[:2] + np.concatenate((np.zeros((1, 2)), np.cumsum(moved, axis=0)))
+    return np.column_stack((xy, wrap(heading)))
+
+
 def inverse(a: Array) -> Array:
     """The motion that undoes `a`: compose(a, inverse(a)) is the identity. (..., 3)."""
     s, c = sincos(a[..., 2])

@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.dead_reckoning import summed
 from ...core.factors import Map, Prior, Step
 from ...core.options import option
-from ...core.se2 import Array, act, between, compose, rotation
+from ...core.se2 import Array, act, between, compose, rotation, summed
 from ...core.truth_errors import rows_of
 from .. import common_options
 from ..api import Belief, Builder, Diverged, Pose, Solution, Unsuited

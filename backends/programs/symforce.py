@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from ...core.dead_reckoning import summed
 from ...core.factors import Map, Prior, Step
 from ...core.options import option
-from ...core.se2 import Array, Ints, act, between, wrap
+from ...core.se2 import Array, Ints, act, between, summed, wrap
 from ...core.truth_errors import rows_of
 from ..api import Belief, Builder, Diverged, Pose, Solution
 from ..models import innovation, sight

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.mounting import Mounting
 from ...core.options import option
 
 ANGLED = ("odometry", "detections", "truth")  # files that have angles
@@ -33,12 +34,23 @@ class Options:
     floor_heading: float = option(1e-3, "motion noise of every factor, rad", minimum=1e-6, maximum=3.0)
     every: float = option(1.0, "longest time between keyframes, s", minimum=1e-3, maximum=1e6)
     max_speed: float = option(50.0, "faster motion counts as a misreading, m/s", minimum=1e-3, maximum=1e6)
+    sensor_x: float = option(0.0, "where the sensor sits on the robot: m ahead of its origin", minimum=-99, maximum=99)
+    sensor_y: float = option(0.0, "likewise, m to the left", minimum=-99, maximum=99)
+    sensor_yaw: float = option(0.0, "where it looks: rad counter-clockwise from ahead", minimum=-np.pi, maximum=np.pi)
+    sensor_delay: float = option(
+        0.0, "s by which the clock of the detections is later than the odometry's", minimum=-1e6, maximum=1e6
+    )
     start_x: float | None = option(None, "initial x, m; not given: from the ground truth, else 0")
     start_y: float | None = option(None, "initial y, m")
     start_heading: float | None = option(None, "initial heading, rad", minimum=-np.pi, maximum=np.pi)
     start_sd: float | tuple[float, float] = option(
         1e-3, "standard deviation of the initial pose: of m and rad alike, or of m;rad", minimum=1e-9, maximum=1e3
     )
+
+    @property
+    def sensor(self) -> Mounting:
+        """Where the sensor sits, and how late it is."""
+        return Mounting(self.sensor_x, self.sensor_y, self.sensor_yaw, self.sensor_delay)
 
     def in_degrees(self) -> tuple[str, ...]:
         """Parses the files whose angles are in degrees, of ANGLED."""

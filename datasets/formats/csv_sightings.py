@@ -15,6 +15,7 @@ import numpy as np
 from ...core.elementary import arctan2, hypot
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN
+from ...core.mounting import NONE, from_body
 from ...core.se2 import Array, Ints
 from ...core.table import MOST
 from ...frontend.wheels.holes import outside
@@ -55,7 +56,7 @@ def detections(path: Path, options: Options, start: float, end: float, remarks: 
             f"option xy_sd={options.xy_sd:g} of dataset csv: {path} has {','.join(SIGHTINGS)}, expected "
             f"{','.join(POINTS)}, or options range_sd and bearing_sd."
         )
-    ids, t = table.whole("id"), table.column("t")
+    ids, t = table.whole("id"), table.column("t") - options.sensor_delay
     for row in np.flatnonzero((ids < UNKNOWN) | (ids > MOST)):
         raise table.fault(row, f"id is {ids[row]}, expected 0 to {MOST}, or {UNKNOWN} for unknown")
     order = np.lexsort((ids, t))
@@ -90,8 +91,11 @@ def detections(path: Path, options: Options, start: float, end: float, remarks: 
     kept = inside & ~left_out
     clock = f"before or after the odometry, {start:.10g} to {end:.10g} s"
     remarks += outside(str(path), int((~inside).sum()), len(t), "detection", clock)
-    cov = _noise(z[kept], options)
-    return Detections(t[kept], ids[kept], z[kept], cov, int((~inside).sum()), int((inside & left_out).sum()))
+    z, cov = z[kept], _noise(z[kept], options)
+    place = options.sensor._replace(delay=0.0)
+    if place != NONE:
+        z, cov = from_body(z, cov, place.place)
+    return Detections(t[kept], ids[kept], z, cov, int((~inside).sum()), int((inside & left_out).sum()))
 
 
 def _ignored(options: Options) -> list[int]:

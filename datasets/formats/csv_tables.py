@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 
 from ...core.csv_values import digits_lost
-from ...core.dead_reckoning import summed
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Dataset, Log, Map, Prior, Truth
 from ...core.pauses import longest_pause
-from ...core.se2 import Array, wrap
+from ...core.se2 import Array, summed, wrap
 from ...core.table import LARGEST, Table
 from ...core.tum import read_tum
 from ...frontend.wheels.encoder import Floors, roll

@@ -13,7 +13,8 @@
 
 Covariances are stored as upper triangles. Notes that are None, and the covariance of a true map, are left out. The
 table [contents] of log.toml has the number of rows and the digests of the files' contents, both optional: changed files
-are refused. A loop closure that is known to be false has 1 in the column false, others 0.
+are refused. A loop closure that is known to be false has 1 in the column false, others 0. A table [sensor] with x, y,
+yaw and delay says that sightings.csv is of a sensor mounted so, not of the body; it is never written.
 """
 
 import os
@@ -30,6 +31,7 @@ from ...core.check import LOOPS, ODOMETRY, SIGHTINGS, check, check_truth, proble
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Truth
 from ...core.files import beside
+from ...core.mounting import NONE
 from ...core.options import option
 from ...core.scan import Scan, attempted, counted, strict
 from ...core.se2 import Array, Ints
@@ -45,7 +47,7 @@ WORDS = "log.toml"
 TRUE_ID = ("true_id",)
 FALSE = ("false",)
 
-_NOBODY = Words(TomlTable.parse(WORDS, ""), "", NOWHERE, None, {}, Contents())
+_NOBODY = Words(TomlTable.parse(WORDS, ""), "", NOWHERE, None, {}, Contents(), NONE)
 """Replaces an unreadable log.toml, so that the other files can be checked."""
 
 _ACCEPT = "restore it, or delete [contents] from log.toml to accept the change"
@@ -112,6 +114,8 @@ def scan(folder: Path) -> Scan[Dataset | None]:
         return None
     if not faults:
         yield from _scan_changes(words, _contents(*dataset))
+        if words.sensor != NONE:
+            dataset = dataset._replace(log=dataset.log.of_sensor(words.sensor))
     found: dict[str, Any] = {}
     for kind in KINDS:
         found[kind] = yield from attempted(_scan_beside(folder, kind, len(dataset.log)))

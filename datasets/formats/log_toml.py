@@ -14,6 +14,7 @@ import tomli_w
 
 from ...core.errors import InputError
 from ...core.factors import STARTS, Log, Map, Prior
+from ...core.mounting import NONE, Mounting
 from ...core.scan import Scan, attempted
 from ...core.toml.table import LARGEST, TomlTable
 
@@ -44,6 +45,7 @@ class Words(NamedTuple):
     truth_kind: Literal["truth", "reference", "relations"] | None
     notes: Mapping[str, Any]
     contents: Contents
+    sensor: Mounting
 
 
 def check_words(log: Log) -> None:
@@ -89,15 +91,15 @@ def write_words(path: Path, log: Log, truth_kind: str | None, contents: Contents
 def scan_words(path: Path) -> Scan[Words]:
     """Scans the metadata in `path`; a fault names the line and the key, what was found and what was expected."""
     file = TomlTable.read(path)
-    yield from file.unknown(("name", "prior", "truth", "contents", "notes"))
+    yield from file.unknown(("name", "prior", "truth", "contents", "notes", "sensor"))
     name = yield from _tried(_name, file)
     notes = yield from _tried(file.table, "notes")
     prior = yield from attempted(_scan_prior(file))
     kind = yield from _tried(_truth_kind, file)
     contents = yield from attempted(_scan_contents(file))
-    return Words(
-        file, name or "", prior or NOWHERE, kind, {} if notes is None else notes.entries, contents or Contents()
-    )
+    sensor = yield from attempted(_scan_sensor(file))
+    found = {} if notes is None else notes.entries
+    return Words(file, name or "", prior or NOWHERE, kind, found, contents or Contents(), sensor or NONE)
 
 
 def _name(file: TomlTable) -> str:
@@ -130,6 +132,17 @@ def _scan_map(known: TomlTable) -> Scan[Map | None]:
     cov = (yield from _tried(known.numbers, "cov", 2 * n, 2 * n, most=most)) if known.has("cov") else None
     xy = yield from _tried(known.numbers, "xy", n, 2, most=most)
     return None if xy is None else Map(np.array(ids, np.int64), xy, cov)
+
+
+def _scan_sensor(file: TomlTable) -> Scan[Mounting]:
+    """Where the sensor of the sightings sits, and how late it is."""
+    given = file.table("sensor")
+    yield from given.unknown(Mounting._fields)
+    values = dict[str, float]()
+    for name in given.entries:
+        if name in Mounting._fields:
+            values[name] = (yield from _tried(given.number, name)) or 0.0
+    return Mounting(**values)
 
 
 def _scan_contents(file: TomlTable) -> Scan[Contents]:

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from slamduel.bench.plan.load import load
-from slamduel.core.dead_reckoning import summed
 from slamduel.core.factors import Dataset, Log, Truth
-from slamduel.core.se2 import Array, wrap
+from slamduel.core.se2 import Array, summed, wrap
 from slamduel.core.truth_doubts import headings_known, judges, ways
 from slamduel.datasets.published.tum_pioneer import PARTIAL_NOTE
 from slamduel.datasets.remarks import remarks

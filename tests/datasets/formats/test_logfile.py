@@ -17,6 +17,7 @@ from slamduel.core import table
 from slamduel.core.check import problems
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Truth
+from slamduel.core.mounting import Mounting
 from slamduel.core.scan import attempted
 from slamduel.datasets import truth as truth_files
 from slamduel.datasets.formats import log_folder
@@ -423,3 +424,30 @@ def test_threads_that_write_one_place_do_not_meet(tmp_path: Path):
         assert log_folder.read(tmp_path / "log").log.digest == small_log().digest
         assert [place.name for place in tmp_path.iterdir()] == ["log"]
         shutil.rmtree(tmp_path / "log")
+
+
+# --- a sensor that is not the body
+
+
+def test_sightings_of_a_sensor_are_converted_and_the_files_stay_as_they_were(folder: Path) -> None:
+    sensor = Mounting(0.2, 0.0, -0.1, 0.05)
+    raw = log_folder.read(folder).log
+    with (folder / "log.toml").open("a", encoding="utf-8") as file:
+        file.write("\n[sensor]\nx = 0.2\nyaw = -0.1\ndelay = 0.05\n")
+    log = log_folder.read(folder).log
+    np.testing.assert_array_equal(log.z, raw.of_sensor(sensor).z)
+    assert not np.array_equal(log.z, raw.z)
+    assert log.digest == raw.of_sensor(sensor).digest
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("ahead = 0.2", "sensor.ahead: there is no such key; expected one of delay, x, y, yaw."),
+        ('x = "20 cm"', "sensor.x: found '20 cm', expected a number."),
+    ],
+)
+def test_a_sensor_that_cannot_be_is_named(folder: Path, value: str, words: str) -> None:
+    with (folder / "log.toml").open("a", encoding="utf-8") as file:
+        file.write(f"\n[sensor]\n{value}\n")
+    assert words in refusal(log_folder.read, folder)

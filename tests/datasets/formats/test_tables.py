@@ -412,3 +412,26 @@ def test_a_pipe_or_a_device_is_refused_at_once(files: dict[str, Any], tmp_path: 
     for path in (tmp_path / "pipe.csv", Path("/dev/zero")):
         for name in ("odometry", "detections", "truth"):
             refused(f"{path}: is a pipe or a device, expected a regular file", made, files | {name: str(path)})
+
+
+# --- a sensor that is not the robot
+
+
+def test_detections_of_a_sensor_elsewhere_are_those_of_the_robot(files: dict[str, Any], tmp_path: Path) -> None:
+    """The same drive seen by a sensor ahead of the axle, whose clock is late: the same factors to rounding."""
+    straight, (t, poses) = made(files).log, drive()
+    late, place = 0.25, np.array([0.2, -0.05, 0.3])
+    rows = list[tuple[float, ...]]()
+    for k in range(5, 300, 10):
+        at = compose(poses[k], place)
+        for name, xy in enumerate(([3.0, 1.0], [-2.0, 2.0])):
+            x, y = between(at, np.array([*xy, at[2]]))[:2]
+            rows.append((t[k] + late, name, float(np.hypot(x, y)), float(np.arctan2(y, x))))
+    moved = csv(tmp_path / "moved.csv", "t,id,range,bearing", np.array(rows))
+    mounting = {"sensor_x": 0.2, "sensor_y": -0.05, "sensor_yaw": 0.3, "sensor_delay": late}
+    log = made(files | {"detections": moved} | mounting).log
+    assert log.t == pytest.approx(straight.t, abs=1e-12)
+    np.testing.assert_array_equal(log.ids, straight.ids)
+    assert log.z[:, 0] == pytest.approx(straight.z[:, 0], abs=1e-12)
+    assert wrap(log.z[:, 1] - straight.z[:, 1]) == pytest.approx(0, abs=1e-12)
+    assert log.delta[1:] == pytest.approx(straight.delta[1:], abs=1e-12)
