@@ -7,6 +7,7 @@ import numpy as np
 from ...core.factors import UNKNOWN, Log
 from ...core.se2 import Array, Ints
 from ...datasets._information import FIRST, kept
+from ..systematic.errors import corrected
 from .model import Model, SightingModel
 from .motions import scaled
 from .noise_file import noted
@@ -18,7 +19,7 @@ motion to the millimetre, if the process were exactly the fitted one."""
 
 
 def stated(log: Log, model: Model, *, own: bool = False) -> Log:
-    """The log with covariances that hold under `model`; values, times and ids stay.
+    """The log with covariances that hold under `model`; values, times and ids stay, but for errors that it corrects.
 
     Where errors are correlated in time, each sighting is stated with the share of its information that it adds to the
     landmark's earlier ones on average. The first of them are stated no surer than the others: an estimate that leans on
@@ -29,6 +30,7 @@ def stated(log: Log, model: Model, *, own: bool = False) -> Log:
     of n / (1 + (n - 1) c). Bearings do not: what theirs have in common is an error of heading, and the differences
     between landmarks, which make map and path, are without it.
     """
+    log = corrected(log, model.systematic)
     size = np.ones((len(log.ids), 2))
     for axis, one in enumerate((model.range, model.bearing)):
         if one is not None:

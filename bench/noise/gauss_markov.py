@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from ...core.se2 import Array
 from ...datasets._information import FIRST, kept
+from ..systematic.estimated import Estimated
 from ._gauss_markov import innovations, sum_variance
-from .likelihood import TWO_SIDED, Maximum, NoiseEstimate, maximum
+from .likelihood import TWO_SIDED, Maximum, maximum
 from .model import SightingModel
 
 Mask = NDArray[np.bool_]
@@ -48,24 +49,24 @@ class Chains(NamedTuple):
 class Correlation(NamedTuple):
     """The part of an error that is correlated in time."""
 
-    time: NoiseEstimate  # s in which it falls to 1 / e
-    share: NoiseEstimate  # of the variance
+    time: Estimated  # s in which it falls to 1 / e
+    share: Estimated  # of the variance
 
 
 class Fitted(NamedTuple):
     """The noise of one kind of measurement."""
 
     used: Mask  # (n,) the errors that are no outliers
-    scale: NoiseEstimate  # times the stated standard deviation, at the distance `reach`
-    sd: NoiseEstimate  # there, of the typical stated one
-    power: NoiseEstimate | None  # the standard deviation grows with this power of the distance more than stated
+    scale: Estimated  # times the stated standard deviation, at the distance `reach`
+    sd: Estimated  # there, of the typical stated one
+    power: Estimated | None  # the standard deviation grows with this power of the distance more than stated
     reach: float  # m, the typical distance
-    mean: NoiseEstimate  # of all errors
+    mean: Estimated  # of all errors
     correlation: Correlation | None  # None: none was found
-    bias: NoiseEstimate | None  # the biases' standard deviation, one per landmark; None: none was found
+    bias: Estimated | None  # the biases' standard deviation, one per landmark; None: none was found
     white: Array  # (u,) the used errors' innovations over their standard deviations: white where the model is right
-    tails: NoiseEstimate | None  # Student's degrees of freedom of `white`; None: normal
-    outliers: NoiseEstimate  # their share
+    tails: Estimated | None  # Student's degrees of freedom of `white`; None: normal
+    outliers: Estimated  # their share
     gap: float  # s, the typical time between sightings of a landmark in a row
 
     def model(self, together: float) -> SightingModel:
@@ -199,7 +200,7 @@ def _fitted(chains: Chains, used: Mask) -> tuple[Fitted, Array]:
     found = Fitted(
         used,
         scale,
-        NoiseEstimate(*(typical * one for one in scale)),
+        Estimated(*(typical * one for one in scale)),
         best.estimate(0) if growing else None,
         errors.reach,
         _mean(errors.error, total),
@@ -223,7 +224,7 @@ def closed(gap: Array, used: Mask) -> Array:
     return since
 
 
-def _tails(white: Array) -> NoiseEstimate | None:
+def _tails(white: Array) -> Estimated | None:
     """Student's degrees of freedom, if the tails are significantly heavier than normal ones."""
     from scipy.special import gammaln
 
@@ -239,18 +240,18 @@ def _tails(white: Array) -> NoiseEstimate | None:
     return best.estimate(0, _exp) if 2 * (best.value - normal) > SURE[1] else None
 
 
-def _mean(error: Array, variance: float) -> NoiseEstimate:
+def _mean(error: Array, variance: float) -> Estimated:
     """The mean of errors (n,) whose sum has this variance."""
     middle, half = float(error.mean()), TWO_SIDED * float(np.sqrt(variance)) / len(error)
-    return NoiseEstimate(middle, middle - half, middle + half)
+    return Estimated(middle, middle - half, middle + half)
 
 
-def share_of(count: int, total: int) -> NoiseEstimate:
+def share_of(count: int, total: int) -> Estimated:
     """A share with Wilson's interval."""
     z, p = TWO_SIDED, count / total
     middle = (p + z * z / (2 * total)) / (1 + z * z / total)
     half = z / (1 + z * z / total) * np.sqrt(p * (1 - p) / total + z * z / (4 * total**2))
-    return NoiseEstimate(p, min(p, float(middle - half)) if count else 0.0, float(middle + half))
+    return Estimated(p, min(p, float(middle - half)) if count else 0.0, float(middle + half))
 
 
 def _exp(p: float) -> float:

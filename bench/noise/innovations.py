@@ -13,7 +13,8 @@ from ...core.factors import Dataset, Log
 from ...core.se2 import Array
 from ...core.truth_errors import difference, named, rows_of
 from ..plan.reference import reference
-from .likelihood import NoiseEstimate, maximum
+from ..systematic.estimated import Estimated
+from .likelihood import maximum
 from .model import SightingModel
 from .motions import scaled
 from .sightings import Sighted, sighted
@@ -28,10 +29,10 @@ _WIDEST = np.log(30.0)  # of the factors, either way
 class Innovations(NamedTuple):
     """Factors on the stated standard deviations that make the innovations likeliest."""
 
-    translation: NoiseEstimate
-    turn: NoiseEstimate
-    range: NoiseEstimate
-    bearing: NoiseEstimate
+    translation: Estimated
+    turn: Estimated
+    range: Estimated
+    bearing: Estimated
     counted: int  # innovations
     steps: int  # of the log, that were looked at
 

@@ -6,20 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.se2 import Array
+from ..systematic.estimated import Estimated
 
 TWO_SIDED = 1.959964  # standard deviations of a normal 95 % interval
 DROP = 1.920729  # by how much the log-likelihood falls at the ends of a profile's 95 % interval
 
 _STEP = 1e-3  # of the second differences
 _HALVINGS = 20  # of the search for the end of a profile's interval
-
-
-class NoiseEstimate(NamedTuple):
-    """A parameter with its 95 % interval."""
-
-    value: float
-    low: float
-    high: float
 
 
 class Maximum(NamedTuple):
@@ -30,9 +23,9 @@ class Maximum(NamedTuple):
     high: Array  # (p,)
     value: float  # the log-likelihood
 
-    def estimate(self, k: int, of: Callable[[float], float] = float) -> NoiseEstimate:
+    def estimate(self, k: int, of: Callable[[float], float] = float) -> Estimated:
         """Parameter `k` and its interval, through the increasing function `of`."""
-        return NoiseEstimate(of(float(self.at[k])), of(float(self.low[k])), of(float(self.high[k])))
+        return Estimated(of(float(self.at[k])), of(float(self.low[k])), of(float(self.high[k])))
 
 
 def maximum(log_likelihood: Callable[[Array], float], start: Array, low: Array, high: Array) -> Maximum:

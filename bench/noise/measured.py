@@ -6,12 +6,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.factors import Dataset, Log
+from ...core.factors import Dataset, Log, Truth
 from ...core.se2 import Array
 from ...core.truth_doubts import judges
-from .gauss_markov import Chains, Fitted, fitted
+from ...core.truth_errors import named
+from ..plan.reference import reference
+from ..systematic.errors import Systematic, corrected
+from ..systematic.estimated import Estimated
+from ..systematic.fit import SystematicFit, fitted, of_estimate, of_truth
+from .gauss_markov import Chains, Fitted
+from .gauss_markov import fitted as fitted_chains
 from .innovations import Innovations, by_innovations
-from .likelihood import NoiseEstimate
 from .model import Model, SightingModel
 from .motions import Motions, fitted_motions
 from .sightings import Sighted, sighted
@@ -22,7 +27,7 @@ class SightingNoise(NamedTuple):
     """The noise of ranges, or of bearings."""
 
     fitted: Fitted
-    together: NoiseEstimate | None  # correlation between landmarks sighted at one step; None: too few of them
+    together: Estimated | None  # correlation between landmarks sighted at one step; None: too few of them
     chains: Chains
     t: Array  # (n,) s, since the start of each error's log
     first: int  # errors of the first log, which come first
@@ -43,6 +48,7 @@ class Noise(NamedTuple):
     motions: Motions | None
     innovations: Innovations | None  # without a true path, what the EKF's innovations say
     remarks: Sequence[str]  # what cannot be said, without full stops
+    systematic: SystematicFit | None = None  # errors that stay; None: not told. All else is without them.
 
     @property
     def model(self) -> Model:
@@ -51,7 +57,8 @@ class Noise(NamedTuple):
         odometry = None if self.motions is None else [one.value for one in self.motions.scales]
         if self.innovations is not None:
             odometry, range_, bearing = self.innovations.stated((range_, bearing))
-        return Model(self.labels, odometry, range_, bearing)
+        stays = Systematic() if self.systematic is None else self.systematic.errors
+        return Model(self.labels, odometry, range_, bearing, stays)
 
 
 def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
@@ -66,6 +73,8 @@ def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
     if not by_truth:
         return _without_truth(datasets, labels)
     known = [datasets[k] for k in by_truth]
+    stays = fitted(systems) if (systems := [one for log, truth in known if (one := of_truth(log, truth))]) else None
+    known = [_corrected(dataset, stays) for dataset in known]
     left = [labels[k] for k in range(len(datasets)) if k not in by_truth]
     remarks = [f"{one} has no true path, and is left out" for one in left]
     found = [sighted(log, truth) for log, truth in known if truth is not None]
@@ -77,12 +86,26 @@ def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
         remarks.append("too few motions lie between true poses: the odometry's noise stays as stated")
     if motions is None and range_ is None and bearing is None:
         raise InputError(f"{labels[0]}: found too few measurements with a known error, expected some 30.")
-    return Noise([labels[k] for k in by_truth], range_, bearing, motions, None, remarks)
+    return Noise([labels[k] for k in by_truth], range_, bearing, motions, None, remarks, stays)
+
+
+def _corrected(dataset: Dataset, stays: SystematicFit | None) -> Dataset:
+    return dataset if stays is None else dataset._replace(log=corrected(dataset.log, stays.errors))
+
+
+def _systematic(log: Log, truth: Truth | None) -> SystematicFit | None:
+    """The errors that stay, around the batch optimum; None where there is none, and on a given map."""
+    log = named(log, truth).identified().without_loops()
+    if log.prior.start != "known" or log.prior.map is not None:
+        return None
+    found = reference(log)
+    system = None if found is None or found.map is None else of_estimate(log, found.poses, found.map)
+    return None if system is None else fitted([system])
 
 
 def _sightings(found: Sequence[Sighted], axis: int) -> SightingNoise | None:
     chains = Chains(*map(np.concatenate, zip(*(one.chains(axis) for one in found), strict=True)))
-    fit = fitted(chains)
+    fit = fitted_chains(chains)
     if fit is None:
         return None
     first = np.cumsum([0, *(int(one.step.max(initial=0)) + 1 for one in found)])
@@ -108,10 +131,11 @@ def _matters(logs: Sequence[Log], noises: Sequence[SightingNoise | None]) -> flo
 
 def _without_truth(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
     remarks = [f"{label} is left out: without a true path one log is fitted" for label in labels[1:]]
-    found, rough = by_innovations(datasets[0], labels[0])
+    stays = _systematic(*datasets[0])
+    found, rough = by_innovations(_corrected(datasets[0], stays), labels[0])
     remarks.append(
         "without a true path, slow errors of sightings look like motion: sizes hold if errors are independent from "
         "sighting to sighting"
     )
     range_, bearing = (None if rough is None else _sightings([rough], axis) for axis in (0, 1))
-    return Noise(labels[:1], range_, bearing, None, found, remarks)
+    return Noise(labels[:1], range_, bearing, None, found, remarks, stays)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ...core.se2 import Array
+from ..systematic.errors import Systematic
 
 
 class SightingModel(NamedTuple):
@@ -29,3 +30,4 @@ class Model(NamedTuple):
     odometry: Sequence[float] | None  # (3,) factors on the standard deviations: forward, sideways, turn
     range: SightingModel | None
     bearing: SightingModel | None
+    systematic: Systematic = Systematic()  # errors that stay, which are taken out

@@ -8,7 +8,8 @@ import numpy as np
 from ...core.factors import Dataset, Log, Truth
 from ...core.se2 import Array, Ints
 from ...core.truth_errors import odometry_errors
-from .likelihood import NoiseEstimate, maximum
+from ..systematic.estimated import Estimated
+from .likelihood import maximum
 
 AXES = ("forward", "sideways", "turn")
 
@@ -28,14 +29,14 @@ class Horizon(NamedTuple):
 
     seconds: float  # the stretches' median duration
     stretches: int
-    scales: Sequence[NoiseEstimate]  # (3,) forward, sideways, turn
+    scales: Sequence[Estimated]  # (3,) forward, sideways, turn
 
 
 class Motions(NamedTuple):
     """The noise of odometry."""
 
     horizons: Sequence[Horizon]  # single steps first
-    scales: Sequence[NoiseEstimate]  # (3,) those to state: of the longest horizon that matters and tells them
+    scales: Sequence[Estimated]  # (3,) those to state: of the longest horizon that matters and tells them
     matters: float  # s over which the odometry has to bear the pose between independent looks at landmarks
     errors: Array  # (n, 3) of single steps, over their stated standard deviations
     t: Array  # (n,) s, of the first log's start, log after log
@@ -75,7 +76,7 @@ def scaled(cov: Array, scales: Array) -> Array:
     return cov * np.outer(scales, scales)
 
 
-def _told(horizons: Sequence[Horizon], axis: int, matters: float) -> NoiseEstimate:
+def _told(horizons: Sequence[Horizon], axis: int, matters: float) -> Estimated:
     """The factor of the longest horizon that tells it, up to about `matters` s."""
     best = horizons[0].scales[axis]
     for one in horizons[1:]:

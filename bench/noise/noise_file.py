@@ -9,6 +9,7 @@ import tomli_w
 from ...core.errors import InputError
 from ...core.files import write_whole
 from ...core.toml.table import TomlTable
+from ..systematic.errors import NAMES, Systematic
 from .model import Model, SightingModel
 
 MOTIONS = ("forward", "sideways", "turn")
@@ -24,7 +25,8 @@ def noted(model: Model) -> dict[str, Any]:
     for name, one in (("range", model.range), ("bearing", model.bearing)):
         if one is not None:
             tables[name] = {key: float(value) for key, value in one._asdict().items()}
-    return tables
+    stays = {key: float(value) for key, value in model.systematic._asdict().items() if value}
+    return tables | ({"systematic": stays} if stays else {})
 
 
 def write_noise(path: Path, model: Model) -> None:
@@ -34,16 +36,17 @@ def write_noise(path: Path, model: Model) -> None:
 
 def read_noise(path: Path) -> Model:
     """Reads the file; InputError names the file, the line and the key of what is invalid."""
-    file = TomlTable.read(path).only(("fitted_on", "odometry", "range", "bearing"))
+    file = TomlTable.read(path).only(("fitted_on", "odometry", "range", "bearing", "systematic"))
     fitted_on = file.names("fitted_on") if file.has("fitted_on") else []
     odometry = None
     if file.has("odometry"):
         table = file.table("odometry").only(MOTIONS)
         odometry = [table.number(name, above=0.0) for name in MOTIONS]
     range_, bearing = (_sightings(file.table(name)) if file.has(name) else None for name in ("range", "bearing"))
-    if odometry is None and range_ is None and bearing is None:
-        raise InputError(f"{path}: found no noise, expected a table [odometry], [range] or [bearing].")
-    return Model(fitted_on, odometry, range_, bearing)
+    stays = _systematic(file.table("systematic"))
+    if odometry is None and range_ is None and bearing is None and stays == Systematic():
+        raise InputError(f"{path}: found no noise, expected a table [odometry], [range], [bearing] or [systematic].")
+    return Model(fitted_on, odometry, range_, bearing, stays)
 
 
 _LIMITS: Mapping[str, dict[str, float]] = {
@@ -55,6 +58,15 @@ _LIMITS: Mapping[str, dict[str, float]] = {
     "time": {"above": 0.0},
     "together": {"least": 0.0},
 }
+
+
+def _systematic(table: TomlTable) -> Systematic:
+    table = table.only(NAMES)
+    found = Systematic(**{name: table.number(name, 0.0) for name in NAMES})
+    for name in NAMES:
+        if name.endswith("_scale") and not getattr(found, name) > -1:
+            raise table.fault(name, "a number above -1")
+    return found
 
 
 def _sightings(table: TomlTable) -> SightingModel:

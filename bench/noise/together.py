@@ -3,13 +3,14 @@
 import numpy as np
 
 from ...core.se2 import Array, Ints
-from .likelihood import TWO_SIDED, NoiseEstimate
+from ..systematic.estimated import Estimated
+from .likelihood import TWO_SIDED
 
 FEWEST = 50  # fewest pairs of sightings of one step
 BLOCKS = 20  # stretches that are left out in turn, for the interval
 
 
-def together(step: Ints, error: Array) -> NoiseEstimate | None:
+def together(step: Ints, error: Array) -> Estimated | None:
     """The correlation of pairs of errors (n,), over their standard deviations, at one step of all logs' (n,).
 
     Its interval is a block jackknife's, since errors are correlated in time; None for too few pairs.
@@ -28,4 +29,4 @@ def together(step: Ints, error: Array) -> NoiseEstimate | None:
     value = float(whole[0] / whole[1])
     spread = (without[0] / without[1] - value) ** 2
     half = TWO_SIDED * float(np.sqrt((BLOCKS - 1) / BLOCKS * spread.sum()))
-    return NoiseEstimate(value, value - half, value + half)
+    return Estimated(value, value - half, value + half)

@@ -3,9 +3,10 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from ..systematic import words as systematic
+from ..systematic.estimated import Estimated
 from ..words.numerals import listed, number
 from .gauss_markov import IN_A_ROW, Fitted
-from .likelihood import NoiseEstimate
 from .measured import Noise, SightingNoise
 from .motions import AXES, Motions
 
@@ -20,7 +21,7 @@ class NoiseRow(NamedTuple):
     """One number of the noise."""
 
     name: str
-    estimate: NoiseEstimate
+    estimate: Estimated
     unit: str  # "" for a factor, a power or a share
 
     @property
@@ -36,6 +37,9 @@ class NoiseRow(NamedTuple):
 
 def rows(noise: Noise) -> Iterator[NoiseRow]:
     """Yields all numbers of the noise."""
+    if noise.systematic is not None:
+        for title, estimate, unit in systematic.rows(noise.systematic):
+            yield NoiseRow(title, estimate, unit)
     found = noise.innovations
     if found is not None:
         for name in ("translation", "turn", "range", "bearing"):
@@ -74,7 +78,8 @@ def _sighting_rows(name: str, unit: str, one: SightingNoise, *, sizes: bool) -> 
 
 def sentences(noise: Noise) -> list[str]:
     """Says what was found, the most important first."""
-    said = [
+    said = [] if noise.systematic is None else list(systematic.sentences(noise.systematic))
+    said += [
         sentence
         for name in SENSORS
         if (one := getattr(noise, name)) is not None

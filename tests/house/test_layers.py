@@ -71,6 +71,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "words": set(),
         "process": set(),
         "measure": {"process"},
+        "systematic": set(),
         "contradiction": {"measure", "words"},
         "record": {"measure", "words"},
         "plan": {"words", "measure", "record"},
@@ -82,7 +83,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "run": {"engine", "report", "workers", "verdict", "drawing", "plan", "record", "measure", "words"},
         "check": {"workers", "plan", "measure", "words"},
         "logs": {"contradiction", "drawing", "plan", "measure", "words"},
-        "noise": {"drawing", "plan", "measure", "words"},
+        "noise": {"systematic", "drawing", "plan", "measure", "words"},
         "camera": {"drawing", "words"},
         "detect": {"contradiction", "drawing", "measure", "words"},
         "replay": {"engine", "workers", "plan", "record", "measure", "drawing", "words"},
@@ -98,7 +99,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "commands": {
             "words", "measure", "contradiction", "record", "plan", "verdict", "drawing", "workers", "report", "run",
             "check", "logs", "noise", "camera", "detect", "replay", "speed", "front_ends", "engine", "study", "claims",
-            "study_report", "verify", "suite",
+            "systematic", "study_report", "verify", "suite",
         },
         TOP: {"words"},  # cli.py loads one command, by its name
     },

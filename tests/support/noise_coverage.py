@@ -4,8 +4,8 @@ import sys
 from collections import Counter
 
 from noisy_logs import REACH, Slow, noisy
-from slamduel.bench.noise.likelihood import NoiseEstimate
 from slamduel.bench.noise.measured import Noise, measured
+from slamduel.bench.systematic.estimated import Estimated
 
 WORLDS = ("circle[steps=500]", "city[steps=500]", "linear[steps=500]")
 RANGE = Slow(scale=1.5, power=0.4, share=0.7, time=6.0)
@@ -15,7 +15,7 @@ ODOMETRY = (1.3, 0.7, 1.2)
 EXPECTED = (0.93, 0.97)
 
 
-def found(noise: Noise) -> dict[str, tuple[NoiseEstimate | None, float]]:
+def found(noise: Noise) -> dict[str, tuple[Estimated | None, float]]:
     """Estimates with their true values."""
     one, other = noise.range.fitted, noise.bearing.fitted
     slow = one.correlation

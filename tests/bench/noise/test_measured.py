@@ -7,11 +7,11 @@ import pytest
 
 from noisy_logs import REACH, Slow, noisy
 from slamduel.bench.noise.innovations import likelihood, scaled_by
-from slamduel.bench.noise.likelihood import NoiseEstimate
 from slamduel.bench.noise.measured import measured
 from slamduel.bench.noise.together import together
 from slamduel.bench.noise.words import rows, sentences
 from slamduel.bench.plan.load import load
+from slamduel.bench.systematic.estimated import Estimated
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log, Prior
 
@@ -20,7 +20,7 @@ RANGE = Slow(scale=1.5, power=0.4, share=0.8, time=6.0)
 BEARING = Slow(scale=0.8)
 
 
-def near(one: NoiseEstimate, true: float) -> bool:
+def near(one: Estimated, true: float) -> bool:
     """True within four standard errors."""
     return abs(one.value - true) < (one.high - one.low)
 

@@ -1,0 +1,228 @@
+"""Finds the systematic errors of logs, with intervals: by true paths, or by sightings and motions together.
+
+Least squares over maps, errors and, where they are not known, paths. Intervals are a jackknife's over stretches of
+time: noise may be misstated, and correlated for less than a stretch.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import t as student
+
+from ...backends.models import place
+from ...core.factors import Log, Map, Truth
+from ...core.se2 import Array
+from ...core.truth_doubts import judges
+from ...core.truth_errors import named, rows_of
+from .errors import NAMES, Systematic
+from .estimated import Estimated
+from .reduced import Linear, Reduced
+from .system import System
+
+FEWEST = 200  # sightings of landmarks sighted before, below which nothing is fitted
+LONGEST, LARGEST = 20_000, 1_000
+"""Steps and landmarks that are looked at, from the log's first ones."""
+
+ITERATIONS, SETTLED = 40, 0.02
+"""At most so many; errors have settled where each changes by less than that share of its standard error."""
+
+CERTAIN = 4.0
+"""Standard errors that an error is from 0 where it is said to be one: by chance once in 1,500."""
+
+ENTANGLED, INVOLVED = 20.0, 5.0
+"""Times that others make the variance of an error larger, from which on it is not told apart from them, and from which
+on it is one of these others."""
+
+LAST = ("delay", "bearing_scale", "drift", "range_offset", "turn_scale", "wheel_scale", "yaw", "y", "x")
+"""Errors that are given up where several are not told apart, the first one first."""
+
+GAUGES = ("range_scale", "heading")
+"""Taken as 0 without a true path: ranges and the way are compared with each other alone, as are sensor and motion."""
+
+VAGUE = Systematic(1.0, 1.0, 0.5, 1.0, 1.0, 0.3, 0.3, 0.3, 0.3, 0.5, 0.5)
+"""What is known to no better than this, as standard errors, is not told."""
+
+
+class SystematicFit(NamedTuple):
+    """The errors of logs, and what is known of them."""
+
+    errors: Systematic  # those that are certain; 0 for others
+    estimates: Mapping[str, Estimated]  # of all that are told; of others than the certain ones as if all were free
+    by_truth: bool
+
+    @property
+    def certain(self) -> Sequence[str]:
+        """Names of those that are certain."""
+        return [name for name in NAMES if getattr(self.errors, name)]
+
+
+def of_truth(log: Log, truth: Truth | None) -> System | None:
+    """The equations of a log by its true path; None where that, or what is sighted again, is too little."""
+    if truth is None or len(truth.t) < 2 or not judges(log, truth):
+        return None
+    log = _looked_at(named(log, truth).identified())
+    at = rows_of(truth.t, log.t)
+    row = np.flatnonzero((at >= 0)[log.sighting_step])
+    ids, first = np.unique(log.ids[row], return_index=True)
+    if len(row) - len(ids) < FEWEST:
+        return None
+    path, first = truth.poses[np.maximum(at, 0)], row[first]
+    places = place(path[log.sighting_step[first]], log.z[first])[0]
+    return System(log, path, Map(ids, places, None), True, at >= 0)
+
+
+def of_estimate(log: Log, path: Array, landmarks: Map) -> System | None:
+    """The equations of a log around an estimate of its path (n, 3) and map; None where too little is sighted again.
+
+    `path` and `landmarks` are of all steps and ids of the log.
+    """
+    log = _looked_at(log.identified().without_loops())
+    if len(log.ids) - len(np.unique(log.ids)) < FEWEST:
+        return None
+    seen = np.isin(landmarks.ids, log.ids)
+    known = Map(landmarks.ids[seen], landmarks.xy[seen], None)
+    return System(log, path[: len(log)], known, False, np.ones(len(log), bool))
+
+
+def fitted(systems: Sequence[System]) -> SystematicFit | None:
+    """Fits the errors that all systems have; None where nothing converges."""
+    try:
+        return _Fit(systems).result()
+    except (np.linalg.LinAlgError, RuntimeError):  # a singular system, in NumPy and in SciPy
+        return None
+
+
+def _looked_at(log: Log) -> Log:
+    """The log up to LONGEST steps and LARGEST landmarks."""
+    _, first = np.unique(log.ids, return_index=True)
+    steps = min(len(log), LONGEST)
+    if len(first) > LARGEST:
+        steps = min(steps, int(log.sighting_step[np.sort(first)[LARGEST]]))
+    return log if steps == len(log) else log.head(steps)
+
+
+@dataclass
+class _Fit:
+    systems: Sequence[System]
+    errors: Systematic = field(default_factory=Systematic)
+
+    def result(self) -> SystematicFit | None:
+        by_truth = all(system.fixed for system in self.systems)
+        held = () if by_truth else GAUGES
+        free = _told_apart(self._reduced(evenly=True), [name for name in NAMES if name not in held])
+        if not self._settle(free):
+            return None
+        joint = self._reduced()
+        free = _told(joint, free)
+        every = _estimates(self.errors, joint, free)
+        certain = _certain(self.errors, joint, free)
+        if not by_truth and {"range_offset", "wheel_scale"} <= set(certain):
+            certain[certain.index("wheel_scale")] = "range_scale"  # ranges that are off are so in scale as well
+            every.pop("wheel_scale")
+        if not self._settle(certain):
+            return None
+        found = _estimates(self.errors, self._reduced(), certain)
+        return SystematicFit(self.errors, every | found, by_truth)
+
+    def _settle(self, free: Sequence[str]) -> bool:
+        """Iterates until the errors no longer change, with those that are not free at 0; False where they go on."""
+        self._change(np.array([0.0 if name in free else -getattr(self.errors, name) for name in NAMES]))
+        for _ in range(ITERATIONS):
+            linear, joint = self._linear()
+            change = _solved(joint.H, joint.g, free)
+            if not np.isfinite(change).all() or (np.abs(change) > 10 * np.array(VAGUE)).any():
+                return False
+            self._change(change, linear)
+            if (np.abs(change) <= SETTLED * _sizes(joint, free)).all():
+                return True
+        return False
+
+    def _change(self, by: Array, linear: Sequence[Linear] | None = None) -> None:
+        for one, system in zip(linear or self._linear()[0], self.systems, strict=True):
+            system.move(one.change(by))
+        self.errors = Systematic(*(np.array(self.errors) + by).tolist())
+
+    def _linear(self, *, evenly: bool = False) -> tuple[list[Linear], Reduced]:
+        linear = [Linear(system, self.errors, evenly=evenly) for system in self.systems]
+        return linear, _together([one.reduced() for one in linear])
+
+    def _reduced(self, *, evenly: bool = False) -> Reduced:
+        return self._linear(evenly=evenly)[1]
+
+
+def _together(parts: Sequence[Reduced]) -> Reduced:
+    """The equations of several logs, and without each stretch of one."""
+    H, g = sum(one.H for one in parts), sum(one.g for one in parts)
+    return Reduced(
+        np.asarray(H),
+        np.asarray(g),
+        np.concatenate([H - one.H + one.H_without for one in parts]),
+        np.concatenate([g - one.g + one.g_without for one in parts]),
+    )
+
+
+def _solved(H: Array, g: Array, free: Sequence[str]) -> Array:
+    """(p,) the solution of H x = -g, or (b, p) of several, with 0 for what is not free."""
+    at = np.array([NAMES.index(name) for name in free], np.int64)
+    x = np.zeros(g.shape)
+    x[..., at] = -np.linalg.solve(H[..., at[:, None], at], g[..., at, None])[..., 0]
+    return x
+
+
+def _standard_errors(joint: Reduced, free: Sequence[str]) -> Array:
+    """(p,) by the jackknife; 0 of what is not free."""
+    off = _solved(joint.H_without, joint.g_without, free)
+    b = len(off)
+    return np.sqrt((b - 1) / b * ((off - off.mean(axis=0)) ** 2).sum(axis=0))
+
+
+def _sizes(joint: Reduced, free: Sequence[str]) -> Array:
+    """(p,) what matters of each error: its standard error, or what is told of it at all."""
+    return np.maximum(_standard_errors(joint, free), 1e-7)
+
+
+def _told_apart(joint: Reduced, free: Sequence[str]) -> list[str]:
+    """The errors of `free` of which the equations tell one from another."""
+    free = [name for name in free if joint.H[NAMES.index(name), NAMES.index(name)] > 1 / getattr(VAGUE, name) ** 2]
+    while free:
+        at = np.array([NAMES.index(name) for name in free])
+        H = joint.H[np.ix_(at, at)]
+        size = np.sqrt(np.diag(H))
+        inflated = np.diag(np.linalg.inv(H / np.outer(size, size) + 1e-12 * np.eye(len(at))))
+        if inflated.max() <= ENTANGLED:
+            break
+        entangled = {name for name, one in zip(free, inflated, strict=True) if one > INVOLVED}
+        free.remove(next((name for name in LAST if name in entangled), next(iter(entangled))))
+    return free
+
+
+def _told(joint: Reduced, free: Sequence[str]) -> list[str]:
+    """The errors of `free` that are known to better than VAGUE."""
+    size = _standard_errors(joint, free)
+    return [name for name in free if size[NAMES.index(name)] < getattr(VAGUE, name) / CERTAIN]
+
+
+def _certain(errors: Systematic, joint: Reduced, free: Sequence[str]) -> list[str]:
+    """Those of `free` that differ from 0, each with the others estimated: the least certain one is left out first."""
+    free = list(free)
+    while free:
+        at = _solved(joint.H, joint.g - joint.H @ np.array(errors), free)
+        ratio = {name: abs(at[NAMES.index(name)]) for name in free}
+        size = _standard_errors(joint, free)
+        ratio = {name: value / size[NAMES.index(name)] for name, value in ratio.items()}
+        least = min(free, key=ratio.__getitem__)
+        if ratio[least] >= CERTAIN:
+            break
+        free.remove(least)
+    return free
+
+
+def _estimates(errors: Systematic, joint: Reduced, free: Sequence[str]) -> dict[str, Estimated]:
+    half = student.ppf(0.975, len(joint.g_without) - 1) * _standard_errors(joint, free)
+    return {
+        name: Estimated(value := getattr(errors, name), value - half[k], value + half[k])
+        for k, name in enumerate(NAMES)
+        if name in free
+    }

@@ -1,0 +1,208 @@
+"""The equations of a log around a path, a map and systematic errors: residuals over their standard deviations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+
+from ...backends.models import innovation, sight
+from ...core.factors import Log, Map
+from ...core.mounting import before
+from ...core.se2 import Array, Ints, between, compose, compose_jacobians, inverse, wrap
+from ...core.truth_errors import rows_of
+from .errors import NAMES, SENSOR, Systematic, measured_motions, measured_sightings, true_motions
+
+WINDOW, FEWEST = 3.0, 10
+"""s, and steps at least, over which motions along a known path are added up, axis by axis, and what tells of wheels is
+averaged: single steps have errors of their own, which would make what they multiply look smaller."""
+
+ABOUT, STEPS = 0.3, 3
+"""s, and steps at least, before and after a sighting, between which odometry tells how fast the body is: noise of the
+step of the sighting itself is in what is measured, too."""
+
+STEP = 1e-5
+"""Of the differences that derivatives by systematic errors are made of, in their units."""
+
+HALF, JUMP = 2.5, 10.0
+"""Standard deviations at which a sighting, and a motion along a known path, have half their weight.
+
+Errors of sightings beyond are more often mistakes; motions have more of what is not modelled, and paths jump."""
+
+MEDIANS = {2: 1.1774, 3: 1.5382}
+"""Root of the median of chi-square, by its degrees of freedom."""
+
+
+@dataclass
+class System:
+    """A log of which all sightings have ids, and the state at which its equations are linear.
+
+    Variables are the poses (n, 3), unless the path is known, the landmarks (m, 2) and the systematic errors. Steps that
+    are not `known` have neither sightings nor motions.
+    """
+
+    log: Log
+    path: Array  # (n, 3)
+    landmarks: Map
+    fixed: bool  # the path is known
+    known: NDArray[np.bool_]  # (n,)
+
+    def __post_init__(self) -> None:
+        seen = self.known[self.log.sighting_step]
+        self.seen = np.flatnonzero(seen)
+        self.step = self.log.sighting_step[self.seen]
+        self.of = rows_of(self.landmarks.ids, self.log.ids[self.seen])
+        self.z, self._root = self.log.z[self.seen], _whitening(self.log.z_cov[self.seen])
+        self.driven = np.flatnonzero(self.known[1:] & self.known[:-1]) + 1
+        cov, t = self.log.delta_cov[self.driven], self.log.t
+        self._lasted = t[self.driven] - t[self.driven - 1]
+        window = max(WINDOW, FEWEST * float(np.median(self._lasted)))
+        self._windows = np.flatnonzero(np.diff(np.floor((t[self.driven] - t[0]) / window), prepend=-1.0))
+        self._motion_root = _whitening(np.add.reduceat(cov, self._windows) if self.fixed else cov)
+        self.xy = self.landmarks.xy.copy()
+
+    @property
+    def poses(self) -> int:
+        """Number of variables of the path."""
+        return 0 if self.fixed else 3 * len(self.path)
+
+    def linearised(self, errors: Systematic, *, evenly: bool = False) -> tuple[Array, csr_matrix, Ints]:
+        """Residuals (r,), their Jacobian by poses, landmarks and errors, and the step (r,) that each belongs to.
+
+        A motion belongs to the step before it. Sightings, and motions along a known path, that fit badly have less
+        weight: Cauchy's, around the median. `evenly` takes speeds averaged over windows: their noise would make errors
+        look as if they were told apart by it.
+        """
+        residuals, blocks, steps = list[Array](), list[tuple[Ints, Ints, Array]](), list[Ints]()
+        n, end, row = self.poses, self.poses + 2 * len(self.xy), 0
+        if not self.fixed:
+            off = self.path[0] - self.log.prior.pose
+            off[2] = wrap(off[2])
+            root = _whitening(self.log.prior.cov[None])
+            residuals.append(root[0] @ off)
+            blocks.append(_block(0, np.arange(3)[None], root))
+            steps.append(np.zeros(3, np.int64))
+            row = 3
+        e, by_before, by_after, by_errors = self._motions(errors)
+        k, root = self.driven[:, None], self._motion_root
+        if self.fixed:
+            e, by_errors = (np.add.reduceat(one, self._windows) for one in (e, by_errors))
+            k = k[self._windows]
+            root = root * _weights(root, e, JUMP)[:, None, None]
+        residuals.append((root @ e[..., None]).ravel())
+        if not self.fixed:
+            blocks.append(_block(row, 3 * (k - 1) + np.arange(3), root @ by_before))
+            blocks.append(_block(row, 3 * k + np.arange(3), root @ by_after))
+        wheels = end + np.arange(len(SENSOR), len(NAMES))[None]
+        blocks.append(_block(row, np.broadcast_to(wheels, (len(k), wheels.shape[1])), root @ by_errors))
+        steps.append(np.repeat(k[:, 0] - 1, 3))
+        row += 3 * len(k)
+        e, by_pose, by_place, by_errors = self._sightings(errors, evenly=evenly)
+        root = self._root * _weights(self._root, e, HALF)[:, None, None]
+        residuals.append((root @ e[..., None]).ravel())
+        if not self.fixed:
+            blocks.append(_block(row, 3 * self.step[:, None] + np.arange(3), root @ by_pose))
+        blocks.append(_block(row, n + 2 * self.of[:, None] + np.arange(2), root @ by_place))
+        sensor = end + np.arange(len(SENSOR))[None]
+        blocks.append(_block(row, np.broadcast_to(sensor, (len(e), len(SENSOR))), root @ by_errors))
+        steps.append(np.repeat(self.step, 2))
+        rows, places, values = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
+        r = np.concatenate(residuals)
+        return r, csr_matrix((values, (rows, places)), shape=(len(r), end + len(NAMES))), np.concatenate(steps)
+
+    def move(self, by: Array) -> None:
+        """Adds a change (variables,) of poses and landmarks."""
+        n = self.poses
+        if n:
+            self.path = self.path + by[:n].reshape(-1, 3)
+            self.path[:, 2] = wrap(self.path[:, 2])
+        self.xy = self.xy + by[n : n + self.xy.size].reshape(-1, 2)
+
+    def _motions(self, errors: Systematic) -> tuple[Array, Array, Array, Array]:
+        """Measured minus expected (d, 3), and derivatives of that by the poses before and after and wheels' errors."""
+        a, b = self.path[self.driven - 1], self.path[self.driven]
+        moved = between(a, b)
+        expected, J = measured_motions(moved, errors)
+        e = self.log.delta[self.driven] - expected
+        e[:, 2] = wrap(e[:, 2])
+        c, s, zero = np.cos(a[:, 2]), np.sin(a[:, 2]), np.zeros(len(a))
+        by_b = np.stack((c, s, zero, -s, c, zero, zero, zero, zero + 1), axis=-1).reshape(-1, 3, 3)
+        by_a = -by_b
+        by_a[:, 0, 2], by_a[:, 1, 2] = moved[:, 1], -moved[:, 0]
+        even = self._rates(moved) * self._lasted[:, None]
+        by_errors = [_slope(lambda at: measured_motions(even, at)[0], errors, name) for name in NAMES[len(SENSOR) :]]
+        return e, -J @ by_a, -J @ by_b, -np.stack(by_errors, axis=-1)
+
+    def _sightings(self, errors: Systematic, *, evenly: bool) -> tuple[Array, Array, Array, Array]:
+        """Measured minus expected (s, 2), and derivatives of that by the pose, the landmark and the sensor's errors."""
+        at, places = self.path[self.step], self.xy[self.of]
+        relative = self._relative(errors)
+        expected, by_sensor, by_place = sight(compose(at, relative), places)
+        expected, scale = measured_sightings(expected, errors)
+        e = innovation(self.z.copy(), expected)
+        by_pose = by_sensor @ compose_jacobians(at, relative)[0]
+
+        now, back = compose(self._relative(errors), inverse(_place(errors))), self._speeds(errors, evenly=evenly)
+
+        def predicted(here: Systematic) -> Array:
+            then = compose(now, (errors.delay - here.delay) * back)
+            return measured_sightings(sight(compose(at, compose(then, _place(here))), places)[0], here)[0]
+
+        by_errors = np.stack([_slope(predicted, errors, name, turn=1) for name in SENSOR], axis=-1)
+        return e, -scale[:, None] * by_pose, -scale[:, None] * by_place, -by_errors
+
+    def _relative(self, errors: Systematic) -> Array:
+        """(s, 3) the sensor's pose at each sighting, in the frame of the body at its step."""
+        motions = true_motions(self.log.delta, errors)[0]
+        return compose(before(self.log.t, motions, errors.delay)[self.step], _place(errors))
+
+    def _rates(self, moved: Array) -> Array:
+        """(d, 3) motions (d, 3) a second, averaged over WINDOW: factors of errors must have little noise themselves."""
+        total, lasted = (np.add.reduceat(one, self._windows) for one in (moved, self._lasted))
+        count = np.diff(np.append(self._windows, len(moved)))
+        return np.repeat(total / lasted[:, None], count, axis=0)
+
+    def _speeds(self, errors: Systematic, *, evenly: bool) -> Array:
+        """(s, 3) the body's motion a second at each sighting, by its odometry."""
+        motions = true_motions(self.log.delta, errors)[0]
+        if evenly:
+            at = np.clip(np.searchsorted(self.driven, self.step), 0, len(self.driven) - 1)
+            return self._rates(motions[self.driven])[at]
+        t, about = self.log.t, max(ABOUT, STEPS * float(np.median(self._lasted)))
+        return ((before(t, motions, -about) - before(t, motions, about)) / (2 * about))[self.step]
+
+
+def _place(errors: Systematic) -> Array:
+    return np.array([errors.x, errors.y, errors.yaw])
+
+
+def _slope(of, errors: Systematic, name: str, turn: int = 2) -> Array:
+    """Derivative of the values (k, d), of which column `turn` is an angle, by one of the errors."""
+    here = getattr(errors, name)
+    difference = of(errors._replace(**{name: here + STEP})) - of(errors._replace(**{name: here - STEP}))
+    difference[:, turn] = wrap(difference[:, turn])
+    return difference / (2 * STEP)
+
+
+def _weights(root: Array, e: Array, half: float) -> Array:
+    """(k,) roots of Cauchy's weights of residuals e (k, d), by their scale."""
+    far = np.sqrt(((root @ e[..., None])[..., 0] ** 2).sum(axis=1))
+    scale = float(np.median(far)) / MEDIANS[e.shape[1]] if len(far) else 0.0
+    return 1 / np.sqrt(1 + (far / (half * scale)) ** 2) if scale > 0 else np.ones(len(far))
+
+
+def _block(first: int, places: Ints, values: Array) -> tuple[Ints, Ints, Array]:
+    """Rows, columns and values of blocks (b, p, q) below one another, in columns (b, q)."""
+    b, p, q = values.shape
+    rows = first + p * np.arange(b)[:, None, None] + np.arange(p)[None, :, None]
+    shape = (b, p, q)
+    return (
+        np.broadcast_to(rows, shape).ravel(),
+        np.broadcast_to(places[:, None, :], shape).ravel(),
+        values.ravel(),
+    )
+
+
+def _whitening(cov: Array) -> Array:
+    """W (k, d, d) of covariances C (k, d, d), W' W = C^-1."""
+    return np.linalg.inv(np.linalg.cholesky(cov)) if len(cov) else cov

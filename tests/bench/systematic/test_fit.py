@@ -1,0 +1,80 @@
+"""Errors that are planted are found, with and without a true path, and none where none are."""
+
+import numpy as np
+import pytest
+
+from planted_errors import drive
+from slamduel.bench.plan.reference import reference
+from slamduel.bench.systematic.errors import NAMES, Systematic
+from slamduel.bench.systematic.fit import SystematicFit, fitted, of_estimate, of_truth
+from slamduel.bench.systematic.words import rows, sentences
+from slamduel.core.factors import Dataset
+from slamduel.datasets.cache import generator
+from slamduel.datasets.registry import find
+
+PLANTED = Systematic(x=0.2, y=0.05, yaw=0.1, delay=0.1, turn_scale=-0.04, drift=0.02)
+
+
+def found(dataset: Dataset, *, by_truth: bool) -> SystematicFit:
+    log, truth = dataset
+    if by_truth:
+        one = of_truth(log, truth)
+    else:
+        best = reference(log)
+        assert best is not None
+        assert best.map is not None
+        one = of_estimate(log, best.poses, best.map)
+    assert one is not None
+    fit = fitted([one])
+    assert fit is not None
+    return fit
+
+
+@pytest.mark.parametrize("by_truth", [True, False])
+def test_what_is_planted_is_found_on_eight_logs(by_truth: bool) -> None:
+    """Each within 1.5 times its interval, which one in 300 is not; and all of them certain."""
+    for seed in range(8):
+        fit = found(drive(PLANTED, seed), by_truth=by_truth)
+        for name, value in PLANTED._asdict().items():
+            if value:
+                one = fit.estimates[name]
+                assert abs(one.value - value) <= 0.75 * (one.high - one.low), (seed, name, one)
+                assert name in fit.certain, (seed, name, one)
+
+
+@pytest.mark.parametrize("by_truth", [True, False])
+def test_of_none_none_is_found(by_truth: bool) -> None:
+    certain = [found(drive(Systematic(), seed), by_truth=by_truth).certain for seed in range(8)]
+    assert sum(map(len, certain)) <= 1  # of 72 or more, at 1 in 1,500
+
+
+def test_misstated_noise_changes_no_verdict() -> None:
+    fit = found(drive(PLANTED, 2, noise=2.0), by_truth=False)
+    assert {"x", "yaw", "delay"} <= set(fit.certain)
+
+
+def test_a_robot_at_one_speed_does_not_tell_where_from_when() -> None:
+    """On a circle at constant speed a late sensor is one that sits and looks elsewhere."""
+    source = find("circle")
+    fit = found(source.make(source.options(), generator("circle", 3)), by_truth=True)
+    assert "delay" not in fit.estimates
+
+
+def test_words_have_value_interval_and_side() -> None:
+    fit = found(drive(PLANTED, 1), by_truth=True)
+    said = list(sentences(fit))
+    assert any(one.startswith("The sensor sits 0.") and one.endswith("ahead of the robot's origin.") for one in said)
+    assert any("clock is" in one and one.endswith("late.") for one in said)
+    assert any("turns are" in one and "too small" in one for one in said)
+    titles = [title for title, *_ in rows(fit)]
+    assert len(titles) == len(set(titles)) == len(NAMES)
+
+
+def test_logs_with_the_same_errors_tell_more_together() -> None:
+    systems = [one for seed in (1, 2, 3) if (one := of_truth(*drive(PLANTED, seed))) is not None]
+    together, alone = fitted(systems), fitted(systems[:1])
+    assert together is not None
+    assert alone is not None
+    widths = [fit.estimates["x"].high - fit.estimates["x"].low for fit in (together, alone)]
+    assert widths[0] < widths[1]
+    assert np.isclose(together.errors.x, 0.2, atol=2 * widths[0])
