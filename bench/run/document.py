@@ -22,7 +22,7 @@ folder, report    where everything is, and its page
 status            the exit status
 datasets          one each:
   dataset, name   its label, and its display name
-  truth_kind      "truth", "relations", "reference" or ""
+  truth_kind      "truth", of all logs or of some, "relations", "reference" or ""
   logs            the number of different ones
   units           the number of independent ones: of clusters, else of logs
   cluster         the one that all logs are of, else null
@@ -36,7 +36,9 @@ datasets          one each:
                   timing_alone, estimates: {column: {value, low,
                   high, n, units}}, costs: {column: {value, low, high,
                   logs, rounds}}, geometric means over logs and rounds
-cells             one each, by column of cells.csv and of metrics.csv
+cells             one each, by column of cells.csv and of metrics.csv; where
+                  the true path is known of some logs alone, without the
+                  distances from a reference on others
 remarks           on a given map, and on logs that are not there
 
 An estimate is the median over n logs of so many units with its 95 %

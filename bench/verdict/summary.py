@@ -9,6 +9,8 @@ from ..words.names import called
 from .statistics import FEWEST, Estimate, estimate, median, median_over
 from .units import INDEPENDENT, Units, units
 
+OF_MAPS = ("map_rmse_m", "final_map_rmse_m")  # the errors that do not take a true path
+
 
 class Spread(NamedTuple):
     """A column's values over the seeds that have one."""
@@ -24,12 +26,13 @@ class Line(NamedTuple):
 
     dataset: str  # label
     backend: str  # label
-    truth_kind: str
-    rows: list[Row]  # by seed
+    truth_kind: str  # of the log, or of all; "truth" where the true path is known of some alone, and places of all
+    rows: list[Row]  # by seed; where the true path is known of some logs alone, those of others have no error of paths
     values: Mapping[str, Spread]  # by column of cells.csv; a column without any value is absent
     name: str  # the dataset's display name
     implementation: str = ""  # whose program the backend is; "" where the run does not say
     units: Units = INDEPENDENT  # of the dataset's logs, by digest
+    with_path: Units | None = None  # those whose true path is known, where it is of some logs alone
 
     @property
     def done(self) -> int:
@@ -45,18 +48,23 @@ class Line(NamedTuple):
 
     def estimate(self, column: str) -> Estimate:
         """Estimates the median of a column over the logs."""
-        by_log = self.by_log(column)
-        return estimate([*by_log.values()], [self.units.unit(log) for log in by_log])
+        by_log, of = self.by_log(column), self.over(column)
+        return estimate([*by_log.values()], [of.unit(log) for log in by_log])
 
     def runs(self, column: str) -> list[tuple[str, float]]:
         """Lists (digest, value) of every done cell that has one; of an error, of every failed cell too: infinite."""
         found: list[tuple[str, float]] = []
+        of = self.over(column).of if _of_path(column) else None  # of other logs nothing is judged
         for c in (row.columns for row in self.rows):
             if c["status"] == "done" and c[column] is not None:
                 found.append((c["digest"], c[column]))
-            elif c["status"] in FAILED and about(column).kind.is_error:
+            elif c["status"] in FAILED and about(column).kind.is_error and (of is None or c["digest"] in of):
                 found.append((c["digest"], float("inf")))
         return found
+
+    def over(self, column: str) -> Units:
+        """The units of the logs that a column is judged on: all, or of errors of paths those with a true one."""
+        return self.with_path if self.with_path is not None and _of_path(column) else self.units
 
     @property
     def failed(self) -> int:
@@ -75,8 +83,8 @@ class Line(NamedTuple):
 
     @property
     def surveyed(self) -> bool:
-        """True where its map is measured from true places, though the true path is unknown."""
-        return any(row.columns["surveyed"] for row in self.rows)
+        """True where its map is measured from true places, though the true path is unknown, if of some logs alone."""
+        return self.with_path is not None or any(row.columns["surveyed"] for row in self.rows)
 
     @property
     def reference(self) -> str:
@@ -104,26 +112,45 @@ def lines(rows: Iterable[Row], implementations: Mapping[str, str] | None = None)
     made_by = implementations or {}
     groups: dict[tuple[str, str], list[Row]] = {}
     clusters: dict[str, dict[Hashable, str | None]] = {}  # by dataset and log
+    paths: dict[str, dict[Hashable, str | None]] = {}  # likewise, of logs whose true path is known
+    kinds: dict[str, set[str]] = {}  # by dataset
     for row in rows:
         c = row.columns
         key = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
         groups.setdefault(key, []).append(row)
         clusters.setdefault(key[0], {})[c["digest"]] = c["cluster"]
+        kinds.setdefault(key[0], set()).add(c["truth_kind"])
+        if c["truth_kind"] == "truth":
+            paths.setdefault(key[0], {})[c["digest"]] = c["cluster"]
     of = {dataset: units(by_log) for dataset, by_log in clusters.items()}
+    some = {dataset: units(paths[dataset]) for dataset, found in kinds.items() if found >= {"truth", "reference"}}
     names = called([dataset for dataset, _ in groups])
     return [
         Line(
             dataset,
             backend,
-            members[0].columns["truth_kind"],
+            "truth" if dataset in some else members[0].columns["truth_kind"],
             members,
             _spreads(members),
             names[dataset],
             made_by.get(backend, ""),
             of[dataset],
+            some.get(dataset),
         )
-        for (dataset, backend), members in groups.items()
+        for (dataset, backend), found in groups.items()
+        for members in [[*map(_without_distances, found)] if dataset in some else found]
     ]
+
+
+def _of_path(column: str) -> bool:
+    return about(column).kind.is_error and column not in OF_MAPS
+
+
+def _without_distances(row: Row) -> Row:
+    """The row of a log without a true path, without its distances from a reference, as they are no errors."""
+    if row.columns["truth_kind"] != "reference":
+        return row
+    return row._replace(columns={name: None if _of_path(name) else value for name, value in row.columns.items()})
 
 
 def _spreads(rows: list[Row]) -> dict[str, Spread]:
