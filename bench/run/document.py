@@ -36,9 +36,7 @@ datasets          one each:
                   timing_alone, estimates: {column: {value, low,
                   high, n, units}}, costs: {column: {value, low, high,
                   logs, rounds}}, geometric means over logs and rounds
-cells             one each, by column of cells.csv and of metrics.csv; where
-                  the true path is known of some logs alone, without the
-                  distances from a reference on others
+cells             one each, by column of cells.csv and of metrics.csv
 remarks           on a given map, and on logs that are not there
 
 An estimate is the median over n logs of so many units with its 95 %

@@ -27,7 +27,7 @@ class Line(NamedTuple):
     dataset: str  # label
     backend: str  # label
     truth_kind: str  # of the log, or of all; "truth" where the true path is known of some alone, and places of all
-    rows: list[Row]  # by seed; where the true path is known of some logs alone, those of others have no error of paths
+    rows: list[Row]  # by seed
     values: Mapping[str, Spread]  # by column of cells.csv; a column without any value is absent
     name: str  # the dataset's display name
     implementation: str = ""  # whose program the backend is; "" where the run does not say
@@ -54,11 +54,10 @@ class Line(NamedTuple):
     def runs(self, column: str) -> list[tuple[str, float]]:
         """Lists (digest, value) of every done cell that has one; of an error, of every failed cell too: infinite."""
         found: list[tuple[str, float]] = []
-        of = self.over(column).of if _of_path(column) else None  # of other logs nothing is judged
-        for c in (row.columns for row in self.rows):
+        for c in (row.columns for row in _judged(self.rows, column, mixed=self.with_path is not None)):
             if c["status"] == "done" and c[column] is not None:
                 found.append((c["digest"], c[column]))
-            elif c["status"] in FAILED and about(column).kind.is_error and (of is None or c["digest"] in of):
+            elif c["status"] in FAILED and about(column).kind.is_error:
                 found.append((c["digest"], float("inf")))
         return found
 
@@ -131,14 +130,13 @@ def lines(rows: Iterable[Row], implementations: Mapping[str, str] | None = None)
             backend,
             "truth" if dataset in some else members[0].columns["truth_kind"],
             members,
-            _spreads(members),
+            _spreads(members, mixed=dataset in some),
             names[dataset],
             made_by.get(backend, ""),
             of[dataset],
             some.get(dataset),
         )
-        for (dataset, backend), found in groups.items()
-        for members in [[*map(_without_distances, found)] if dataset in some else found]
+        for (dataset, backend), members in groups.items()
     ]
 
 
@@ -146,17 +144,19 @@ def _of_path(column: str) -> bool:
     return about(column).kind.is_error and column not in OF_MAPS
 
 
-def _without_distances(row: Row) -> Row:
-    """The row of a log without a true path, without its distances from a reference, as they are no errors."""
-    if row.columns["truth_kind"] != "reference":
-        return row
-    return row._replace(columns={name: None if _of_path(name) else value for name, value in row.columns.items()})
+def _judged(rows: list[Row], column: str, *, mixed: bool) -> list[Row]:
+    """The rows that a column is judged by.
+
+    Of a dataset that is `mixed`, with a true path for some logs alone, an error of paths is that of these: on the
+    others it is a distance from a reference.
+    """
+    return [row for row in rows if row.columns["truth_kind"] == "truth"] if mixed and _of_path(column) else rows
 
 
-def _spreads(rows: list[Row]) -> dict[str, Spread]:
-    done = [row.columns for row in rows if row.columns["status"] == "done"]
+def _spreads(rows: list[Row], *, mixed: bool) -> dict[str, Spread]:
     spreads: dict[str, Spread] = {}
     for name in [name for name in rows[0].columns if about(name).kind.is_measured]:
+        done = [row.columns for row in _judged(rows, name, mixed=mixed) if row.columns["status"] == "done"]
         values: list[Any] = [columns[name] for columns in done if columns[name] is not None]
         if values:
             spreads[name] = spread(values)
