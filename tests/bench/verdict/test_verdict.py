@@ -212,7 +212,10 @@ def test_a_first_backend_that_failed_does_not_hide_what_is_known_of_the_log() ->
 
 def test_where_some_paths_are_known_maps_count_on_all_logs_and_paths_on_those() -> None:
     """Of seven sets of two logs the path is known in one; elsewhere ATE is a distance from a reference, no error."""
-    sets = {"cluster": [f"set {k // 2}" for k in range(14)], "truth_kind": ["reference"] * 12 + ["truth"] * 2}
+    sets: dict[str, Any] = {
+        "cluster": [f"set {k // 2}" for k in range(14)],
+        "truth_kind": ["reference"] * 12 + ["truth"] * 2,
+    }
     sets |= {"surveyed": [1] * 12 + [0] * 2, "log_name": [f"log {k}" for k in range(14)]}
     hard = LOGS[:14]
     parts = [
@@ -225,7 +228,7 @@ def test_where_some_paths_are_known_maps_count_on_all_logs_and_paths_on_those() 
         )
         for name, times, far, near in (("a", 1.0, 9.0, 0.2), ("b", 2.0, 0.001, 0.1))
     ]
-    lost = [row._replace(columns=row.columns | {"status": "error", "ate_m": None}) for row in parts[1][:1]]
+    lost = [row._replace(columns={**row.columns, "status": "error", "ate_m": None}) for row in parts[1][:1]]
     found = said(parts[0], lost + parts[1][1:])
     (one, other) = lines([*parts[0], *lost, *parts[1][1:]])
     assert (one.truth_kind, one.surveyed, str(one.over("ate_m"))) == ("truth", True, "2 logs of set 6")

@@ -235,7 +235,12 @@ def six_sets(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def map_error(dataset: Dataset) -> float:
-    return own_map_rmse(final("smoother", dataset.log, loss="cauchy").map, dataset.truth.map)
+    found = final("smoother", dataset.log, loss="cauchy").map
+    assert dataset.truth is not None
+    assert dataset.truth.map is not None
+    error = own_map_rmse(found, dataset.truth.map)
+    assert error is not None
+    return error
 
 
 def test_all_robots_of_the_six_sets_are_there(six_sets: Path) -> None:
