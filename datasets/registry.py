@@ -30,7 +30,8 @@ class Source:
     `make(options, rng)` returns the log and, if there is one, its ground truth; `options` is a frozen dataclass made
     with `option(...)` fields. `seeded`: it draws from `rng`, so there is one log per seed. `costly`: it is expensive
     enough for the user's cache; `files(options)` are those that it reads. `portable`: its log is the same to the last
-    bit on every x86-64 machine. `many(options)` are the logs of options that stand for several, else none.
+    bit on every x86-64 machine. `many(options)` are the logs of options that stand for several, else none, and
+    `absent(options)` names those that such options stand for, too, but that are not there.
     """
 
     make: Callable[[Any, np.random.Generator], Dataset]
@@ -40,6 +41,7 @@ class Source:
     portable: bool = True
     files: Callable[[Any], Sequence[Path]] = field(default=lambda _: ())
     many: Callable[[Any], Sequence[Member]] = field(default=lambda _: ())
+    absent: Callable[[Any], Sequence[str]] = field(default=lambda _: ())
 
     def draws(self, options: Any) -> bool:
         """True if each seed is another log with these options."""

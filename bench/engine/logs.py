@@ -6,7 +6,7 @@ from pathlib import Path
 from ...core.errors import InputError
 from ...core.factors import Dataset
 from ...datasets import archive
-from ..plan.variant import OneLog
+from ..plan.variant import DatasetVariant, OneLog
 from ..plan.work import PlannedCell, Work
 from ..record.store import Known, Store
 from ..workers.batch import Finished, KeptLog, LogFacts, facts_of
@@ -72,12 +72,29 @@ class KnownLogs:
                         f"{known.digest[:12]}; expected each log once."
                     )
                 kinds.setdefault(known.truth_kind, log)
-                if len(kinds) > 1:
-                    said = " and ".join(f"{one.name} has {KINDS[kind]}" for kind, one in kinds.items())
-                    raise InputError(
-                        f"dataset {dataset.label}: found logs whose errors are not of one kind, {said}; expected the "
-                        "same of all: run them as datasets of their own."
-                    )
+            if len(kinds) > 1 and not self._are_judged_by_maps(dataset):
+                said = " and ".join(f"{one.name} has {KINDS[kind]}" for kind, one in [*kinds.items()][:2])
+                raise InputError(
+                    f"dataset {dataset.label}: found logs whose errors are not of one kind, {said}; expected the "
+                    "same of all, or true places of landmarks in each: run them as datasets of their own."
+                )
+
+    def _are_judged_by_maps(self, dataset: DatasetVariant) -> bool:
+        """True if all logs of a run's dataset have true places of landmarks, though the true path is unknown of some.
+
+        A study's claims are of one column over all logs, so that it takes no such dataset.
+        """
+        if not self._work.logs_first:
+            return False
+        found = (
+            (log, self.known.get(log_key(log, self._map))) for log in map(dataset.log, range(len(dataset.members)))
+        )
+        made = [self._files.read(log.dataset.name, known) for log, known in found if known is not None]
+        truths = [None if one is None else one.truth for one in made]
+        return all(
+            truth is not None and truth.map is not None and truth.kind != "relations" and truth.places == "truth"
+            for truth in truths
+        )
 
     def looked(self, cell: PlannedCell, finished: Finished) -> str:
         """Takes in a log that was made, or could not be; returns a remark for the user, or ""."""

@@ -6,6 +6,7 @@ from typing import Any
 
 from ...core.errors import InputError
 from ...core.factors import STARTS
+from ..words.numerals import listed
 from . import given_map
 from .given_grid import is_grid, on_grid
 from .given_map import GivenMap
@@ -75,11 +76,13 @@ class Plan:
         return wanted if self.map is None else self.map.seeds(dataset, wanted)
 
     def remarks(self) -> str:
-        """Says in sentences which seeds a given map leaves out, and where it may not fit."""
-        if self.map is None:
-            return ""
+        """Says in sentences which logs and seeds are left out, and where a given map may not fit."""
         sentences: list[str] = []
         for dataset in self.datasets:
+            if lacking := dataset.source.absent(dataset.options):
+                sentences.append(f"{dataset.label}: not there, and left out: {listed(lacking)}.")
+            if self.map is None:
+                continue
             made_of = self.map.made_of
             if made_of == dataset.label:
                 sentences.append(f"{dataset.label}: the map was made from this very log, whose sightings count twice.")

@@ -28,7 +28,10 @@ class Trace(NamedTuple):
 
 
 class DrawnLog(NamedTuple):
-    """One log of a dataset: of those on which most backends are done, the one with errors nearest to the medians."""
+    """One log of a dataset: of those on which most backends are done, the one with errors nearest to the medians.
+
+    Where the true path is known of some logs alone, it is one of them.
+    """
 
     kind: str  # what is known of the true path: "truth", "reference", "relations" or "" for nothing
     seed: int
@@ -75,7 +78,8 @@ def drawn_log(
     done = [(line, row) for line in lines for row in line.rows if row.columns["status"] == "done"]
     if not done:
         return None
-    seed, typical = _drawn(done)
+    of_path = [(line, row) for line, row in done if row.columns["truth_kind"] == line.truth_kind]
+    seed, typical = _drawn(of_path or done)
     shown = [(line, row) for line, row in done if row.columns["seed"] == seed]
     first = {row.columns["seed"]: row for _, row in reversed(done)}  # of each log
     nees = {line.backend: _nees(store, line) for line in lines}

@@ -87,11 +87,14 @@ def planned(given: Mapping[str, Any], out: Path) -> Plan:
 
 
 def _refuse_seeds(plan: Plan) -> None:
-    """Raises InputError for a number of seeds where every dataset has logs of its own, another number of them."""
+    """Raises InputError for a number of seeds where every dataset has logs of its own, another number of them.
+
+    One is what they are run with, and some write it for every dataset without randomness.
+    """
     logs = {dataset.label: len(dataset.members) for dataset in plan.datasets if len(dataset.members) > 1}
-    if len(logs) == len(plan.datasets) and set(logs.values()) != {plan.seeds}:
+    if plan.seeds > 1 and len(logs) == len(plan.datasets) and set(logs.values()) != {plan.seeds}:
         said = listed([f"{label} has {count} logs" for label, count in logs.items()])
-        raise InputError(f"seeds: found {plan.seeds}, expected none: {said}, and all of them are run.")
+        raise InputError(f"seeds: found {plan.seeds}, expected none, or 1: {said}, and all of them are run, each once.")
 
 
 def _refuse_a_misspelling(out: Path) -> None:

@@ -22,7 +22,7 @@ folder, report    where everything is, and its page
 status            the exit status
 datasets          one each:
   dataset, name   its label, and its display name
-  truth_kind      "truth", "relations", "reference" or ""
+  truth_kind      "truth", of all logs or of some, "relations", "reference" or ""
   logs            the number of different ones
   units           the number of independent ones: of clusters, else of logs
   cluster         the one that all logs are of, else null
@@ -37,7 +37,7 @@ datasets          one each:
                   high, n, units}}, costs: {column: {value, low, high,
                   logs, rounds}}, geometric means over logs and rounds
 cells             one each, by column of cells.csv and of metrics.csv
-remarks           on a given map
+remarks           on a given map, and on logs that are not there
 
 An estimate is the median over n logs of so many units with its 95 %
 interval, whose ends are null where there are too few. Errors are infinite where the backend failed:

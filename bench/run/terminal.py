@@ -202,10 +202,13 @@ def _table(name: str, lines: Sequence[Line], entries: Sequence[Mapping[str, _Ent
     known = next((line for line in lines if line.rows), lines[0])
     if known.truth_kind == "reference":
         title += f"; truth unknown: errors{' of paths' * known.surveyed} are distances from {known.reference}"
+    if known.with_path is not None:
+        title += f"; true path known of {known.with_path}"
     if known.truth_kind == "relations":
         title += "; truth of the path unknown: errors are of true motions between pairs of poses"
     if form.ranges and any(entry.ends for row in entries for entry in row.values()):
-        title += f"; medians ({'95 % intervals' if of.n >= FEWEST else 'ranges'})"
+        ranges = ", ranges of paths" * (known.with_path is not None and known.with_path.n < FEWEST)
+        title += f"; medians ({f'95 % intervals{ranges}' if of.n >= FEWEST else 'ranges'})"
     shown = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD, collapse_padding=True)
     shown.add_column("backend", no_wrap=True, overflow="ellipsis", max_width=form.label + 2)
     absent = {"NEES", "in 95 %"} if known.truth_kind == "relations" else set[str]()

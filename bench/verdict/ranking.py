@@ -14,6 +14,7 @@ ROUNDING = 1e-9  # m below which errors are all the same, so that rounding on a 
 PATHS = {"online": "ate_m", "final": "final_ate_m"}  # compared where the path is known, by purpose
 RELATIONS = {"online": "relation_m", "final": "final_relation_m"}  # where only motions between its poses are
 MAPS = {"online": "map_rmse_m", "map": "final_map_rmse_m"}  # where only the landmarks are known
+MIXED = {"online map": "map_rmse_m", "map": "final_map_rmse_m", **PATHS}  # where the path is known of some logs alone
 
 ESTIMATES = {
     "ate_m": "online path", "final_ate_m": "final path", "map_rmse_m": "online map", "final_map_rmse_m": "final map",
@@ -32,6 +33,8 @@ def path_errors(truth_kind: str) -> Mapping[str, str]:
 
 def judged_by(known: Line) -> Mapping[str, str]:
     """The columns that a dataset's backends are ranked by, by purpose; none where nothing true is known."""
+    if known.with_path is not None:
+        return MIXED
     if known.truth_kind in ("truth", "relations"):
         return path_errors(known.truth_kind)
     return MAPS if known.surveyed else {}
@@ -49,7 +52,7 @@ class Ranking(NamedTuple):
     errors: Mapping[str, Mapping[str, float]]  # by backend and by log; infinite where it failed
     comparisons: Sequence[Comparison]  # every pair of `lines`, in their order, Holm-corrected
     baseline: Sequence[Comparison]  # each of `lines` with dead reckoning, if that has the measure; Holm-corrected
-    units: Units  # of the dataset's logs
+    units: Units  # of the dataset's logs that are judged by the measure
 
     @property
     def compared(self) -> bool:
@@ -84,7 +87,7 @@ def ranking(lines: Sequence[Line], column: str) -> Ranking | None:
     if not entered:
         return None
     errors = {line.backend: line.by_log(column) for line in having}
-    of = having[0].units
+    of = having[0].over(column)
     medians = {name: median_over(values, of) for name, values in errors.items()}
     entered.sort(key=lambda line: medians[line.backend])
     apart = {name: {log: max(error, ROUNDING) for log, error in of.items()} for name, of in errors.items()}

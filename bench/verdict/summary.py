@@ -9,6 +9,8 @@ from ..words.names import called
 from .statistics import FEWEST, Estimate, estimate, median, median_over
 from .units import INDEPENDENT, Units, units
 
+OF_MAPS = ("map_rmse_m", "final_map_rmse_m")  # the errors that do not take a true path
+
 
 class Spread(NamedTuple):
     """A column's values over the seeds that have one."""
@@ -24,12 +26,13 @@ class Line(NamedTuple):
 
     dataset: str  # label
     backend: str  # label
-    truth_kind: str
+    truth_kind: str  # of the log, or of all; "truth" where the true path is known of some alone, and places of all
     rows: list[Row]  # by seed
     values: Mapping[str, Spread]  # by column of cells.csv; a column without any value is absent
     name: str  # the dataset's display name
     implementation: str = ""  # whose program the backend is; "" where the run does not say
     units: Units = INDEPENDENT  # of the dataset's logs, by digest
+    with_path: Units | None = None  # those whose true path is known, where it is of some logs alone
 
     @property
     def done(self) -> int:
@@ -45,18 +48,22 @@ class Line(NamedTuple):
 
     def estimate(self, column: str) -> Estimate:
         """Estimates the median of a column over the logs."""
-        by_log = self.by_log(column)
-        return estimate([*by_log.values()], [self.units.unit(log) for log in by_log])
+        by_log, of = self.by_log(column), self.over(column)
+        return estimate([*by_log.values()], [of.unit(log) for log in by_log])
 
     def runs(self, column: str) -> list[tuple[str, float]]:
         """Lists (digest, value) of every done cell that has one; of an error, of every failed cell too: infinite."""
         found: list[tuple[str, float]] = []
-        for c in (row.columns for row in self.rows):
+        for c in (row.columns for row in _judged(self.rows, column, mixed=self.with_path is not None)):
             if c["status"] == "done" and c[column] is not None:
                 found.append((c["digest"], c[column]))
             elif c["status"] in FAILED and about(column).kind.is_error:
                 found.append((c["digest"], float("inf")))
         return found
+
+    def over(self, column: str) -> Units:
+        """The units of the logs that a column is judged on: all, or of errors of paths those with a true one."""
+        return self.with_path if self.with_path is not None and _of_path(column) else self.units
 
     @property
     def failed(self) -> int:
@@ -75,8 +82,8 @@ class Line(NamedTuple):
 
     @property
     def surveyed(self) -> bool:
-        """True where its map is measured from true places, though the true path is unknown."""
-        return any(row.columns["surveyed"] for row in self.rows)
+        """True where its map is measured from true places, though the true path is unknown, if of some logs alone."""
+        return self.with_path is not None or any(row.columns["surveyed"] for row in self.rows)
 
     @property
     def reference(self) -> str:
@@ -104,32 +111,52 @@ def lines(rows: Iterable[Row], implementations: Mapping[str, str] | None = None)
     made_by = implementations or {}
     groups: dict[tuple[str, str], list[Row]] = {}
     clusters: dict[str, dict[Hashable, str | None]] = {}  # by dataset and log
+    paths: dict[str, dict[Hashable, str | None]] = {}  # likewise, of logs whose true path is known
+    kinds: dict[str, set[str]] = {}  # by dataset
     for row in rows:
         c = row.columns
         key = label(c["dataset"], c["dataset_options"]), label(c["backend"], c["options"])
         groups.setdefault(key, []).append(row)
         clusters.setdefault(key[0], {})[c["digest"]] = c["cluster"]
+        kinds.setdefault(key[0], set()).add(c["truth_kind"])
+        if c["truth_kind"] == "truth":
+            paths.setdefault(key[0], {})[c["digest"]] = c["cluster"]
     of = {dataset: units(by_log) for dataset, by_log in clusters.items()}
+    some = {dataset: units(paths[dataset]) for dataset, found in kinds.items() if found >= {"truth", "reference"}}
     names = called([dataset for dataset, _ in groups])
     return [
         Line(
             dataset,
             backend,
-            members[0].columns["truth_kind"],
+            "truth" if dataset in some else members[0].columns["truth_kind"],
             members,
-            _spreads(members),
+            _spreads(members, mixed=dataset in some),
             names[dataset],
             made_by.get(backend, ""),
             of[dataset],
+            some.get(dataset),
         )
         for (dataset, backend), members in groups.items()
     ]
 
 
-def _spreads(rows: list[Row]) -> dict[str, Spread]:
-    done = [row.columns for row in rows if row.columns["status"] == "done"]
+def _of_path(column: str) -> bool:
+    return about(column).kind.is_error and column not in OF_MAPS
+
+
+def _judged(rows: list[Row], column: str, *, mixed: bool) -> list[Row]:
+    """The rows that a column is judged by.
+
+    Of a dataset that is `mixed`, with a true path for some logs alone, an error of paths is that of these: on the
+    others it is a distance from a reference.
+    """
+    return [row for row in rows if row.columns["truth_kind"] == "truth"] if mixed and _of_path(column) else rows
+
+
+def _spreads(rows: list[Row], *, mixed: bool) -> dict[str, Spread]:
     spreads: dict[str, Spread] = {}
     for name in [name for name in rows[0].columns if about(name).kind.is_measured]:
+        done = [row.columns for row in _judged(rows, name, mixed=mixed) if row.columns["status"] == "done"]
         values: list[Any] = [columns[name] for columns in done if columns[name] is not None]
         if values:
             spreads[name] = spread(values)

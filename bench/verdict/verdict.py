@@ -15,6 +15,7 @@ from .costs import CostRatio, all_pairs, compare_costs, rounds
 from .ranking import ESTIMATES, PATHS, Ranking, judged_by, ordered, ranking
 from .statistics import Comparison
 from .summary import Line, representative
+from .units import Units
 
 MOST = 6  # backends whose cost a sentence names
 
@@ -56,9 +57,13 @@ def verdict(lines: Sequence[Line]) -> Verdict:
         said.append(f"{name}: no verdict on accuracy. The true path is known at fewer than 3 steps, or in one place.")
     elif not rankings:
         said.append(f"{name}: no ranked backend gave a path.")
-    for k, found in enumerate(rankings.values()):
-        said += claims(found, ESTIMATES[found.column], name, again=k > 0)
+    over: list[Units] = []
+    for found in rankings.values():
+        said += claims(found, ESTIMATES[found.column], name, again=found.units in over)
+        over.append(found.units)
     said += [known.units.scope] * bool(known.units.scope)
+    if known.with_path is not None:
+        said.append(f"The true path is known of {known.with_path} alone: errors of paths and NEES are over these.")
     comparisons = {found.column: [*found.comparisons, *found.baseline] for found in rankings.values()}
     sentences = [*said, *(belief_sentences(lines) if kind == "truth" else ()), *association_sentences(lines)]
     sentences += [*_cost(lines), *repeat_troubles(lines), *failures]
@@ -69,6 +74,8 @@ def verdict(lines: Sequence[Line]) -> Verdict:
 
 
 def _known(line: Line) -> str:
+    if line.with_path is not None:
+        return f"the landmarks' places are known, and the true path of {line.with_path}"
     if line.truth_kind == "truth":
         return "the true path is known"
     if line.truth_kind == "relations":
@@ -89,12 +96,16 @@ def _pairs(line: Line) -> str:
 
 def _uses(lines: Sequence[Line], rankings: Mapping[str, Ranking]) -> list[Use]:
     """Recommends by purpose, none where no path is known; maps are the final ones if several have these."""
-    if representative(lines).truth_kind in ("truth", "relations"):
+    known = representative(lines)
+    if known.truth_kind in ("truth", "relations") and known.with_path is None:
         return [advice(purpose, found) for purpose, found in rankings.items()]
-    uses = [unnamed(purpose, lines) for purpose in PATHS]
+    uses, online = [unnamed(purpose, lines) for purpose in PATHS], rankings.get("online")
+    if known.with_path is not None:
+        uses = [advice(purpose, rankings[purpose]) for purpose in PATHS if purpose in rankings]
+        online = rankings.get("online map")
     found = rankings.get("map")
     if found is None or len(found.lines) == 1:
-        found = rankings.get("online", found)
+        found = online or found
     return [*uses, advice("map", found)] if found else uses
 
 

@@ -4,11 +4,14 @@ K. Y. K. Leung, Y. Halpern, T. D. Barfoot and H. H. T. Liu, "The UTIAS multi-rob
 dataset", International Journal of Robotics Research 30(8):969-974, 2011. Nine datasets of five robots that drive among
 fifteen barcodes, and see each other too.
 
-The log spans the time for which odometry and ground truth both exist, and starts at the true pose. Keyframes are the
-times of the sightings that are kept and every full second between; the motion up to each is one factor. The files have
-no covariances: those of the factors follow from the options, the motion's in the body frame before it.
+The log spans the time for which odometry and ground truth both exist, and starts at the true pose. Of a robot without
+a file of ground truth, as in copies that leave the paths out, it spans the time of the odometry and starts at the
+origin, which only fixes the frame; the landmarks' places alone are its truth, by which maps are judged. Keyframes are
+the times of the sightings that are kept and every full second between; the motion up to each is one factor. The files
+have no covariances: those of the factors follow from the options, the motion's in the body frame before it.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,20 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.errors import InputError
-from ...core.factors import UNKNOWN, Dataset, Log, Prior, Truth
+from ...core.factors import REMARKS, UNKNOWN, Dataset, Log, Prior, Truth
 from ...core.options import option
 from ...core.se2 import Array, Ints, wrap
 from ...core.table import Table
 from ...frontend.wheels.encoder import Floors, compose, roll
 from ..hidden_ids import HiddenIds
 from ..registry import Member, Source
-from .catalogue import fetched
-from .mrclam_files import LAST_ROBOT, NOBODY, Recorded, folder_of, read_files, since
+from .catalogue import fetched, place
+from .mrclam_files import NOBODY, Recorded, read_files, since
 from .mrclam_noise import noise
+from .mrclam_sets import LAST_ROBOT, MARK, SETS, USUAL, RecordedSet, set_in, sets_in
 
 Flags = NDArray[np.bool_]
-
-SETS = 9  # number of datasets
 
 GAP = 0.15
 """s. Steps in longer gaps between truth samples have no ground truth; usually samples are 0.01 to 0.03 s apart."""
@@ -39,7 +41,10 @@ ALL = "all"  # stands for every dataset, or every robot, in options
 LONGEST = 1e5  # s; dataset 6 lasts a quarter of an hour, and every second is a step
 
 START_SD = 1e-3
-"""The prior's standard deviation in x and y (m) and heading (rad): about the Vicon system's resolution."""
+"""The prior's standard deviation in x and y (m) and heading (rad): about the Vicon system's resolution.
+
+Without a path the start is known by definition, and this is small beside all errors of a map.
+"""
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,13 @@ class Options(HiddenIds):
     distance (0.07 m at 1 to 2 m, 0.3 m at 6 to 9 m), but a noise that grows likewise does not improve the results.
     """
 
-    dataset: int | str = option(6, "number of the dataset; all: every one", minimum=1, maximum=SETS, choices=(ALL,))
+    dataset: int | str | None = option(
+        None,
+        f"number of the dataset; all: every one; not given: that of the folder, else {USUAL}",
+        minimum=1,
+        maximum=SETS,
+        choices=(ALL,),
+    )
     robot: int | str = option(1, "whose log; all: every robot's", minimum=1, maximum=LAST_ROBOT, choices=(ALL,))
     path: str | None = option(
         None, "the dataset's folder or the one that holds it; not given: the copy from bench fetch"
@@ -72,7 +83,9 @@ class Options(HiddenIds):
 class AllSets(Options):
     """Fills in all datasets and robots where none is named."""
 
-    dataset: int | str = option(ALL, "number of the dataset; all: every one", minimum=1, maximum=SETS, choices=(ALL,))
+    dataset: int | str | None = option(
+        ALL, "number of the dataset; all: every one", minimum=1, maximum=SETS, choices=(ALL,)
+    )
     robot: int | str = option(ALL, "whose log; all: every robot's", minimum=1, maximum=LAST_ROBOT, choices=(ALL,))
 
 
@@ -87,13 +100,14 @@ class Sightings(NamedTuple):
 
 
 def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
-    """UTIAS MRCLAM: a small robot among barcodes, commanded speeds, Vicon ground truth: mrclam[dataset=6,robot=1]."""
+    """UTIAS MRCLAM: a robot among barcodes, commanded speeds; truth by Vicon, or of the map alone: mrclam[robot=1]."""
     number = options.dataset
     if isinstance(number, str) or isinstance(options.robot, str):
         raise InputError(f"dataset mrclam: found {len(many(options))} logs, expected one dataset and one robot.")
-    given = f"mrclam[dataset={number},path=FOLDER]"
-    path = Path(options.path) if options.path else fetched(f"mrclam-{number}", given)
-    return read(folder_of(path, number), options)
+    if options.path:
+        return read(set_in(Path(options.path), number), options)
+    number = number or USUAL
+    return read(set_in(fetched(f"mrclam-{number}", f"mrclam[dataset={number},path=FOLDER]"), number), options)
 
 
 def make_all(options: AllSets, rng: np.random.Generator) -> Dataset:
@@ -102,44 +116,83 @@ def make_all(options: AllSets, rng: np.random.Generator) -> Dataset:
 
 
 def many(options: Options) -> list[Member]:
-    """Lists the logs of options with an `all`.
+    """Lists the logs of options with an `all`; of a given folder, those that are there.
 
     A set is a cluster: its robots drive in one hall at the same time, under the same motion capture, among the same
-    landmarks at the same places, and are in each other's way. Each set is a recording of its own.
+    landmarks at the same places, and are in each other's way. Each set is a recording of its own. InputError for a
+    folder without any.
     """
     if ALL not in (options.dataset, options.robot):
         return []
-    numbers = range(1, SETS + 1) if isinstance(options.dataset, str) else [options.dataset]
-    robots = range(1, LAST_ROBOT + 1) if isinstance(options.robot, str) else [options.robot]
     own = {field.name: getattr(options, field.name) for field in fields(Options)}
-    each: list[tuple[int, int]] = [(int(number), int(robot)) for number in numbers for robot in robots]
-    return [
+    found = [
         Member(
             "mrclam",
-            replace(Options(**own), dataset=number, robot=robot),
-            f"set {number}, robot {robot}",
-            f"set {number}",
+            replace(Options(**own), dataset=_stated(options, one), robot=robot),
+            f"set {one.called}, robot {robot}",
+            f"set {one.called}",
         )
-        for number, robot in each
+        for one in _sets(options)
+        for robot in _robots(options)
+        if not options.path or robot in one.robots
+    ]
+    if not found:
+        expected = f"a set, such as MRCLAM_Dataset{USUAL} with {MARK}, Robot1_Odometry.dat and so on"
+        raise InputError(f"{options.path}: found no log of MRCLAM, expected {expected}.")
+    return found
+
+
+def absent(options: Options) -> list[str]:
+    """Names the sets and robots that options with an `all` stand for and that are not in the given folder."""
+    if not options.path or ALL not in (options.dataset, options.robot):
+        return []
+    found = _sets(options)
+    numbers = {one.number for one in found}
+    lacking = range(1, SETS + 1) if options.dataset == ALL and None not in numbers else ()
+    return [f"set {number}" for number in lacking if number not in numbers] + [
+        f"robot {robot} of set {one.called}" for one in found for robot in _robots(options) if robot not in one.robots
     ]
 
 
-source = Source(make, Options, many=many)
-all_sets = Source(make_all, AllSets, many=many)
+def _sets(options: Options) -> list[RecordedSet]:
+    """The sets that options ask for: all, or one."""
+    if not options.path:
+        numbers = range(1, SETS + 1) if isinstance(options.dataset, str) else [options.dataset or USUAL]
+        return [RecordedSet(number, place(f"mrclam-{number}")) for number in numbers]
+    path = Path(options.path)
+    return sets_in(path) if isinstance(options.dataset, str) else [set_in(path, options.dataset)]
 
 
-def read(folder: Path, options: Options) -> Dataset:
+def _robots(options: Options) -> Sequence[int]:
+    """The robots that options ask for: all, or one."""
+    return range(1, LAST_ROBOT + 1) if isinstance(options.robot, str) else [options.robot]
+
+
+def _stated(options: Options, one: RecordedSet) -> int | None:
+    """The number in the options of one log, not given where that reads the same: a log has one name."""
+    if not isinstance(options.dataset, str):
+        return options.dataset
+    return None if not options.path and one.number == USUAL else one.number
+
+
+source = Source(make, Options, many=many, absent=absent)
+all_sets = Source(make_all, AllSets, many=many, absent=absent)
+
+
+def read(of: RecordedSet, options: Options) -> Dataset:
     """Reads the log and ground truth of one robot; InputError names the file and line of a fault."""
-    recorded = read_files(folder, int(options.robot))
+    recorded = read_files(of.folder, int(options.robot))
     start, end = _span(recorded.odometry, recorded.truth)
     seen = _sightings(recorded, start, end, options.robots == "unknown")
     t = np.union1d(np.arange(np.floor(round(end - start, 6)) + 1), seen.t)
     delta, delta_cov = _motions(t, since(recorded.odometry, start), recorded.odometry.rows[:, 1:], options)
-    poses, known = _interpolated(recorded.truth, start, t)
+    poses, known = np.zeros((len(t), 3)), np.zeros(len(t), bool)
+    if recorded.truth is not None:
+        poses, known = _interpolated(recorded.truth, start, t)
     truth = Truth(t[known], poses[known], recorded.landmarks, None, "truth")
     z_cov = np.diag([options.range_sd**2, options.bearing_sd**2])
     log = Log.from_arrays(
-        f"mrclam-{options.dataset}-robot-{options.robot}",
+        f"mrclam-{of.called}-robot-{options.robot}",
         Prior(poses[0], START_SD**2 * np.eye(3)),
         t,
         delta,
@@ -148,21 +201,23 @@ def read(folder: Path, options: Options) -> Dataset:
         ids=seen.ids,
         z=seen.z,
         z_cov=np.broadcast_to(z_cov, (len(seen.ids), 2, 2)),
-        notes=_notes(folder, options, start, seen),
+        notes=_notes(of, options, recorded, start, seen),
     )
-    return Dataset(replace(log, notes={**log.notes, "noise by the truth": noise(log, truth)}), truth)
+    judged = {"noise by the truth": noise(log, truth)} if len(truth.t) else {}
+    return Dataset(replace(log, notes={**log.notes, **judged}), truth)
 
 
-def _span(odometry: Table, truth: Table) -> tuple[float, float]:
-    """Start of the log, at a command with ground truth, and end, of the shorter of both."""
-    t = odometry.column("t")
-    tracked = np.flatnonzero(_tracked(truth.column("t"), t))
-    if not len(tracked):
-        raise InputError(f"{odometry.path}: no command lies within the time of {truth.path.name}.")
-    start, end = float(t[tracked[0]]), float(min(t[-1], truth.rows[-1, 0]))
+def _span(odometry: Table, truth: Table | None) -> tuple[float, float]:
+    """Start of the log, at the first command, with ground truth if there is any, and end, of the shorter of both."""
+    t, lasts = odometry.column("t"), "lasts"
+    start, end = float(t[0]), float(t[-1])
+    if truth is not None:
+        tracked = np.flatnonzero(_tracked(truth.column("t"), t))
+        if not len(tracked):
+            raise InputError(f"{odometry.path}: no command lies within the time of {truth.path.name}.")
+        start, end, lasts = float(t[tracked[0]]), min(end, float(truth.rows[-1, 0])), f"overlaps {truth.path.name} for"
     if end - start > LONGEST:
-        expected = f"expected no more than {LONGEST:g}"
-        raise InputError(f"{odometry.path}: overlaps {truth.path.name} for {end - start:g} s, {expected}.")
+        raise InputError(f"{odometry.path}: {lasts} {end - start:g} s, expected no more than {LONGEST:g}.")
     return start, end
 
 
@@ -222,17 +277,23 @@ def _sightings(recorded: Recorded, start: float, end: float, keep_robots: bool) 
     return Sightings(t[once], np.where(robot, UNKNOWN, subjects)[once], table.rows[once, 2:], dropped, unnamed)
 
 
-def _notes(folder: Path, options: Options, start: float, seen: Sightings) -> dict[str, Any]:
-    settings = asdict(options)
+def _notes(of: RecordedSet, options: Options, recorded: Recorded, start: float, seen: Sightings) -> dict[str, Any]:
+    settings = asdict(options) | {"dataset": of.number}
     del settings["path"], settings["ids"]
+    path = {"truth": f"interpolated between samples up to {GAP} s apart"}
+    if recorded.truth is None:
+        path = {
+            "truth": f"the landmarks' places alone: there is no Robot{options.robot}_Groundtruth.dat",
+            "start pose": "the origin of a frame of its own, not that of the landmarks' places",
+        }
     return {
-        "source": f"UTIAS MRCLAM, {folder.name}; Leung, Halpern, Barfoot, Liu, IJRR 30(8):969-974, 2011",
+        "source": f"UTIAS MRCLAM, {of.folder.name}; Leung, Halpern, Barfoot, Liu, IJRR 30(8):969-974, 2011",
         "licence": "none stated with the files",
         "start": start,
         "time": "seconds since start, which is in seconds since 1970",
-        "truth": f"interpolated between samples up to {GAP} s apart",
+        **path,
         "covariances": "none in the files; made of the settings, the motion's in the body frame before it",
         "settings": settings,
         "dropped": seen.dropped,
         "kept as unknown": seen.unnamed,
-    }
+    } | ({REMARKS: recorded.remarks} if recorded.remarks else {})

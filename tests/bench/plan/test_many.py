@@ -66,9 +66,12 @@ def test_every_log_is_run_once_by_every_backend_whatever_the_seeds() -> None:
 
 @pytest.mark.usefixtures("drives")
 def test_a_number_of_seeds_for_such_datasets_alone_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"seeds: found 2, expected none: log\[path=drives/\*\] has 3 logs, and all"):
+    with pytest.raises(
+        InputError, match=r"seeds: found 2, expected none, or 1: log\[path=drives/\*\] has 3 logs, and all"
+    ):
         planned({"dataset": "drives/*", "seeds": 2}, tmp_path / "out")
     assert planned({"dataset": "drives/*", "seeds": 3}, tmp_path / "out").seeds == 3
+    assert len(planned({"dataset": "drives/*", "seeds": 1, "backend": "ekf"}, tmp_path / "out").cells()) == 3
     assert planned({"dataset": "drives/*,circle", "seeds": 2}, tmp_path / "out").seeds == 2
     assert len(planned({"dataset": "drives/*", "backend": "ekf"}, tmp_path / "out").cells()) == 3
 

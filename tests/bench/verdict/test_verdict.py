@@ -210,6 +210,40 @@ def test_a_first_backend_that_failed_does_not_hide_what_is_known_of_the_log() ->
     assert found.basis == "8 logs; the true path is not known, the landmarks' places are"
 
 
+def test_where_some_paths_are_known_maps_count_on_all_logs_and_paths_on_those() -> None:
+    """Of seven sets of two logs the path is known in one; elsewhere ATE is a distance from a reference, no error."""
+    sets: dict[str, Any] = {
+        "cluster": [f"set {k // 2}" for k in range(14)],
+        "truth_kind": ["reference"] * 12 + ["truth"] * 2,
+    }
+    sets |= {"surveyed": [1] * 12 + [0] * 2, "log_name": [f"log {k}" for k in range(14)]}
+    hard = LOGS[:14]
+    parts = [
+        told(
+            name,
+            map_rmse_m=(times * hard).tolist(),
+            ate_m=[far] * 12 + [near] * 2,
+            nees=[None] * 12 + [1.5, 1.5],
+            **sets,
+        )
+        for name, times, far, near in (("a", 1.0, 9.0, 0.2), ("b", 2.0, 0.001, 0.1))
+    ]
+    lost = [row._replace(columns={**row.columns, "status": "error", "ate_m": None}) for row in parts[1][:1]]
+    found = said(parts[0], lost + parts[1][1:])
+    (one, other) = lines([*parts[0], *lost, *parts[1][1:]])
+    assert (one.truth_kind, one.surveyed, str(one.over("ate_m"))) == ("truth", True, "2 logs of set 6")
+    assert (str(one.over("map_rmse_m")), one.values["ate_m"].median, one.values["map_rmse_m"].n) == (
+        "14 logs in 7 clusters", 0.2, 14,
+    )  # fmt: skip
+    assert other.by_log("ate_m") == {"d12": 0.1, "d13": 0.1}  # the failure is one of a map
+    assert other.by_log("map_rmse_m")["d0"] == inf
+    assert found.basis == "14 logs in 7 clusters; the landmarks' places are known, and the true path of 2 logs of set 6"
+    assert found.sentences[0].startswith("a's online map is ")
+    assert "2 logs of set 6 are too few to test" in " ".join(found.sentences)
+    assert (use(found, "map").backend, use(found).why) == ("a", "2 logs of set 6 are too few, 6 at least.")
+    assert [(c.n, c.units) for c in found.comparisons["map_rmse_m"]] == [(14, 7)]
+
+
 # What beliefs are worth
 
 

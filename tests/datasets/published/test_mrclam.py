@@ -1,11 +1,9 @@
-import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import slamduel
 from batch_fit import aligned, rmse
 from fuzzing import survivors
 from motions import chain, chained
@@ -17,42 +15,10 @@ from slamduel.core.se2 import Array
 from slamduel.datasets.published import mrclam
 from slamduel.datasets.published.catalogue import place
 from slamduel.datasets.published.mrclam import Options
+from small_mrclam import EPOCH, FILES, HEADER, SPEED, TURN, rows
 from tiers import first_quick
 
 ODOMETRY, MEASUREMENT, GROUNDTRUTH = (f"Robot1_{name}.dat" for name in ("Odometry", "Measurement", "Groundtruth"))
-
-EPOCH = 1248444187.0
-HEADER = "# UTIAS Multi-Robot Cooperative Localization and Mapping Dataset\n# a second line\n"
-
-
-def rows(*table: tuple[float, ...]) -> str:
-    """Rows whose first column is a time after EPOCH, with the originals' milliseconds and blanks."""
-    return HEADER + "".join(f"{EPOCH + t:.3f} \t " + " \t ".join(map(repr, rest)) + " \n" for t, *rest in table)
-
-
-SPEED, TURN = 0.5, 0.2
-FILES = {
-    "Barcodes.dat": HEADER + "  1 \t 5 \n  2 \t 14 \n  6 \t 63 \n  7 \t 81 \n",
-    "Landmark_Groundtruth.dat": HEADER + "  6 \t 1.5 \t -2.5 \t 0.0001 \t 0.0002 \n  7 \t 3.0 \t 4.0 \t 0.1 \t 0.1 \n",
-    # starts before the truth does, repeats a time, is silent for more than a second, and goes on after the truth ended
-    "Robot1_Odometry.dat": rows(
-        (0.0, 9.0, 9.0), (1.0, SPEED, 0.0), (1.5, 9.0, 9.0), (1.5, SPEED, TURN), (3.0, 0.0, 0.0), (4.4, SPEED, -TURN),
-        (9.0, 1.0, 0.0),
-    ),
-    "Robot1_Measurement.dat": rows(
-        (0.5, 63, 1.0, 0.1),  # before the log
-        (2.25, 63, 2.0, 0.1), (2.25, 81, 3.0, -0.2), (2.25, 63, 2.1, 0.1),  # one of them twice
-        (3.0, 14, 1.0, 0.0),  # another robot
-        (3.5, 99, 1.0, 0.0),  # nobody
-        (4.0, 81, 4.0, 0.3),  # on a full second of the log
-        (7.5, 81, 4.0, 0.3),  # after the log
-    ),
-    # 10 Hz, turning through pi, with a gap from 3.5 to 4.2
-    "Robot1_Groundtruth.dat": rows(
-        *((0.8 + t, 0.1 * t, -t, float(np.arctan2(np.sin(3 + t / 10), np.cos(3 + t / 10)))) for t in
-          (np.arange(53) / 10).tolist() if not 2.75 < t < 3.35)
-    ),
-}  # fmt: skip
 
 
 @pytest.fixture
@@ -201,6 +167,83 @@ def test_other_robots_are_kept_as_unknown_and_counted(folder: Path):
     np.testing.assert_array_equal(log.identified().z, without.z)  # what a backend that needs ids is handed
 
 
+def test_a_first_command_that_is_late_by_itself_is_left_out_with_a_remark(folder: Path):
+    before = read(folder).log
+    late = rows((0.1, 0.294, 0.0))
+    (folder / ODOMETRY).write_text(late + FILES[ODOMETRY].removeprefix(HEADER))
+    log = read(folder).log
+    assert log.remarks == [
+        f"{folder / ODOMETRY}, line 3: t is 1248444187.1, 0.10 s later than in the next row; the row is left out"
+    ]
+    assert log.digest == before.digest
+    assert before.remarks == []
+
+
+@pytest.mark.parametrize(
+    ("times", "line", "found", "expected"),
+    [
+        ((1.3, 1.0, 1.5), 4, 1.0, 1.3),  # later than a fifth of a second
+        ((1.1, 1.0, 0.9), 5, 0.9, 1.0),  # not the first row alone
+        ((1.0, 1.2, 1.1), 5, 1.1, 1.2),
+    ],
+)
+def test_any_other_disorder_stays_refused(
+    folder: Path, times: tuple[float, ...], line: int, found: float, expected: float
+):
+    (folder / ODOMETRY).write_text(rows(*((t, SPEED, 0.0) for t in times), (9.0, 0.0, 0.0)))
+    words = f"line {line}: t is {EPOCH + found!s}, expected no earlier than {EPOCH + expected!s}"
+    refused_at(folder / ODOMETRY, words, read, folder)
+
+
+def test_a_late_sighting_is_not_left_out(folder: Path):
+    (folder / MEASUREMENT).write_text(rows((2.1, 63, 1.0, 0.0), (2.0, 63, 1.0, 0.0)))
+    refused_at(folder / MEASUREMENT, "line 4: t is 1248444189.0, expected no earlier", read, folder)
+
+
+def test_without_a_path_the_landmarks_places_alone_are_the_truth(folder: Path):
+    with_path = read(folder).log
+    (folder / GROUNDTRUTH).unlink()
+    log, truth = read(folder)
+    # the odometry's time is from 0.0 to 9.0 after EPOCH, and all sightings of landmarks are inside
+    np.testing.assert_allclose(log.t, [0, 0.5, 1, 2, 2.25, 3, 4, 5, 6, 7, 7.5, 8, 9], atol=1e-6)
+    assert log.notes["start"] == EPOCH
+    assert log.notes["dropped"]["outside the log's time"] == 0
+    np.testing.assert_array_equal(log.prior.pose, np.zeros(3))
+    np.testing.assert_array_equal(log.prior.cov, with_path.prior.cov)
+    assert (truth.kind, len(truth.t), truth.poses.shape) == ("truth", 0, (0, 3))
+    np.testing.assert_array_equal(truth.map.xy, [[1.5, -2.5], [3, 4]])
+    assert log.notes["truth"] == "the landmarks' places alone: there is no Robot1_Groundtruth.dat"
+    assert log.notes["start pose"].startswith("the origin")
+    assert "noise by the truth" not in log.notes
+    assert {"start pose"} == log.notes.keys() - with_path.notes.keys()
+    assert list(problems(log)) == []
+
+
+def test_a_link_to_no_path_and_a_time_beyond_reason_are_refused(folder: Path):
+    (folder / GROUNDTRUTH).unlink()
+    (folder / GROUNDTRUTH).symlink_to("gone.dat")
+    refused_at(folder / GROUNDTRUTH, "is a link to nothing", read, folder)
+    (folder / GROUNDTRUTH).unlink()
+    (folder / ODOMETRY).write_text(rows((0.0, 0.1, 0.0), (2e5, 0.1, 0.0)))
+    refused_at(folder / ODOMETRY, "lasts 200000 s, expected no more than 100000", read, folder)
+
+
+def test_landmarks_that_set_1_has_exchanged_are_put_right_with_a_remark(folder: Path):
+    places = "  11 \t 3.15071999 \t 2.38294871 \t 0 \t 0 \n  17 \t 0.03596156 \t -2.84396626 \t 0 \t 0 \n"
+    (folder / "Landmark_Groundtruth.dat").write_text(HEADER + "  6 \t 5.7 \t 5.0 \t 0 \t 0 \n" + places)
+    barcodes = HEADER + "  1 \t 5 \n  11 \t 18 \n  17 \t 61 \n"
+    (folder / "Barcodes.dat").write_text(barcodes)
+    log, truth = read(folder)
+    np.testing.assert_array_equal(truth.map.ids, [6, 11, 17])
+    np.testing.assert_array_equal(truth.map.xy[1:], [[0.03596156, -2.84396626], [3.15071999, 2.38294871]])
+    (remark,) = log.remarks
+    assert "Landmark_Groundtruth.dat, lines 4 and 5: the places of landmarks 11 and 17 are exchanged" in remark
+    (folder / "Barcodes.dat").write_text(barcodes.replace("18", "0").replace("61", "18").replace("\t 0 ", "\t 61 "))
+    log, truth = read(folder)  # as a copy that was corrected
+    np.testing.assert_array_equal(truth.map.xy[1], [3.15071999, 2.38294871])
+    assert log.remarks == []
+
+
 def fit(dataset: Dataset) -> None:
     assert list(problems(dataset.log)) == []
     assert np.isfinite(dataset.truth.poses).all()
@@ -240,7 +283,7 @@ SET_6 = {
 @pytest.mark.parametrize("robot", first_quick(SET_6))
 def test_set_6_is_read_as_an_independent_reader_reads_it(set_6: Path, robot: int):
     keyframes, sightings, from_start, best = SET_6[robot]
-    log, truth = mrclam.read(set_6, dataclasses.replace(Options(), robot=robot))
+    log, truth = read(set_6, robot=robot)
     assert list(problems(log)) == []
     assert (len(log), len(log.ids)) == (keyframes, sightings)
     assert set(log.ids.tolist()) <= set(range(6, 21))
@@ -249,49 +292,6 @@ def test_set_6_is_read_as_an_independent_reader_reads_it(set_6: Path, robot: int
     path = chained(log.delta[1:], log.prior.pose)[place, :2]
     assert rmse(path, truth.poses[:, :2]) == pytest.approx(from_start, rel=0.005)
     assert rmse(aligned(path, truth.poses[:, :2]), truth.poses[:, :2]) == pytest.approx(best, rel=0.005)
-
-
-@pytest.fixture
-def nine_sets(tmp_path: Path) -> Path:
-    """A made-up publisher's: nine sets of five robots, each of which drives another way among the same landmarks."""
-    for number in range(1, 10):
-        (folder := tmp_path / "sets" / f"{'MRSLAM' if number == 4 else 'MRCLAM'}_Dataset{number}").mkdir(parents=True)
-        for name in ("Barcodes.dat", "Landmark_Groundtruth.dat"):
-            (folder / name).write_text(FILES[name])
-        for robot in range(1, 6):
-            rng = np.random.default_rng([number, robot])
-            t = np.arange(0, 8, 0.1)
-            path = [(s, 0.5 * s, 0.1 * robot, 0.0) for s in t.tolist()]
-            ranges = np.hypot(1.5 - 0.5 * t[::10], -2.5 - 0.1 * robot) + rng.normal(0, 0.1, 8)
-            bearings = np.arctan2(-2.5 - 0.1 * robot, 1.5 - 0.5 * t[::10])
-            seen = zip(t[::10].tolist(), [63] * 8, ranges.tolist(), bearings.tolist(), strict=True)
-            commands = [(s, 0.5, 0.01 * rng.normal()) for s in t.tolist()]
-            (folder / f"Robot{robot}_Odometry.dat").write_text(rows(*commands))
-            (folder / f"Robot{robot}_Groundtruth.dat").write_text(rows(*path))
-            (folder / f"Robot{robot}_Measurement.dat").write_text(rows(*seen))
-    return tmp_path / "sets"
-
-
-@pytest.mark.usefixtures("no_report")
-def test_nine_sets_of_five_robots_are_one_verdict_over_nine_clusters(nine_sets: Path, tmp_path: Path) -> None:
-    found = slamduel.run(f"mrclam-all[path={nine_sets}]", "dead-reckoning,ekf", out=tmp_path / "out")
-    cells = [cell for cell in found.cells if cell["backend"] == "ekf"]
-    assert [(cell["seed"], cell["status"]) for cell in cells] == [(seed, "done") for seed in range(45)]
-    assert (cells[16]["log_name"], cells[16]["cluster"]) == ("set 4, robot 2", "set 4")
-    assert len({cell["digest"] for cell in cells}) == 45
-    (ruling,) = found.verdict.values()
-    assert ruling.basis == "45 logs in 9 clusters; the true path is known"
-    (c,) = ruling.comparisons["ate_m"]
-    assert (c.n, c.units) == (45, 9)
-    assert "are over the 9 clusters, and hold for clusters like these." in " ".join(ruling.sentences)
-
-
-@pytest.mark.usefixtures("no_report")
-def test_the_robots_of_one_set_speak_for_it_alone(nine_sets: Path, tmp_path: Path) -> None:
-    found = slamduel.run(f"mrclam[dataset=4,robot=all,path={nine_sets}]", "ekf", out=tmp_path / "out")
-    (ruling,) = found.verdict.values()
-    assert ruling.basis == "5 logs of set 4; the true path is known"
-    assert "All 5 logs are of one cluster, set 4: what is said holds for logs of set 4" in " ".join(ruling.sentences)
 
 
 def test_several_robots_are_no_single_log(folder: Path) -> None:
