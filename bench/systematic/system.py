@@ -163,11 +163,11 @@ class System:
         return np.repeat(total / lasted[:, None], count, axis=0)
 
     def _speeds(self, errors: Systematic, *, evenly: bool) -> Array:
-        """(s, 3) the body's motion a second at each sighting, by its odometry."""
-        motions = true_motions(self.log.delta, errors)[0]
+        """(s, 3) the body's motion a second at each sighting: by its odometry, or by its path, which has less noise."""
         if evenly:
             at = np.clip(np.searchsorted(self.driven, self.step), 0, len(self.driven) - 1)
-            return self._rates(motions[self.driven])[at]
+            return self._rates(between(self.path[self.driven - 1], self.path[self.driven]))[at]
+        motions = true_motions(self.log.delta, errors)[0]
         t, about = self.log.t, max(ABOUT, STEPS * float(np.median(self._lasted)))
         return ((before(t, motions, -about) - before(t, motions, about)) / (2 * about))[self.step]
 
