@@ -18,7 +18,7 @@ from .beside import Clouds, Scans, head_of
 from .errors import InputError
 from .mounting import Mounting, mounted
 from .relations import Relations
-from .se2 import Array, Ints
+from .se2 import Array, Ints, summed
 
 ROUNDING = 1e-9
 """Largest relative asymmetry of a covariance that counts as rounding."""
@@ -305,6 +305,10 @@ class Log:
         """The log with its sightings, which are `sensor`'s, as the body's own, from its poses at the log's times."""
         z, cov = mounted(sensor, self.t, self.delta, self.sighting_step, self.z, self.z_cov)
         return replace(self, z=_frozen(z), z_cov=_frozen(cov))
+
+    def dead_reckoned(self) -> Array:
+        """(n, 3) the path from the prior's pose along the odometry; covariances are not used."""
+        return summed(self.prior.pose, self.delta[1:])
 
     def without_loops(self) -> "Log":
         """The log without its loop closures; itself if it has none."""

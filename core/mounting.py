@@ -12,7 +12,7 @@ NEAREST = 1e-6
 
 
 class Mounting(NamedTuple):
-    """Where a sensor sits in the body's frame, and how late its clock is."""
+    """The place of a sensor in the body's frame, and how late its clock is."""
 
     x: float = 0.0  # m, ahead of the origin
     y: float = 0.0  # m, to the left of it

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .dead_reckoning import dead_reckoned
 from .factors import Log, Truth
 from .se2 import Array, Ints
 
@@ -39,7 +38,7 @@ def ways(log: Log, truth: Truth) -> Ways | None:
     """Compares the ways; None with fewer than FEWEST true poses, or where neither path is longer than MOVING."""
     if truth.kind != "truth" or len(truth.t) < FEWEST:
         return None
-    known, reckoned = truth.poses[:, :2], dead_reckoned(log)[_steps(log, truth), :2]
+    known, reckoned = truth.poses[:, :2], log.dead_reckoned()[_steps(log, truth), :2]
     sizes = [float(np.hypot(*np.ptp(path, axis=0))) for path in (known, reckoned)]
     if max(sizes) < MOVING:
         return None
@@ -68,7 +67,7 @@ def other_headings(log: Log, truth: Truth) -> bool:
     if truth.kind != "truth" or len(truth.t) <= STRETCHES[0] or never_turns(log, truth):
         return False
     steps, found = _steps(log, truth), list[bool]()
-    turned, reckoned = _turned(log)[steps], dead_reckoned(log)[steps]
+    turned, reckoned = _turned(log)[steps], log.dead_reckoned()[steps]
     headings = np.unwrap(truth.poses[:, 2])
     for ends in _stretches(len(truth.t) - 1):
         known, counted = truth.poses[ends], reckoned[ends]

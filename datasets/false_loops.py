@@ -10,7 +10,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..core.dead_reckoning import dead_reckoned
 from ..core.errors import InputError
 from ..core.factors import Dataset, Truth
 from ..core.options import option
@@ -43,7 +42,7 @@ def planted(dataset: Dataset, share: float, rng: np.random.Generator) -> Dataset
     own = len(log.loop_to)
     if not own:
         raise InputError(f"option false_loops={share:g}: {log.name} has no loop closures, expected some to add to.")
-    path, draws = dead_reckoned(log), rng.random((round(share * own), 6))  # a row per loop: more rows begin with fewer
+    path, draws = log.dead_reckoned(), rng.random((round(share * own), 6))  # a row per loop: more rows begin with fewer
     step = 1 + (draws[:, 0] * (len(log) - 1)).astype(np.int64)
     to = (draws[:, 1] * step).astype(np.int64)
     low, high = path[:, :2].min(axis=0), path[:, :2].max(axis=0)

@@ -78,6 +78,7 @@ BUILTIN = {
     "linear": ".worlds.linear:source",
     "log": ".formats.log_folder:source",
     "logs": ".formats.log_list:source",
+    "lost-in-the-woods": ".published.lost_in_the_woods:source",
     "manhattan": ".published.isam_worlds:manhattan",
     "matlab-report": ".worlds.matlab_report:source",
     "mit-csail": ".published.laser_logs:mit_csail",

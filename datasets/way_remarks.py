@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.dead_reckoning import dead_reckoned
 from ..core.factors import UNKNOWN, Log
 from ..core.se2 import Array, wrap
 from ..core.truth_doubts import MOVING, UNTURNED
@@ -49,7 +48,7 @@ def of_ways(log: Log) -> Iterator[str]:
     stride = np.hypot(*log.delta[1:, :2].T)
     if not len(stride) or max(np.median(stride), np.median(log.z[:, 0])) > FAR:  # which has a remark already
         return
-    path = dead_reckoned(log)[:, :2]
+    path = log.dead_reckoned()[:, :2]
     size = float(np.hypot(*np.ptp(path, axis=0)))
     stands = list(_stands(log, path, size)) if size < MOVING else [*_repeats(log, path), *_unturned(log, path)]
     yield from stands or _units(log, path)

@@ -10,7 +10,6 @@ from typing import NamedTuple, TypeVar
 import gtsam
 import numpy as np
 
-from ...core.dead_reckoning import dead_reckoned
 from ...core.factors import Log, Map, Prior, Step
 from ...core.se2 import Array
 from ..api import Diverged, Solution
@@ -107,7 +106,7 @@ class GtsamBatch:
         """The whole graph with initial values; from a smoother with a robust loss where outliers are to be expected."""
         factors = self._factors()
         if start in ("odometry", "headings"):
-            path = dead_reckoned(self._log) if start == "odometry" else by_headings(self._log)
+            path = self._log.dead_reckoned() if start == "odometry" else by_headings(self._log)
             graph, values = whole(factors, self._log, path)
         else:
             graph, values = self._robust_start(factors) if self._robust else self._smoothed(factors)

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.dead_reckoning import dead_reckoned
 from ...core.factors import Log
 from ...core.se2 import Array, between, wrap
 from .motions import with_motions
@@ -130,7 +129,7 @@ def _earlier(log: Log, delay: float) -> Log | None:
     """With sightings that were taken before the time of their step, the robot having moved evenly since."""
     if not len(log.ids):
         return None
-    path, step = dead_reckoned(log), log.sighting_step
+    path, step = log.dead_reckoned(), log.sighting_step
     path[:, 2] = _headings(log)
     time = np.clip(log.t[step] - delay, log.t[0], log.t[-1])
     taken = np.column_stack([np.interp(time, log.t, column) for column in path.T])

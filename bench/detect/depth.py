@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.beside import Clouds
-from ...core.dead_reckoning import dead_reckoned
 from ...core.se2 import Array, Ints, compose
 from ...datasets.depth.open import OpenedDepth
 from ...datasets.truth import with_truth
@@ -205,7 +204,7 @@ class DepthFindings(Findings):
                 " The front end's own path takes the shortcut over an earlier place wherever that is surer than the "
                 "way since; thin lines lead there. Backends make more of the log."
             )
-        reckoned = Path(dead_reckoned(self.log), source, COLOURS[1], 0.9, (0, (1, 1.5)))
+        reckoned = Path(self.log.dead_reckoned(), source, COLOURS[1], 0.9, (0, (1, 1.5)))
         own = Path(self.path, "front end", COLOURS[2], 1.4)
         drawn = [path_figure(self, "Paths", caption, reckoned, own, loops=self.again)]
         pitch, roll = np.degrees(tilts[:, :2].T)

@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ...core.dead_reckoning import dead_reckoned
 from ...core.errors import InputError
 from ...core.se2 import Array, between, compose
 from ...datasets.formats.relations import build
@@ -130,7 +129,7 @@ class LaserFindings(Findings):
         if wheels is not None:
             walked = compose(self.log.prior.pose, between(wheels[0], wheels))
             paths.append(Path(walked, "wheels", COLOURS[1], 0.8, (0, (1, 1.5))))
-        paths.append(Path(dead_reckoned(self.log), "matched scans", COLOURS[0], 1.0, (0, (4, 1.5))))
+        paths.append(Path(self.log.dead_reckoned(), "matched scans", COLOURS[0], 1.0, (0, (4, 1.5))))
         paths.append(Path(self.path, "with loops", COLOURS[2], 1.4))
         loops = np.column_stack((self.log.loop_step, self.log.loop_to))
         caption = (

@@ -5,7 +5,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from ...core.dead_reckoning import dead_reckoned
 from ...core.se2 import Array, Ints
 from ..drawing.axes import labelled, legend
 from ..drawing.figure import ReportFigure
@@ -31,7 +30,7 @@ def figures(f: MarkerFindings) -> list[ReportFigure]:
     if f.true is not None and f.bins:
         made += _true_figures(f.sightings, f.true)
     caption = "The odometry alone, from the prior's pose (dot): the markers correct its drift."
-    path = Path(dead_reckoned(f.log), "dead reckoning", COLOURS[0], 1.2, (0, (4, 1.5)))
+    path = Path(f.log.dead_reckoned(), "dead reckoning", COLOURS[0], 1.2, (0, (4, 1.5)))
     return [*made, path_figure(f, "Path by odometry", caption, path)]
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from ...core.dead_reckoning import dead_reckoned
 from ...core.errors import InputError
 from ...core.factors import Dataset
 from ...core.files import beside
@@ -58,7 +57,7 @@ def _graph(folder: Path, dataset: Dataset, file: str, write: Callable[[Path, Dat
 
 def _tum(folder: Path, dataset: Dataset) -> list[tuple[str, str]]:
     log, truth = dataset
-    write_tum(folder / "odometry.tum", log.t, dead_reckoned(log))
+    write_tum(folder / "odometry.tum", log.t, log.dead_reckoned())
     said = [("odometry.tum", f"{counted(len(log), 'pose')}, by odometry alone")]
     if truth is None or not len(truth.t):
         return said

@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ...backends.api import Solution
-from ...core.dead_reckoning import dead_reckoned
 from ...core.factors import UNKNOWN, Dataset, Log, Truth
 from ...core.se2 import Array, Ints, between, compose
 from ...core.truth_errors import named
@@ -40,7 +39,7 @@ def shown(dataset: Dataset, solve: bool | None) -> Shown:
         truth, words = _solved(named(log, truth), solve)
     else:
         words = (truth.words or "truth") if truth.kind == "truth" else "the batch optimum"
-    reckoned = dead_reckoned(log)
+    reckoned = log.dead_reckoned()
     if truth is None:
         step, poses = np.arange(len(log)), reckoned
     else:

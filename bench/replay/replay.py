@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from ...core.dead_reckoning import dead_reckoned
 from ...core.errors import InputError
 from ...core.factors import Dataset
 from ...core.se2 import Array, Ints
@@ -106,7 +105,7 @@ def replay(store: Store, request: ReplayRequest, frames: int, workers: int) -> R
         parts = list(_parts(store, request, path, shown, workers))
     labels = [cell.backend.label for cell in request.cells]
     named = [Part(name, look[name], *told) for name, told in zip(labels, parts, strict=True)]
-    return Replay(request.cells[0].dataset.label, request.seed, log, shown, dead_reckoned(log.log), named)
+    return Replay(request.cells[0].dataset.label, request.seed, log, shown, log.log.dead_reckoned(), named)
 
 
 def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:

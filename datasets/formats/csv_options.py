@@ -49,7 +49,7 @@ class Options:
 
     @property
     def sensor(self) -> Mounting:
-        """Where the sensor sits, and how late it is."""
+        """The sensor's place, and how late it is."""
         return Mounting(self.sensor_x, self.sensor_y, self.sensor_yaw, self.sensor_delay)
 
     def in_degrees(self) -> tuple[str, ...]:

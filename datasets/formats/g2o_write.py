@@ -13,7 +13,6 @@ import numpy as np
 
 from ...core.check import check
 from ...core.coordinates import after_motion, as_points
-from ...core.dead_reckoning import dead_reckoned
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Log
 from ...core.se2 import Array, Ints, act
@@ -39,7 +38,7 @@ def write_g2o(path: Path, log: Log, for_gtsam: bool = False) -> int:
         raise InputError(f"{path}: log {log.name} has a map with covariance, which a g2o file cannot represent.")
     if for_gtsam:
         _check_for_gtsam(path, log)
-    poses = dead_reckoned(log)
+    poses = log.dead_reckoned()
     left_out, log = int((log.ids == UNKNOWN).sum()), log.identified()
     landmarks, xy = _places(log, poses)
     first = 0 if not len(landmarks) or landmarks.min() >= len(log) else int(landmarks.max()) + 1

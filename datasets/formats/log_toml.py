@@ -135,7 +135,7 @@ def _scan_map(known: TomlTable) -> Scan[Map | None]:
 
 
 def _scan_sensor(file: TomlTable) -> Scan[Mounting]:
-    """Where the sensor of the sightings sits, and how late it is."""
+    """The place of the sensor of the sightings, and how late it is."""
     given = file.table("sensor")
     yield from given.unknown(Mounting._fields)
     values = dict[str, float]()

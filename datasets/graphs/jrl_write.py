@@ -13,7 +13,6 @@ import numpy as np
 
 from ...core.check import check
 from ...core.coordinates import after_motion
-from ...core.dead_reckoning import dead_reckoned
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Dataset, Log, Truth
 from ...core.files import replaced
@@ -39,7 +38,7 @@ def write_jrl(path: Path, dataset: Dataset) -> int:
     left_out, log = int((log.ids == UNKNOWN).sum()), log.identified()
     entries, loops = _entries(log)
     content: dict[str, Any] = {"name": log.name, "robots": [ROBOT], "measurements": {ROBOT: entries}}
-    content["initialization"] = {ROBOT: _poses(np.arange(len(log)), dead_reckoned(log))}
+    content["initialization"] = {ROBOT: _poses(np.arange(len(log)), log.dead_reckoned())}
     if truth is not None and truth.kind == "truth":
         content["groundtruth"] = {ROBOT: _known(log, truth)}
     content["potential_outlier_factors"] = {ROBOT: loops}

@@ -212,6 +212,20 @@ PUBLISHED: dict[str, Published] = {
     "killian": _laser(
         "mit-killian", "MIT, Killian Court: laser scans and odometry over 1.9 km, relations", "M. Bosse and J. Leonard"
     ),
+    "lost-in-the-woods": Published(
+        title="Lost in the woods: a wheeled robot with a laser scanner among 17 tubes, motion-capture truth",
+        citation="T. D. Barfoot, State estimation for aerospace vehicles - AER1513 course assignments, "
+        "github.com/utiasASRL/aer1513",
+        licence="Apache-2.0",
+        page="https://github.com/utiasASRL/aer1513",
+        urls=(
+            "https://github.com/utiasASRL/aer1513/archive/491190c5ecf64d895dad9675625adc51d6516f13.zip",
+            "https://github.com/utiasASRL/aer1513/archive/refs/heads/master.zip",
+        ),
+        addresses="the repository is the publisher's on GitHub; the archives of all of it were not tried",
+        by_hand="download dataset2.mat",
+        files={"dataset2.mat": "bbaeae95687376f115c9a8bf637097c65ce275f3bc66cc2cd8cd2755608682d9"},
+    ),
     "manhattan": _isam(
         "manhattanOlson3500",
         "Manhattan: 3,500 simulated poses on a grid, 2,099 loop closures, with truth",

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ...core.dead_reckoning import dead_reckoned
 from ...core.factors import Log, Truth
 from ...core.se2 import Array, Ints, between
 from ...core.truth_errors import difference, sighting_errors
@@ -53,7 +52,7 @@ def motion_errors(log: Log, truth: Truth, horizon: float = HORIZON) -> Array:
 
     For errors independent from second to second that is the standard deviation over one second, for any horizon.
     """
-    poses, driven = _poses(log, truth), dead_reckoned(log)
+    poses, driven = _poses(log, truth), log.dead_reckoned()
     first = np.searchsorted(log.t, np.arange(log.t[0], log.t[-1] - horizon, horizon))
     last = np.searchsorted(log.t, log.t[first] + horizon)
     both = np.isfinite(poses[first, 0]) & np.isfinite(poses[last % len(log), 0]) & (last < len(log))

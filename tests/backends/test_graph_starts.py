@@ -13,7 +13,6 @@ from slamduel.backends.graphs.batch import Batch
 from slamduel.backends.graphs.distances import FEW, of_loops, of_sightings, unevenness
 from slamduel.backends.graphs.headings import by_headings
 from slamduel.bench.measure.misfit import misfit
-from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.factors import Log, Map
 from slamduel.core.se2 import Array, wrap
 from slamduel.datasets import registry as datasets
@@ -137,7 +136,7 @@ def test_distances_are_those_that_j_is_the_sum_of() -> None:
 
 def test_headings_are_the_least_squares_of_motions_and_loops() -> None:
     log = grid_graph(4, 150)
-    n, start = len(log), dead_reckoned(log)
+    n, start = len(log), log.dead_reckoned()
     a, b = np.concatenate((np.arange(n - 1), log.loop_to)), np.concatenate((np.arange(1, n), log.loop_step))
     rows, sd = np.arange(len(a)), np.sqrt(np.concatenate((log.delta_cov[1:, 2, 2], log.loop_cov[:, 2, 2])))
     turned = np.concatenate((log.delta[1:, 2], log.loop_delta[:, 2]))
@@ -149,7 +148,7 @@ def test_headings_are_the_least_squares_of_motions_and_loops() -> None:
 
 def test_without_loops_they_are_those_of_dead_reckoning() -> None:
     log = grid_graph(4, 80).without_loops()
-    path, reckoned = by_headings(log), dead_reckoned(log)
+    path, reckoned = by_headings(log), log.dead_reckoned()
     assert path[:, :2] == pytest.approx(reckoned[:, :2], abs=1e-9)
     assert wrap(path[:, 2] - reckoned[:, 2]) == pytest.approx(0, abs=1e-9)
 
@@ -176,8 +175,8 @@ def test_all_factors_at_once_are_those_of_the_steps(kind: str) -> None:
     from slamduel.backends.graphs.gtsam_whole import whole
 
     made = random_log(np.random.default_rng(6), 50, 8, noise=0.5).log if kind == "landmarks" else grid_graph(6, 80)
-    graph, values = whole(Factors(made.prior, at_once=True), made, dead_reckoned(made))
-    other, others = of_steps(made, dead_reckoned(made))
+    graph, values = whole(Factors(made.prior, at_once=True), made, made.dead_reckoned())
+    other, others = of_steps(made, made.dead_reckoned())
     assert (graph.size(), values.size()) == (other.size(), others.size())
     assert values.equals(others, 1e-9)
     assert graph.error(values) == pytest.approx(other.error(others), rel=1e-9)

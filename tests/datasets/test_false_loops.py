@@ -13,7 +13,6 @@ from refusals import refused
 from slamduel.bench.plan import reference
 from slamduel.bench.plan.spec import read_options
 from slamduel.core.check import check_truth, problems
-from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.factors import Dataset, Log, Truth
 from slamduel.core.se2 import Array, Ints, between, compose
 from slamduel.datasets import archive, registry
@@ -74,12 +73,12 @@ def test_so_many_are_added_and_everything_else_stays(share: float) -> None:
 
 def claimed(log: Log, which: Ints) -> Array:
     """Where the loops put their steps, seen from dead reckoning."""
-    return compose(dead_reckoned(log)[log.loop_to[which]], log.loop_delta[which])
+    return compose(log.dead_reckoned()[log.loop_to[which]], log.loop_delta[which])
 
 
 def test_they_are_anywhere_the_robot_was_with_the_covariances_of_correct_ones() -> None:
     every = [made(0.5, seed) for seed in range(20)]
-    path = dead_reckoned(world().log)
+    path = world().log.dead_reckoned()
     at = np.concatenate([claimed(one.log, false(one)) for one in every])
     low, high = path[:, :2].min(axis=0), path[:, :2].max(axis=0)
     assert (at[:, :2] >= low - 1e-9).all()

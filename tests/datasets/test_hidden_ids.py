@@ -13,7 +13,6 @@ from slamduel.backends import registry as backends
 from slamduel.bench.measure.drive import drive
 from slamduel.bench.plan.spec import read_options
 from slamduel.core.check import problems
-from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.factors import UNKNOWN, Dataset, Log
 from slamduel.core.files import cache_folder
 from slamduel.core.se2 import Ints
@@ -157,7 +156,7 @@ def assert_dead_reckoned(log: Log) -> None:
     builder = backends.find("ekf")
     run = drive(builder, builder.options(), log, lambda: np.random.default_rng(0))
     assert run.online is not None
-    np.testing.assert_allclose(run.online, dead_reckoned(log), atol=1e-9)
+    np.testing.assert_allclose(run.online, log.dead_reckoned(), atol=1e-9)
     assert len(run.map.ids) == 0
 
 

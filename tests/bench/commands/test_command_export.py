@@ -7,7 +7,6 @@ import pytest
 
 from command import refused
 from slamduel.bench.cli import main
-from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.factors import UNKNOWN, Dataset, Log
 from slamduel.core.tum import read_tum
 from slamduel.datasets.formats import g2o, log_folder
@@ -35,7 +34,7 @@ def test_every_format_is_the_log(place: Path, capsys: pytest.CaptureFixture[str]
     np.testing.assert_array_equal(poses, given.truth.poses)
     t, poses = read_tum(place / "out" / "odometry.tum")
     np.testing.assert_array_equal(t, given.log.t)
-    np.testing.assert_array_equal(poses, dead_reckoned(given.log))
+    np.testing.assert_array_equal(poses, given.log.dead_reckoned())
     said = capsys.readouterr().out
     assert "log.g2o: 6 poses, 2 loop closures, 4 sightings; 2 of unknown landmarks are left out" in said
     assert "truth.tum: 5 poses" in said

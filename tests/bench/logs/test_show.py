@@ -20,7 +20,6 @@ from slamduel.bench.logs.revisits import returns
 from slamduel.bench.logs.shown_path import from_pose, shown
 from slamduel.bench.measure.landmark_places import judge
 from slamduel.bench.measure.stated_noise import NoiseCheck, noise_check
-from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
 from slamduel.core.se2 import compose
 from slamduel.core.truth_errors import odometry_errors, sighting_errors
@@ -146,7 +145,7 @@ def test_dead_reckoning_is_the_motions_one_after_another() -> None:
     path = [log.prior.pose]
     for delta in log.delta[1:]:
         path.append(compose(path[-1], delta))
-    np.testing.assert_allclose(dead_reckoned(log), path, atol=1e-12)
+    np.testing.assert_allclose(log.dead_reckoned(), path, atol=1e-12)
     moved = from_pose(np.array(path), 5, np.array((9.0, 8.0, 7.0 - 2 * np.pi)))
     np.testing.assert_allclose(moved[5], (9, 8, 7 - 2 * np.pi), atol=1e-12)
     np.testing.assert_allclose(moved[6], compose(moved[5], log.delta[6]), atol=1e-12)
@@ -210,11 +209,11 @@ def test_without_truth_the_batch_optimum_is_drawn_and_of_a_large_log_dead_reckon
     def off(path: Any) -> float:
         return float(np.hypot(*(path - made.path)[:, :2].T).max())
 
-    assert off(solved.poses) < 0.5 * off(dead_reckoned(made.log))
+    assert off(solved.poses) < 0.5 * off(made.log.dead_reckoned())
     monkeypatch.setattr(shown_path, "LARGEST", 10)
     plain = shown(Dataset(made.log, None), None)
     assert plain.words == "dead reckoning; --solve finds the batch optimum"
-    np.testing.assert_array_equal(plain.poses, dead_reckoned(made.log))
+    np.testing.assert_array_equal(plain.poses, made.log.dead_reckoned())
     assert "batch optimum" in shown(Dataset(made.log, None), True).words
     # Placed from the path that is drawn, a landmark is near where it is.
     order = np.argsort(made.map.ids)

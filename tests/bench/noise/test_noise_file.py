@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from refusals import refusal
 from slamduel.bench.noise.model import Model, SightingModel
 from slamduel.bench.noise.noise_file import read_noise, write_noise
+from slamduel.bench.systematic.errors import Systematic
 from slamduel.core.errors import InputError
 
 RANGE = SightingModel(1.2, 0.5, 3.3, 0.01, 0.9, 4.0, 0.2)
@@ -57,3 +59,21 @@ def test_a_file_that_is_not_a_noise_is_refused(tmp_path: Path, old: str, new: st
     path.write_text(TEXT.replace(old, new))
     with pytest.raises(InputError, match=said):
         read_noise(path)
+
+
+def test_errors_that_stay_are_kept_with_the_noise(tmp_path: Path) -> None:
+    model = Model(["a"], None, None, None, Systematic(x=0.2, delay=0.05, turn_scale=-0.04))
+    write_noise(tmp_path / "noise.toml", model)
+    assert read_noise(tmp_path / "noise.toml") == model
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("[systematic]\nahead = 0.2\n", "systematic.ahead: there is no such key"),
+        ("[systematic]\nturn_scale = -1.5\n", "systematic.turn_scale: found -1.5, expected a number above -1"),
+    ],
+)
+def test_errors_that_cannot_be_are_named(tmp_path: Path, words: str, said: str) -> None:
+    (tmp_path / "noise.toml").write_text(words)
+    assert said in refusal(read_noise, tmp_path / "noise.toml")

@@ -15,7 +15,6 @@ from differences import central
 from fuzzing import survivors
 from refusals import refusal, refused, refused_at
 from slamduel.core.check import problems
-from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log, Map
 from slamduel.core.se2 import Array, inverse, rotation
@@ -324,7 +323,7 @@ def test_simulated_logs_come_back(name: str, options: dict[str, int], tmp_path: 
 def test_an_optimiser_starts_from_dead_reckoning(tmp_path: Path) -> None:
     """Landmarks are put where their first sighting has them."""
     log = small_log(3, without_map)
-    path = dead_reckoned(log)
+    path = log.dead_reckoned()
     write_g2o(tmp_path / "log.g2o", log)
     rows = [line.split() for line in (tmp_path / "log.g2o").read_text().split("\n")]
     found = np.array([row[2:] for row in rows if row and row[0] == "VERTEX_SE2"], float)

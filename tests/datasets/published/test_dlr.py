@@ -10,7 +10,6 @@ from fuzzing import survivors
 from recorded import at_hand
 from refusals import refused, refused_at
 from slamduel.core.check import problems
-from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.factors import Dataset, Log
 from slamduel.core.se2 import Array, act
 from slamduel.datasets.formats import log_folder
@@ -93,7 +92,7 @@ def test_a_circle_stays_where_it_is_while_the_robot_passes(tmp_path: Path):
         rows.append(f"LANDMARK_C {seen[0]!s} {seen[1]!s} 1 {CIRCLE} 0\n")
     (tmp_path / "map.circles").write_text("".join(rows))
     log = dlr.read(tmp_path).log
-    found = act(dead_reckoned(log), np.stack((np.cos(log.z[:, 1]), np.sin(log.z[:, 1])), axis=-1) * log.z[:, :1])
+    found = act(log.dead_reckoned(), np.stack((np.cos(log.z[:, 1]), np.sin(log.z[:, 1])), axis=-1) * log.z[:, :1])
     np.testing.assert_allclose(found, np.broadcast_to(found[0], found.shape), atol=1e-12)
 
 
@@ -206,7 +205,7 @@ def test_the_map_closes_its_loops(whole: Log):
     log = whole.identified()
     backend, path = run("ekf", log)
     fit = fitted(log, path, iterations=6)
-    assert np.median(gaps(log, dead_reckoned(log))) > 5
+    assert np.median(gaps(log, log.dead_reckoned())) > 5
     assert np.median(gaps(log, fit.path)) < 0.05
     assert np.percentile(gaps(log, fit.path), 90) < 0.25
 

@@ -191,8 +191,9 @@ def test_a_log_that_is_not_here_names_the_command() -> None:
 def test_the_catalogue_is_complete() -> None:
     logs = {name: log for name, log in PUBLISHED.items() if name != "toy"}
     pioneer = (f"tum-pioneer-{run}" for run in ("360", "slam", "slam2", "slam3"))
-    others = ("aces", "city10000", "city-trees10000", "dlr", "fr079", "freiburg", "intel-lab", "killian", "manhattan")
-    assert list(logs) == [*others, "mit-csail", *(f"mrclam-{n}" for n in range(1, 10)), *pioneer, "victoria-park-raw"]
+    others = ("aces", "city10000", "city-trees10000", "dlr", "fr079", "freiburg", "intel-lab", "killian")
+    more = ("lost-in-the-woods", "manhattan", "mit-csail")
+    assert list(logs) == [*others, *more, *(f"mrclam-{n}" for n in range(1, 10)), *pioneer, "victoria-park-raw"]
     for log in logs.values():
         assert log.urls
         assert all(re.match(r"(https?|ftp)://", url) for url in [log.page, *log.urls])
@@ -200,7 +201,15 @@ def test_the_catalogue_is_complete() -> None:
         assert all([log.title, log.citation, log.licence, log.addresses, log.by_hand])
 
 
-@pytest.mark.parametrize(("name", "folder"), [("dlr", "dlr"), ("freiburg", "freiburg"), ("mrclam-6", "mrclam")])
+@pytest.mark.parametrize(
+    ("name", "folder"),
+    [
+        ("dlr", "dlr"),
+        ("freiburg", "freiburg"),
+        ("lost-in-the-woods", "lost_in_the_woods"),
+        ("mrclam-6", "mrclam"),
+    ],
+)
 def test_the_real_ones_are_what_the_catalogue_says(name: str, folder: str) -> None:
     assert main(["fetch", name, "--quiet", "--from", str(at_hand(folder))]) == 0
     assert main(["fetch", name, "--quiet", "--check"]) == 0

@@ -11,7 +11,6 @@ from fuzzing import survivors
 from recorded import at_hand
 from refusals import refused, refused_at
 from slamduel.core.check import problems
-from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.factors import Dataset, Log, Map
 from slamduel.core.se2 import Array, compose
 from slamduel.datasets.published import freiburg
@@ -198,7 +197,7 @@ def test_the_landmarks_are_where_the_world_has_them(whole: Dataset, name: str):
 
 
 def test_the_backends_agree_with_an_independent_optimum(whole: Dataset):
-    fit = fitted(whole.log, dead_reckoned(whole.log), iterations=8)
+    fit = fitted(whole.log, whole.log.dead_reckoned(), iterations=8)
     np.testing.assert_allclose(estimated("graph", whole.log), fit.xy, atol=1e-6)
     np.testing.assert_allclose(estimated("ekf", whole.log), fit.xy, atol=0.01)
 
@@ -208,5 +207,5 @@ def test_the_default_noise_is_nearer_to_the_log_s_own_than_the_course_s(whole: D
     settings = replace(Options(), motion="course", bearing_sd=0.1)
     for options, low, high in ((Options(), 0.9, 1.05), (settings, 0.3, 0.45)):
         log = freiburg.read(at_hand("freiburg"), options).log
-        fit = fitted(log, dead_reckoned(log), iterations=15)
+        fit = fitted(log, log.dead_reckoned(), iterations=15)
         assert low < fit.cost / (2 * len(log.ids) - 2 * len(fit.ids)) < high

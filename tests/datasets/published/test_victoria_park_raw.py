@@ -12,7 +12,6 @@ from recorded import at_hand
 from refusals import refused
 from slamduel.bench.measure.accuracy import align, aligned
 from slamduel.core.check import check_truth, problems
-from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.factors import UNKNOWN, Dataset, Log, Truth
 from slamduel.core.se2 import Array, Ints, between, compose, wrap
 from slamduel.datasets.formats import log_folder
@@ -196,7 +195,7 @@ def test_nothing_of_the_log_is_lost(whole: Dataset, tmp_path: Path):
 
 def test_dead_reckoning_is_far_off_after_half_an_hour_and_near_over_a_minute(whole: Dataset):
     log, truth = whole
-    path = dead_reckoned(log)[np.searchsorted(log.t, truth.t)]
+    path = log.dead_reckoned()[np.searchsorted(log.t, truth.t)]
 
     def apart(rows: Ints) -> float:
         moved = aligned(align(path[rows], truth.poses[rows]), path[rows])
@@ -210,7 +209,7 @@ def test_dead_reckoning_is_far_off_after_half_an_hour_and_near_over_a_minute(who
 def test_trees_stay_where_they_are_from_scan_to_scan(whole: Dataset):
     """Most detections have one in the next scan within what 0.2 s of motion and the noise allow: bearings are right."""
     log, _ = whole
-    path, step = dead_reckoned(log), log.sighting_step
+    path, step = log.dead_reckoned(), log.sighting_step
     x = path[step, 0] + log.z[:, 0] * np.cos(path[step, 2] + log.z[:, 1])
     y = path[step, 1] + log.z[:, 0] * np.sin(path[step, 2] + log.z[:, 1])
     near = 0

@@ -13,7 +13,6 @@ from room_drives import room_drive
 from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.bench.plan.spec import read_options
 from slamduel.core.check import check
-from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.factors import UNKNOWN, Dataset
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.worlds.aruco_room import ENCODER, LOOP, TICK, Options, aruco_room, record
@@ -102,7 +101,7 @@ def test_dead_reckoning_drifts_and_a_filter_does_not(lap: Dataset) -> None:
         error[2] = wrap(error[2])
         poses.append(pose)
         nees.append(error @ np.linalg.solve(ekf.cov[:3, :3], error) / 3)
-    adrift = np.linalg.norm((dead_reckoned(lap.log) - lap.truth.poses)[:, :2], axis=1)
+    adrift = np.linalg.norm((lap.log.dead_reckoned() - lap.truth.poses)[:, :2], axis=1)
     kept = np.linalg.norm((np.array(poses) - lap.truth.poses)[:, :2], axis=1)
     assert adrift.max() > 0.1
     assert np.sqrt((kept**2).mean()) < np.sqrt((adrift**2).mean()) / 2

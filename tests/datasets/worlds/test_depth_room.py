@@ -9,7 +9,6 @@ import pytest
 
 from refusals import refused
 from slamduel.bench.plan.load import load
-from slamduel.core.dead_reckoning import dead_reckoned
 from slamduel.core.factors import UNKNOWN
 from slamduel.core.se2 import Array, between
 from slamduel.datasets.rendering.depth_shots import DepthShots
@@ -244,7 +243,7 @@ def test_one_log_for_each_seed_with_its_truth() -> None:
     np.testing.assert_array_equal(truth.t, log.t)
     assert len(log.ids) > 50
     # The wheels alone are within a few of their standard deviations over a metre and a half.
-    off = between(truth.poses[0], truth.poses[-1]) - between(dead_reckoned(log)[0], dead_reckoned(log)[-1])
+    off = between(truth.poses[0], truth.poses[-1]) - between(log.dead_reckoned()[0], log.dead_reckoned()[-1])
     assert np.hypot(*off[:2]) < 0.2
     assert "slamduel's own world" in log.notes["source"]
 
