@@ -24,8 +24,8 @@ step of the sighting itself is in what is measured, too."""
 STEP = 1e-5
 """Of the differences that derivatives by systematic errors are made of, in their units."""
 
-HALF, JUMP = 2.5, 10.0
-"""Standard deviations at which a sighting, and a motion along a known path, have half their weight.
+FAR, JUMP = 3.5, 10.0
+"""Standard deviations beyond which a sighting, and a motion along a known path, lose weight.
 
 Errors of sightings beyond are more often mistakes; motions have more of what is not modelled, and paths jump."""
 
@@ -70,7 +70,7 @@ class System:
         """Residuals (r,), their Jacobian by poses, landmarks and errors, and the step (r,) that each belongs to.
 
         A motion belongs to the step before it. Sightings, and motions along a known path, that fit badly have less
-        weight: Cauchy's, around the median. `evenly` takes speeds averaged over windows: their noise would make errors
+        weight. `evenly` takes speeds averaged over windows: their noise would make errors
         look as if they were told apart by it.
         """
         residuals, blocks, steps = list[Array](), list[tuple[Ints, Ints, Array]](), list[Ints]()
@@ -98,7 +98,7 @@ class System:
         steps.append(np.repeat(k[:, 0] - 1, 3))
         row += 3 * len(k)
         e, by_pose, by_place, by_errors = self._sightings(errors, evenly=evenly)
-        root = self._root * _weights(self._root, e, HALF)[:, None, None]
+        root = self._root * _weights(self._root, e, FAR)[:, None, None]
         residuals.append((root @ e[..., None]).ravel())
         if not self.fixed:
             blocks.append(_block(row, 3 * self.step[:, None] + np.arange(3), root @ by_pose))
@@ -184,11 +184,14 @@ def _slope(of, errors: Systematic, name: str, turn: int = 2) -> Array:
     return difference / (2 * STEP)
 
 
-def _weights(root: Array, e: Array, half: float) -> Array:
-    """(k,) roots of Cauchy's weights of residuals e (k, d), by their scale."""
+def _weights(root: Array, e: Array, most: float) -> Array:
+    """(k,) roots of weights of residuals e (k, d): 1, and (most / e)^2 beyond that many times their scale.
+
+    A loss that weighs small residuals less, too, would need another curvature for intervals to hold.
+    """
     far = np.sqrt(((root @ e[..., None])[..., 0] ** 2).sum(axis=1))
     scale = float(np.median(far)) / MEDIANS[e.shape[1]] if len(far) else 0.0
-    return 1 / np.sqrt(1 + (far / (half * scale)) ** 2) if scale > 0 else np.ones(len(far))
+    return np.minimum(1.0, most * scale / np.maximum(far, 1e-300)) if scale > 0 else np.ones(len(far))
 
 
 def _block(first: int, places: Ints, values: Array) -> tuple[Ints, Ints, Array]:

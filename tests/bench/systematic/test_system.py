@@ -16,7 +16,7 @@ HERE = Systematic(0.1, -0.05, 0.1, 0.02, -0.03, 0.01, 0.01, 0.02, -0.02, 0.01, 0
 @pytest.fixture(autouse=True)
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("slamduel.bench.systematic.fit.FEWEST", 10)
-    monkeypatch.setattr(system, "HALF", 1e6)  # weights are not differentiated
+    monkeypatch.setattr(system, "FAR", 1e6)  # weights are not differentiated
     monkeypatch.setattr(system, "JUMP", 1e6)
 
 
