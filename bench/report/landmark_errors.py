@@ -126,17 +126,14 @@ def landmark_table(found: LandmarkErrors | None) -> Table:
 def _caption(found: LandmarkErrors, worst: Ints, shown: int) -> str:
     what = "distance from the reference's landmark" if found.reference else "error of each landmark's place"
     said = f"{what[:1].upper()}{what[1:]}"
-    online = sorted({one.which for one in found.maps})
-    said += (
-        f", {' or '.join(online)} map" if len(online) == 1 else ", final map, of backends without one the online map"
-    )
+    which = {one.which for one in found.maps}
+    said += f", {which.pop()} map" if len(which) == 1 else ", final map, of backends without one the online map"
     rest = worst[shown:]
-    if len(rest):
-        most = float(np.nanmedian(found.sizes[:, rest], axis=0).max())
-        said += f": the worst {shown} of {len(worst):,} by the median over backends; of the others it is {number(most)} m at most"
-    else:
-        said += ", the worst first"
-    return said
+    if not len(rest):
+        return f"{said}, the worst first"
+    most = float(np.nanmedian(found.sizes[:, rest], axis=0).max())
+    over = " by the median over backends" * (len(found.maps) > 1)
+    return f"{said}: the worst {shown} of {len(worst):,}{over}; of the others it is {number(most)} m at most"
 
 
 def _whole(found: LandmarkErrors, sizes: Array, columns: int) -> list[Entry]:

@@ -1,6 +1,7 @@
 """Figures of where maps are wrong: a line from each known place to the estimate, a panel for each backend."""
 
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,31 +14,31 @@ from ..drawing.labels import Point, name_points
 from ..drawing.svg import INK
 from ..words.numerals import listed, number
 from .aligned_paths import Frame
-from .drawn_log import DrawnLog
 from .landmark_errors import BackendMap, LandmarkErrors
 from .path_figures import PANEL, TITLE, TITLE_ROW, tall
 
 NAMED = 5  # landmarks of a panel whose ids are written
-CROSSES = 200  # landmarks up to which places have crosses; above, a line's end shows them
+CROSSES = 200  # landmarks up to which places have crosses; above, thin lines alone
+THICK, THIN = 1.3, 0.7  # points
 LONGEST = 0.12  # of the frame, for the largest error, where it is drawn larger
 FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1_000)
 ASIDE = 6.0  # times the distance of most places from their middle, beyond which one is outside the frame
 
 
-def landmark_panels(name: str, log: DrawnLog, found: LandmarkErrors) -> Iterator[ReportFigure]:
-    """Draws a panel for each backend that has a map, all in one frame and with errors larger by one factor."""
+def landmark_panels(name: str, found: LandmarkErrors) -> Iterator[ReportFigure]:
+    """Draws a panel for each backend that has a map, all in one frame; captions say by how much errors are larger."""
     frame, cut = _framed(found.xy)
-    largest = float(np.nanmedian(np.nanmax(found.sizes, axis=1)))
-    factor = max((one for one in FACTORS if one * largest <= LONGEST * frame.size.max()), default=1)
     beyond = f" Outside: {listed([str(one) for one in found.ids[cut].tolist()], NAMED)}." * bool(cut.any())
     for one in found.maps:
+        largest = float(np.nanmax(np.hypot(*one.off(found.xy).T)))
+        factor = max((size for size in FACTORS if size * largest <= LONGEST * frame.size.max()), default=1)
         drawn = f"Lines {factor:,} times as long as the errors." if factor > 1 else "Lines as long as the errors."
         yield report_figure(
             f"{name}-{one.trace.slug}",
             one.trace.label,
             drawn + beyond,
             TITLE_ROW * (1 + _title(found, one).count("\n")) + tall(frame, PANEL),
-            lambda figure, one=one: _draw(figure, found, one, frame, factor),
+            partial(_draw, found=found, one=one, frame=frame, factor=factor),
             width=PANEL,
         )
 
@@ -60,11 +61,12 @@ def _draw(figure: Figure, found: LandmarkErrors, one: BackendMap, frame: Frame, 
     axes.set_ylim(frame.low[1], frame.high[1])
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
-    if len(found.ids) <= CROSSES:
+    few = len(found.ids) <= CROSSES
+    if few:
         axes.plot(*found.xy.T, "+", color=INK, markersize=5, markeredgewidth=0.7, alpha=0.75)
     ends = found.xy + factor * one.off(found.xy)
     lines = np.stack((found.xy, ends, np.full_like(ends, np.nan)), axis=1).reshape(-1, 2)
-    axes.plot(*lines.T, color=look.colour, linewidth=1.3, solid_capstyle="round", gid=gid)
+    axes.plot(*lines.T, color=look.colour, linewidth=THICK if few else THIN, solid_capstyle="round", gid=gid)
     axes.set_title(_title(found, one), loc="left", gid=gid)
     size = np.hypot(*one.off(found.xy).T)
     inside = ((found.xy >= frame.low) & (found.xy <= frame.high)).all(axis=1) & np.isfinite(size)

@@ -46,9 +46,8 @@ def write_report(store: Store, figures: Sequence[str] = ()) -> Recorded:
         "script": script("report.js"),
     }
     for section in parts:
-        write_figures(
-            store.folder / FIGURES, (*section.panels, *section.map_panels, *section.grids, *section.figures), figures
-        )
+        panels = (*section.panels, *section.map_panels, *section.grids)
+        write_figures(store.folder / FIGURES, (*panels, *section.figures), figures)
         _write_tables(store.folder / TABLES, section)
     for name in ("report.md", "report.html"):
         write_whole(store.folder / name, rendered(f"{name}.jinja", page))

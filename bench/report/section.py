@@ -135,7 +135,7 @@ def _section(
         log=shown,
         panels=list(trajectories(f"{slug}-trajectory", shown)) if shown else [],
         map_errors=landmark_table(errors),
-        map_panels=list(landmark_panels(f"{slug}-landmarks", shown, errors)) if shown and errors else [],
+        map_panels=list(landmark_panels(f"{slug}-landmarks", errors)) if errors else [],
         grids=list(grids(f"{slug}-grid", shown)) if shown else [],
         figures=report_figures(slug, shown) if shown else [],
         failures=[failure for line in found for failure in _failures(line)],
