@@ -18,7 +18,7 @@ FEW = 5.0  # over the landmarks less two: by how much more their errors are than
 APART = 6.0  # standard deviations from which on a landmark does not fit at its place
 OTHER = 3.0  # likewise, of one that fits at another's
 NEARER = 0.2  # of the distance from its own place within which one exchanged with others is of theirs
-MOST = 0.4  # share of the landmarks that may be exchanged
+MOST = 0.5  # share of the landmarks below which are exchanged: the others tell where all are
 ODD = 0.15  # share, and one more, of those that may not fit elsewhere either
 BEYOND = 6.0  # times the largest error of the others from which on one is far off
 ROUNDS = 20  # of least squares over those that fit, the most
@@ -166,7 +166,7 @@ def _cycles(moved: Array, there: Array, own: Array) -> list[Ints]:
         if int(place[cycle[-1]]) == cycle[0] and len(cycle) > 1:
             found.append(odd[cycle])
         left -= {*cycle}
-    return found if sum(map(len, found)) <= max(MOST * len(off), 2) else []
+    return found if sum(map(len, found)) < MOST * len(off) else []
 
 
 def _astray(ids: Ints, off: Array, odd: NDArray[np.bool_]) -> Astray | None:
