@@ -193,8 +193,10 @@ def _places(log: Log, truth: Truth | None, ends: dict[str, _End], arrays: dict[s
         found = misplaced(end.map, known, told(seen, end.map.ids))
     if found.exchanged is not None and "map_rmse_m" in end.row:
         right, motion = put_right(known, found.exchanged), arrays.get(f"{prefix}alignment")
-        along = truth.places == truth.kind and motion is not None and has_shape(truth)
-        after = map_rmse(end.map, right, Alignment(motion, False)) if along else own_map_rmse(end.map, right)
+        if motion is None or truth.places != truth.kind or not has_shape(truth):
+            after = own_map_rmse(end.map, right)
+        else:
+            after = map_rmse(end.map, right, Alignment(np.asarray(motion, np.float64), False))
         cycles = " and ".join(", ".join(map(str, cycle)) for cycle in found.exchanged.ids)
         yield (
             f"the map's error is {after or 0.0:.3g} m, not {end.row['map_rmse_m']:.3g} m, with the true places of "

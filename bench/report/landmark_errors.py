@@ -65,8 +65,9 @@ def landmark_errors(log: DrawnLog) -> LandmarkErrors | None:
     stays = ~np.isin(known["ids"], known.get("moving", np.zeros(0, np.int64)))
     ids, xy = known["ids"][stays], known["xy"][stays]
     order = {backend: k for k, backend in enumerate(log.order)}
+    own = line.surveyed or not {"ate_m", "final_ate_m"} & line.values.keys()
     traces = sorted(log.traces, key=lambda trace: order.get(trace.label, len(order)))
-    maps = [found for trace in traces if (found := _map(trace, ids, xy, own=line.surveyed)) is not None]
+    maps = [found for trace in traces if (found := _map(trace, ids, xy, own=own)) is not None]
     if not maps:
         return None
     times = known["times"][stays] if "times" in known else None

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from ...core.se2 import Array
 from ..drawing.axes import short
@@ -43,10 +44,10 @@ def landmark_panels(name: str, found: LandmarkErrors) -> Iterator[ReportFigure]:
         )
 
 
-def _framed(xy: Array) -> tuple[Frame, Array]:
+def _framed(xy: Array) -> tuple[Frame, NDArray[np.bool_]]:
     """Frames the places, without those far from all others, which are told (n,)."""
     off = np.hypot(*(xy - np.median(xy, axis=0)).T)
-    cut = off > ASIDE * np.quantile(off, 0.75)
+    cut = np.asarray(off > ASIDE * np.quantile(off, 0.75))
     low, high = xy[~cut].min(axis=0), xy[~cut].max(axis=0)
     room = 0.12 * max(*(high - low), 0.5)
     low, high = low - room, high + room

@@ -390,7 +390,8 @@ def test_a_run_in_a_terminal_is_all_of_it(tmp_path: Path) -> None:
 
 
 def test_remarks_on_cells_that_name_other_landmarks_are_apart() -> None:
-    said = [f"landmarks {ids} exchanged leave {error} m" for ids, error in (("1, 2", 0.1), ("1, 2", 0.3), ("4, 5", 0.2))]
+    each = (("1, 2", 0.1), ("1, 2", 0.3), ("4, 5", 0.2))
+    said = [f"landmarks {ids} exchanged leave {error} m" for ids, error in each]
     found = run(*(row("ekf", seed, reason=one) for seed, one in enumerate(said)))
     assert list(cell_remarks(found)) == [
         "ekf, 2 of 3 cells: landmarks 1, 2 exchanged leave 0.1 to 0.3 m",
