@@ -1,7 +1,6 @@
 """Landmarks that are elsewhere: true places that are swapped or far off, and ids that are sighted at two places."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,8 +8,8 @@ import numpy as np
 from ...backends.api import Diverged
 from ...backends.common_options import LOSSES
 from ...backends.graphs.batch import Batch
-from ...core.factors import UNKNOWN, Log, Map, Truth
-from ...core.se2 import Array, Ints
+from ...core.factors import Log, Map, Truth
+from ...core.se2 import Ints
 from ...core.truth_doubts import judges
 from ...core.truth_errors import named, rows_of, standing
 from ...datasets.truth_remarks import COVERED
@@ -23,8 +22,13 @@ from .fit import FAR, ITERATIONS, LOSS, TOLERANCE
 from .two_places import TwoPlaces, two_places
 
 LARGEST = 50_000  # steps, and sightings, of a log without a true path, the most that are fitted as a whole
-WITHOUT = 5  # ids that are left out in turns, where the fit may be bent by one of them
-BENT = 0.03  # share of sightings that are far out, from which on it may be
+BENT = 0.03  # share of sightings that are far out, from which on a fit may be bent by an id at two places
+FITS = (
+    (LOSS, Batch.start_by_chunks),
+    ("geman-mcclure", Batch.start_by_chunks),
+    (LOSS, Batch.start_by_odometry),
+)
+"""Losses and starts of the fits that are tried then."""
 
 
 class Elsewhere(NamedTuple):
@@ -36,9 +40,8 @@ class Elsewhere(NamedTuple):
 
 
 class _Along(NamedTuple):
-    """A path, the landmarks by it, and those at two places."""
+    """The landmarks along a path, and those at two places."""
 
-    path: Array  # (n, 3)
     landmarks: Map
     twice: list[TwoPlaces]
 
@@ -107,39 +110,31 @@ def _by_truth(log: Log, truth: Truth | None) -> _Along | None:
     row = rows_of(truth.t, log.t)
     path = np.where((row >= 0)[:, None], truth.poses[row], np.nan)
     found = placed(log, truth.poses, row, known=True)
-    return _Along(path, Map(found.ids, found.xy, None), two_places(log, path, found))
+    return _Along(Map(found.ids, found.xy, None), two_places(log, path, found))
 
 
 def _by_fit(log: Log) -> _Along | None:
-    """By a robust fit; by one without an id that bends it, where there is such a one."""
-    if not 0 < max(len(log), len(log.ids)) <= LARGEST or not len(log.ids):
+    """By a robust fit, of several where many sightings are far out the one with the fewest: an id may have bent it."""
+    if not len(log.ids) or max(len(log), len(log.ids)) > LARGEST:
         return None
-    found = _fitted(log, log)
-    if found is None or found.twice:
-        return found
-    squares = misfits(log, found.path, found.landmarks)
-    far = squares > FAR if squares is not None else np.zeros(len(log.ids), bool)
-    if far.mean() <= BENT:
-        return found
-    names, of = np.unique(log.ids, return_inverse=True)
-    for name in names[np.argsort(-np.bincount(of, far), kind="stable")][:WITHOUT].tolist():
-        other = _fitted(replace(log, ids=np.where(log.ids == name, UNKNOWN, log.ids)).identified(), log)
-        if other is not None and [one.id for one in other.twice] == [name]:
-            return other
-    return found
-
-
-def _fitted(part: Log, log: Log) -> _Along | None:
-    """Fits `part` of a log's sightings robustly, and places those of all of the `log`."""
-    if not len(part.ids):
+    best, least = None, np.inf
+    for loss, start in FITS:
+        batch = Batch(log, list(LOSSES).index(loss), LOSSES[loss])
+        try:
+            start(batch)
+            batch.fit(TOLERANCE, ITERATIONS)
+        except Diverged:
+            continue
+        path, landmarks = batch.place()
+        squares = misfits(log, path, landmarks)
+        if squares is None or not np.isfinite(path).all():
+            continue
+        far = float((squares > FAR).mean())
+        if far < least:
+            best, least = (path, landmarks), far
+        if far <= BENT:
+            break
+    if best is None:
         return None
-    batch = Batch(part, list(LOSSES).index(LOSS), LOSSES[LOSS])
-    try:
-        batch.start_by_chunks()
-        batch.fit(TOLERANCE, ITERATIONS)
-    except Diverged:
-        return None
-    path, landmarks = batch.place()
-    if not (np.isfinite(path).all() and np.isfinite(landmarks.xy).all()):
-        return None
-    return _Along(path, landmarks, two_places(log, path, placed(log, path, np.arange(len(log)), known=False)))
+    path, landmarks = best
+    return _Along(landmarks, two_places(log, path, placed(log, path, np.arange(len(log)), known=False)))
