@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.factors import UNKNOWN, Log
 from ...core.se2 import Array
@@ -50,20 +51,21 @@ def _split(name: int, points: Array, usual: float) -> TwoPlaces | None:
     First along their longest direction, where that leaves least, then by the nearer of the two medians.
     """
     centred = points - points.mean(axis=0)
+    centred /= np.abs(centred).max()  # whose squares would be infinite, of what is huge
     along = centred @ np.linalg.eigh(centred.T @ centred)[1][:, 1]
     order, count = np.argsort(along, kind="stable"), np.arange(1, len(along))
     total = np.cumsum(along[order])[:-1]
     second = np.zeros(len(along), bool)
     second[order[int(np.argmax(total**2 / count + total**2 / (len(along) - count))) + 1 :]] = True
+    middles, off = _about(points, second)
     for _ in range(ROUNDS):
-        middles = np.stack([np.median(points[~second], axis=0), np.median(points[second], axis=0)])
-        off = np.hypot(*(points[:, None] - middles).transpose(2, 0, 1))
         nearer = off[:, 1] < off[:, 0]
         if nearer.all() or not nearer.any():
             return None
         if (nearer == second).all():
             break
         second = nearer
+        middles, off = _about(points, second)
     least, distance = off.min(axis=1), float(np.hypot(*(middles[1] - middles[0])))
     within = max(float(np.median(least[second])), float(np.median(least[~second])))
     counts = int((second == second[0]).sum()), int((second != second[0]).sum())
@@ -75,3 +77,9 @@ def _split(name: int, points: Array, usual: float) -> TwoPlaces | None:
     ):
         return None
     return TwoPlaces(name, distance, counts)
+
+
+def _about(points: Array, second: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """The medians (2, 2) of either part of `points` (m, 2), and the distances (m, 2) from them."""
+    middles = np.stack([np.median(points[~second], axis=0), np.median(points[second], axis=0)])
+    return middles, np.hypot(*(points[:, None] - middles).transpose(2, 0, 1))

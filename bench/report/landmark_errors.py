@@ -116,7 +116,7 @@ def landmark_table(found: LandmarkErrors | None) -> Table:
     headings += [Column("nearest", "nearest place", kind.NUMBER, f"Whose place is nearest to {by}'s.")] * whose
     rows = [TableRow(ALL, _whole(found, sizes, len(headings)))]
     for k in shown.tolist():
-        entries = [_entry(found.times[k], f"{found.times[k]:,}")] if found.times is not None else []
+        entries = [_entry(int(found.times[k]), f"{found.times[k]:,}")] if found.times is not None else []
         entries += [_entry(size, number(size)) for size in sizes[:, k].tolist()]
         entries += [_entry(one, number(one)) for one in off[k].tolist()]
         entries += [Entry("its own" if nearest[k] == found.ids[k] else f"that of {nearest[k]}")] * whose

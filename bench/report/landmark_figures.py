@@ -72,7 +72,11 @@ def _draw(figure: Figure, found: LandmarkErrors, one: BackendMap, frame: Frame, 
     size = np.hypot(*one.off(found.xy).T)
     inside = ((found.xy >= frame.low) & (found.xy <= frame.high)).all(axis=1) & np.isfinite(size)
     worst = np.flatnonzero(inside)[np.argsort(-size[inside], kind="stable")][:NAMED]
-    name_points(figure, axes, [Point(*found.xy[k].tolist(), str(found.ids[k]), gid) for k in worst.tolist()])
+    name_points(
+        figure,
+        axes,
+        [Point(x, y, str(one), gid) for (x, y), one in zip(found.xy[worst].tolist(), found.ids[worst], strict=True)],
+    )
 
 
 def _title(found: LandmarkErrors, one: BackendMap) -> str:

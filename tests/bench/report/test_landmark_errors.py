@@ -60,7 +60,7 @@ def test_the_table_has_the_worst_first_and_how_often_they_are_sighted(errors: La
     assert [column.heading for column in table.headings][:3] == ["sighted", "smoother", "ekf"]
     assert table.rows[0].backend == ALL
     assert len(table.rows) == 11
-    typical = [np.median([e.value for e in row.entries[1:3]]) for row in table.rows[1:]]
+    typical = [np.median([e.value or 0.0 for e in row.entries[1:3]]) for row in table.rows[1:]]
     assert typical == sorted(typical, reverse=True)
     assert errors.times is not None
     k = list(errors.ids).index(int(table.rows[1].backend))
