@@ -129,12 +129,14 @@ def _caption(found: LandmarkErrors, worst: Ints, shown: int) -> str:
     said = f"{what[:1].upper()}{what[1:]}"
     which = {one.which for one in found.maps}
     said += f", {which.pop()} map" if len(which) == 1 else ", final map, of backends without one the online map"
-    rest = worst[shown:]
-    if not len(rest):
-        return f"{said}, the worst first"
-    most = float(np.nanmedian(found.sizes[:, rest], axis=0).max())
+    rest, lacking = worst[shown:], len(found.ids) - len(worst)
     over = " by the median over backends" * (len(found.maps) > 1)
-    return f"{said}: the worst {shown} of {len(worst):,}{over}; of the others it is {number(most)} m at most"
+    if len(rest):
+        most = float(np.nanmedian(found.sizes[:, rest], axis=0).max())
+        said += f": the worst {shown} of {len(worst):,}{over}; of the others it is {number(most)} m at most"
+    else:
+        said += f", the worst first{over}"
+    return said + f"; {lacking:,} known landmark{'s are' if lacking > 1 else ' is'} on no map" * bool(lacking)
 
 
 def _whole(found: LandmarkErrors, sizes: Array, columns: int) -> list[Entry]:

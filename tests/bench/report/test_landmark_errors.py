@@ -68,6 +68,18 @@ def test_the_table_has_the_worst_first_and_how_often_they_are_sighted(errors: La
     assert f"the worst 10 of {len(errors.ids)}" in table.caption
 
 
+def test_a_known_landmark_that_is_on_no_map_is_counted(errors: LandmarkErrors) -> None:
+    assert "on no map" not in landmark_table(errors).caption
+    more = errors._replace(
+        ids=np.append(errors.ids, 999),
+        xy=np.append(errors.xy, [[1.0, 1.0]], axis=0),
+        times=None,
+        maps=[one._replace(xy=np.append(one.xy, [[np.nan, np.nan]], axis=0)) for one in errors.maps],
+    )
+    assert landmark_table(more).caption.endswith("; 1 known landmark is on no map")
+    assert landmark_table(more).headings[0].heading == "smoother"  # earlier records do not count sightings
+
+
 def test_places_that_are_exchanged_are_seen_in_the_table(errors: LandmarkErrors) -> None:
     xy = errors.xy.copy()
     xy[[3, 7]] = xy[[7, 3]]
