@@ -102,3 +102,10 @@ def rows_of(known: Array | Ints, wanted: Array | Ints) -> Ints:
     order = np.argsort(known)
     place = order[np.minimum(np.searchsorted(known, wanted, sorter=order), len(known) - 1)]
     return np.where(known[place] == wanted, place, -1)
+
+
+def counted(ids: Ints, wanted: Ints) -> Ints:
+    """Counts each of `wanted` (n,) among `ids` (s,)."""
+    names, times = np.unique(ids, return_counts=True)
+    row = rows_of(names, wanted)
+    return np.where(row >= 0, np.append(times, 0)[row], 0)

@@ -5,8 +5,8 @@ from math import log10
 
 import numpy as np
 
-from ..core.factors import UNKNOWN, Dataset, Log, Truth
-from ..core.se2 import wrap
+from ..core.factors import UNKNOWN, Dataset, Log, Map, Truth
+from ..core.se2 import Ints, wrap
 from ..core.truth_doubts import MOVING, Ways, headings_known, never_turns, other_headings, ways
 
 COVERED = 0.75  # share of the steps; with a true pose at fewer, errors are of a part of the log
@@ -29,6 +29,9 @@ SPEEDS = (
 NEAR = 0.05  # of the logarithm to base 10 of a factor: within 12 % of it
 UNLIKELY, FARTHEST, MOST_TURNED = 10.0, 1.0, 0.5
 """Standard deviations of the start, m, and rad: farther from the true one it is another."""
+FEWEST_PLACES, LONE = 4, 2.0
+"""Known places, and times their extent and the longest range, from which on the nearest other one is too far."""
+NAMED = 5  # ids that a remark names
 NO_UNIT = "a clock, a speed or the size of the wheels is wrong"
 
 
@@ -79,16 +82,53 @@ def _elsewhere(log: Log, truth: Truth) -> Iterator[str]:
 
 
 def _places(log: Log, truth: Truth) -> Iterator[str]:
-    """Compares the ids of known landmarks with those that are sighted."""
+    """Compares the ids of known landmarks with those that are sighted, and their places with one another."""
     ids = log.ids if truth.assigned is None else truth.assigned
-    seen = np.unique(ids[ids != UNKNOWN])
-    if truth.map is None or not len(truth.map.ids) or not len(seen) or np.isin(seen, truth.map.ids).any():
+    ids = ids[ids != UNKNOWN]
+    if truth.map is None or not len(truth.map.ids) or truth.places != "truth":
         return
-    known = truth.map.ids
-    yield (
-        f"none of the {len(known)} landmarks with a known place (landmarks.csv), of ids from {known.min()} to "
-        f"{known.max()}, is ever sighted: the ids of sightings are from {seen.min()} to {seen.max()}"
-    )
+    known, seen = truth.map.ids, np.unique(ids)
+    if len(seen) and not np.isin(seen, known).any():
+        yield (
+            f"none of the {len(known)} landmarks with a known place (landmarks.csv), of ids from {known.min()} to "
+            f"{known.max()}, is ever sighted: the ids of sightings are from {seen.min()} to {seen.max()}"
+        )
+    elif not np.isin(seen, known).all():
+        without, never = seen[~np.isin(seen, known)], known[~np.isin(known, seen)]
+        one = len(without) == 1
+        yield (
+            f"{len(without)} of the {len(seen)} ids that are sighted {'has' if one else 'have'} no known place "
+            f"(landmarks.csv), {_named(without)}, with {int(np.isin(ids, without).sum()):,} of {len(ids):,} sightings"
+            + (
+                f"; {len(never)} of those with a place {'is' if len(never) == 1 else 'are'} never sighted, "
+                f"{_named(never)}"
+            )
+            * bool(len(never))
+        )
+    yield from _alone(log, truth.map)
+
+
+def _alone(log: Log, known: Map) -> Iterator[str]:
+    """Finds a place so far from all others that no sighting can join it with them."""
+    if len(known.ids) < FEWEST_PLACES or not len(log.z):
+        return
+    off = np.hypot(*(known.xy - np.median(known.xy, axis=0)).T)
+    one = int(np.argmax(off))
+    others = np.delete(known.xy, one, axis=0)
+    gap, size = float(np.hypot(*(others - known.xy[one]).T).min()), float(np.hypot(*np.ptp(others, axis=0)))
+    farthest = float(log.z[:, 0].max())
+    if gap > LONE * (size + farthest):
+        yield (
+            f"the known place of landmark {known.ids[one]} (landmarks.csv) is {gap:.3g} m from all others, which are "
+            f"within {size:.3g} m of one another, and no range is longer than {farthest:.3g} m: perhaps it is in "
+            "another unit, or of elsewhere"
+        )
+
+
+def _named(ids: Ints) -> str:
+    """The first ids."""
+    more = f" and {len(ids) - NAMED:,} more" if len(ids) > NAMED else ""
+    return ", ".join(map(str, ids[:NAMED].tolist())) + more
 
 
 def _after(log: Log, t: float) -> str:

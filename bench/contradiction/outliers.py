@@ -19,12 +19,13 @@ OFTEN, FEWEST = 0.3, 20
 camera's features."""
 
 
-def outliers(fits: Sequence[tuple[Log, Fitted]]) -> Iterator[str]:
-    """Says which landmarks' sightings do not fit, and how many of the others' do not."""
+def outliers(fits: Sequence[tuple[Log, Fitted]], told: Ints) -> Iterator[str]:
+    """Says which landmarks' sightings do not fit, and how many of the others' do not, without those `told` already."""
     if not fits:
         return
     ids = np.concatenate([log.ids for log, _ in fits])
     far = np.concatenate([fit.squares for _, fit in fits]) > FAR
+    ids, far = ids[~np.isin(ids, told)], far[~np.isin(ids, told)]
     odd = _odd(ids, far)
     of_odd = np.isin(ids, odd)
     if len(odd):

@@ -14,6 +14,7 @@ from .explain import STUCK, Contradiction, contradiction
 from .filtered import nis
 from .fit import Fitted
 from .outliers import outliers
+from .places import elsewhere
 
 FIVEFOLD = 25.0
 """J per degree of freedom up to which noise alone may be the cause: it is five times what is stated there."""
@@ -44,10 +45,14 @@ def remarked(dataset: Dataset) -> Remarks:
         if found is None:
             return Remarks(columns, [], [], mistaken=False)
         said = sentence(found)
+        if said and (found.named is not None or found.stuck):
+            return Remarks(columns, [said], [], mistaken=True)
+        places = elsewhere(*dataset)
         if said:
-            return Remarks(columns, [said], [], mistaken=found.named is not None or found.stuck or not noisy(found))
-        odd = list(outliers(found.fits))
-        wrong_truth = list(contradicting_truth(dataset, found.fits, agrees=not odd))
+            mistaken = not noisy(found) or bool(places.places)
+            return Remarks(columns, [said, *places.places], places.twice, mistaken)
+        odd = [*places.twice, *outliers(found.fits, places.ids)]
+        wrong_truth = list(contradicting_truth(dataset, found.fits, places.places, agrees=not odd))
         return Remarks(columns, wrong_truth, odd, mistaken=bool(wrong_truth))
 
 
@@ -102,10 +107,16 @@ def _nis(found: Contradiction) -> str:
     return "" if value is None else f"; the EKF's NIS is {number(value)}"
 
 
-def contradicting_truth(dataset: Dataset, fits: Sequence[tuple[Log, Fitted]], *, agrees: bool) -> Iterator[str]:
-    """Yields what of the truth contradicts a log, by the fits of its stretches; `agrees`: all of its sightings fit."""
+def contradicting_truth(
+    dataset: Dataset, fits: Sequence[tuple[Log, Fitted]], places: Sequence[str], *, agrees: bool
+) -> Iterator[str]:
+    """Yields what of the truth contradicts a log, by the fits of its stretches; `agrees`: all of its sightings fit.
+
+    Single `places` that are wrong are known; where all are, or the path is, these tell nothing.
+    """
     log, truth = dataset
     if truth is None or truth.kind != "truth":
+        yield from places
         return
     log = named(log, truth).identified()
     said = [of_truth.of_path(part, fit, truth) for part, fit in fits]
@@ -118,4 +129,4 @@ def contradicting_truth(dataset: Dataset, fits: Sequence[tuple[Log, Fitted]], *,
     found = of_headings if len(of_headings) == 1 else []
     for _, fit in fits[:1]:
         found += of_truth.of_map(log, truth, fit)
-    yield from found or (of_truth.of_sightings(log, truth) if agrees else ())
+    yield from found or places or (of_truth.of_sightings(log, truth) if agrees else ())

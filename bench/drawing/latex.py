@@ -25,7 +25,7 @@ def latex(table: Table, caption: str, label: str) -> str:
 
     It spans both columns (table*) where one has no room for it. Empty entries are dashes.
     """
-    heads = ["backend", *(_below(escaped(top), [*more]) for top, *more in map(_heading, table.headings))]
+    heads = [table.of, *(_below(escaped(top), [*more]) for top, *more in map(_heading, table.headings))]
     sides = [
         "l" if not any(row.entries[k].value is not None for row in table.rows) else "r"
         for k in range(len(table.headings))

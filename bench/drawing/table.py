@@ -17,7 +17,7 @@ class Entry(NamedTuple):
 
 
 class TableRow(NamedTuple):
-    """A backend's entries, one per heading."""
+    """The entries of a backend, or of a landmark, one per heading."""
 
     backend: str
     entries: Sequence[Entry]
@@ -31,3 +31,4 @@ class Table(NamedTuple):
     headings: Sequence[Column]
     rows: Sequence[TableRow]
     caption: str = ""  # what its numbers are; no full stop
+    of: str = "backend"  # heading of the rows

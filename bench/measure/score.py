@@ -1,5 +1,6 @@
 """Scores a cell: errors against ground truth, fit to the factors, CPU time."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -9,13 +10,15 @@ from ...backends.api import Diverged, Solution
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints
 from ...core.truth_doubts import headings_known, judges, never_turns, other_headings, other_ways
-from .accuracy import has_shape, map_accuracy, path_accuracy, stretches
+from ...core.truth_errors import standing
+from .accuracy import Alignment, has_shape, map_accuracy, map_rmse, own_map_rmse, path_accuracy, stretches
 from .association import association_columns, by_true_ids, moved
 from .cpu_time import step_cost
 from .drive import Outcome
 from .kept import kept
 from .locating import from_the_fix_on, locating
 from .misfit import Misfit, lowest_near, misfit
+from .misplaced import misplaced, put_right, told
 from .nees import nees, nees_columns, not_covariances
 from .rejected_loops import rejected_loops
 from .relations import counted_relations, relation_columns
@@ -100,6 +103,7 @@ def score(
             for end in ends.values():
                 end.row.update({} if end.path is None else relation_columns(truth.relations, end.path))
     row |= {prefix + name: value for prefix, end in ends.items() for name, value in end.row.items()}
+    remarks += _places(log, truth, ends, arrays)
     if truth is not None and exact:
         remarks += [MISTAKEN] if mistaken else misstated(log, truth, row, sightings=sightings)
     if outcome.assigned is not None:  # the final ones, if any
@@ -176,6 +180,35 @@ def _score_paths(
     if not has_shape(truth):
         return [SHAPELESS]
     return [TRANSLATION_ONLY] * straight
+
+
+def _places(log: Log, truth: Truth | None, ends: dict[str, _End], arrays: dict[str, Array | Ints]) -> Iterator[str]:
+    """Yields remarks on landmarks of the final map, else of the online one, that are not at their true places."""
+    known = None if truth is None or truth.places != "truth" else standing(truth)
+    if truth is None or known is None:
+        return
+    prefix, end = next(iter(ends.items()))
+    seen = log if truth.assigned is None else replace(log, ids=truth.assigned)
+    with np.errstate(all="ignore"):  # the numbers of a backend may have any size
+        found = misplaced(end.map, known, told(seen, end.map.ids))
+    if found.exchanged is not None and "map_rmse_m" in end.row:
+        right, motion = put_right(known, found.exchanged), arrays.get(f"{prefix}alignment")
+        if motion is None or truth.places != truth.kind or not has_shape(truth):
+            after = own_map_rmse(end.map, right)
+        else:
+            after = map_rmse(end.map, right, Alignment(np.asarray(motion, np.float64), False))
+        cycles = " and ".join(", ".join(map(str, cycle)) for cycle in found.exchanged.ids)
+        yield (
+            f"the map's error is {after or 0.0:.3g} m, not {end.row['map_rmse_m']:.3g} m, with the true places of "
+            f"landmarks {cycles} exchanged"
+        )
+    if found.astray is not None:
+        ids, errors, others, typical, most = found.astray
+        ends_of = f"{errors[0]:.3g} m" if len(ids) == 1 else f"{errors[-1]:.3g} to {errors[0]:.3g} m"
+        yield (
+            f"landmark{'s' * (len(ids) > 1)} {', '.join(map(str, ids))} {'are' if len(ids) > 1 else 'is'} {ends_of} "
+            f"off in the map, where the other {others} are {typical:.3g} m off (median), {most:.3g} m at most"
+        )
 
 
 def _remarks(log: Log, outcome: Outcome, truth: Truth | None) -> list[str]:

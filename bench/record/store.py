@@ -39,7 +39,7 @@ from .schema import (
 )
 from .validity import wrong_arrays, wrong_facts, wrong_row, wrong_truth
 
-TRUTH = ("t", "poses", "ids", "xy", "sighted", "sighted_at")  # the arrays of a log's truth
+TRUTH = ("t", "poses", "ids", "xy", "times", "moving", "sighted", "sighted_at")  # the arrays of a log's truth
 
 NAMED = 12  # seeds that are named
 
@@ -142,7 +142,8 @@ class Store:
     def truth(self, row: Row) -> dict[str, Any]:
         """Reads the arrays of the cell's ground truth; empty without.
 
-        `t` and `poses`; where known, `ids` and `xy`, and of each sighting its landmark `sighted` and step `sighted_at`.
+        `t` and `poses`; where known, `ids`, `xy` and how many `times` these are sighted, the ids of `moving` ones, and
+        of each sighting its landmark `sighted` and step `sighted_at`. Earlier versions have no `times`.
         """
         found = self.archive(row.log, TRUTH)
         if problem := wrong_truth(found, {}):

@@ -94,6 +94,8 @@ def wrong_truth(known: Mapping[str, Any], arrays: Mapping[str, Any]) -> str:
         ids, xy = known.get("ids"), known.get("xy")
         if ids is None or xy is None or ids.ndim != 1 or xy.shape != (len(ids), 2) or xy.dtype.kind not in "fiu":
             return "the truth of its log has other landmarks than places, expected as many"
+        if "times" in known and known["times"].shape != ids.shape:
+            return "the truth of its log has other landmarks than numbers of their sightings, expected as many"
     return _wrong_sightings(known, arrays)
 
 

@@ -46,7 +46,8 @@ def write_report(store: Store, figures: Sequence[str] = ()) -> Recorded:
         "script": script("report.js"),
     }
     for section in parts:
-        write_figures(store.folder / FIGURES, (*section.panels, *section.grids, *section.figures), figures)
+        panels = (*section.panels, *section.map_panels, *section.grids)
+        write_figures(store.folder / FIGURES, (*panels, *section.figures), figures)
         _write_tables(store.folder / TABLES, section)
     for name in ("report.md", "report.html"):
         write_whole(store.folder / name, rendered(f"{name}.jinja", page))
@@ -62,6 +63,7 @@ def _write_tables(folder: Path, section: Section) -> None:
         "cost": section.cost,
         "cost-pairs": section.cost_pairs,
         "growth": section.growth,
+        "landmarks": section.map_errors,
         "fit": section.fit,
     }
     tables |= {"inside": section.inner} | {f"detail{k}": found for k, found in enumerate(section.details, 1)}

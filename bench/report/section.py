@@ -17,6 +17,7 @@ from ..verdict.verdict import Verdict, verdict
 from ..words.numerals import counted, listed, number
 from ..words.styles import Look, looks
 from .drawn_log import DrawnLog, drawn_log
+from .landmark_errors import landmark_errors, landmark_table
 from .pair_tables import cost_pairs_table, pairs_table
 from .tables import accuracy_table, cost_table, details_tables, fit_table, growth_table, inner_table, meanwhile_table
 
@@ -55,6 +56,8 @@ class Section(NamedTuple):
     inner: Table  # particles and gates
     log: DrawnLog | None
     panels: Sequence[ReportFigure]  # the paths
+    map_errors: Table  # of single landmarks
+    map_panels: Sequence[ReportFigure]  # the same, drawn
     grids: Sequence[ReportFigure]  # the occupancy grids of a laser log, or views from above of a depth camera's
     figures: Sequence[ReportFigure]
     failures: Sequence[Failure]
@@ -101,12 +104,14 @@ def _section(
     store: Store, run: Mapping[str, Any], found: Sequence[Line], look: Mapping[str, Look], remarks: Sequence[str]
 ) -> Section:
     from .figures import report_figures
+    from .landmark_figures import landmark_panels
     from .map_figures import grids
     from .path_figures import trajectories
 
     ruling = verdict(found)
     shown = drawn_log(store, found, look, run["folders"], ruling.comparisons)
     known, slug = representative(found), run["folders"][found[0].dataset]
+    errors = landmark_errors(shown) if shown else None
     return Section(
         dataset=found[0].dataset,
         name=found[0].name,
@@ -129,6 +134,8 @@ def _section(
         inner=inner_table(found),
         log=shown,
         panels=list(trajectories(f"{slug}-trajectory", shown)) if shown else [],
+        map_errors=landmark_table(errors),
+        map_panels=list(landmark_panels(f"{slug}-landmarks", errors)) if errors else [],
         grids=list(grids(f"{slug}-grid", shown)) if shown else [],
         figures=report_figures(slug, shown) if shown else [],
         failures=[failure for line in found for failure in _failures(line)],

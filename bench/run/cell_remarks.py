@@ -6,7 +6,9 @@ from collections.abc import Iterator, Sequence
 from ..verdict.summary import Line
 from ..words.numerals import counted, listed
 
-NUMBER = re.compile(r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.]*\w)")
+NUMBER = r"(?<![\w.])-?\d[\d,]*(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.]*\w)"
+IDS = r"landmarks? \d+(?:(?:, | and )\d+)*"
+PARTS = re.compile(f"({IDS})|({NUMBER})")
 NAMED = 3  # backends that a remark names
 MOST = 8  # remarks of a dataset that are shown
 
@@ -18,7 +20,8 @@ def cell_remarks(lines: Sequence[Line]) -> Iterator[str]:
         for row in line.rows:
             said = (row.columns["reason"] or "") if row.columns["status"] == "done" else ""
             for remark in filter(None, said.split("; ")):
-                found.setdefault(tuple(NUMBER.split(remark)), []).append((line.backend, NUMBER.findall(remark)))
+                words, numbers = _apart(remark)
+                found.setdefault(words, []).append((line.backend, numbers))
     cells = sum(line.done for line in lines)
     ranked = sorted(found.items(), key=lambda one: -len(one[1]))
     for words, of in ranked[:MOST]:
@@ -29,6 +32,17 @@ def cell_remarks(lines: Sequence[Line]) -> Iterator[str]:
         yield f"{'all' if whole and cells > 1 else listed(backends, NAMED)}{_many(len(of), cells)}: {remark}"
     if len(ranked) > MOST:
         yield f"{counted(len(ranked) - MOST, 'remark')} more: cells.csv has them in the column reason"
+
+
+def _apart(remark: str) -> tuple[tuple[str, ...], list[str]]:
+    """The words of a remark before, between and after its numbers, and these; ids of landmarks are words."""
+    words, numbers, done = list[str](), list[str](), 0
+    for part in PARTS.finditer(remark):
+        if part[2]:
+            words.append(remark[done : part.start()])
+            numbers.append(part[2])
+            done = part.end()
+    return (*words, remark[done:]), numbers
 
 
 def _many(n: int, cells: int) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...core.errors import Absent, InputError, SlamduelError
 from ...core.factors import Dataset, Map, Start
+from ...core.truth_errors import counted
 from ...datasets import archive
 from ...datasets import registry as datasets
 from ...datasets.truth import digest
@@ -172,7 +173,9 @@ def facts_of(dataset: Dataset) -> LogFacts:
         return found
     arrays |= {} if truth.relations is not None else {"t": truth.t, "poses": truth.poses}
     if truth.map is not None:
-        arrays |= {"ids": truth.map.ids, "xy": truth.map.xy}
+        ids = log.ids if truth.assigned is None else truth.assigned
+        arrays |= {"ids": truth.map.ids, "xy": truth.map.xy, "times": counted(ids, truth.map.ids)}
+        arrays |= {} if truth.moving is None else {"moving": truth.moving}
     if truth.assigned is not None:
         steps = np.repeat(np.arange(len(log)), np.diff(log.sighting_first))
         arrays |= {"sighted": truth.assigned, "sighted_at": steps}

@@ -96,9 +96,7 @@ def test_two_landmarks_with_one_id_are_named(tmp_path: Path):
     found = remarked(Dataset(replace(log, ids=np.where(log.ids == other, one, log.ids)), None))
     assert not found.contradictions
     (said,) = found.outliers
-    assert re.match(
-        rf"of landmark {one}, \d\d\.\d % of the [\d,]+ sightings that were looked at do not fit the others", said
-    )
+    assert re.match(rf"id {one} is sighted at two places, 1\.\d+ m apart \(\d+ and \d+ sightings\)", said)
 
 
 def test_noise_that_is_stated_too_small_is_said_without_a_mistake(tmp_path: Path):

@@ -21,6 +21,7 @@ from slamduel.bench.plan.plan import Plan
 from slamduel.bench.plan.work import PlannedCell, work_of
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.run.benchmark import DEFAULTS
+from slamduel.bench.run.cell_remarks import cell_remarks
 from slamduel.bench.run.document import document
 from slamduel.bench.run.progress import Pace, Screen, words
 from slamduel.bench.run.terminal import NONE, complain, conclude, status, tables, verdicts
@@ -386,6 +387,16 @@ def test_a_run_in_a_terminal_is_all_of_it(tmp_path: Path) -> None:
     table = plain.partition("report: ")[0].splitlines()
     assert max(map(len, table)) <= 60
     assert any(line.split()[:2] == ["ekf", "2/2"] or line.split()[:1] == ["ekf"] for line in table)
+
+
+def test_remarks_on_cells_that_name_other_landmarks_are_apart() -> None:
+    each = (("1, 2", 0.1), ("1, 2", 0.3), ("4, 5", 0.2))
+    said = [f"landmarks {ids} exchanged leave {error} m" for ids, error in each]
+    found = run(*(row("ekf", seed, reason=one) for seed, one in enumerate(said)))
+    assert list(cell_remarks(found)) == [
+        "ekf, 2 of 3 cells: landmarks 1, 2 exchanged leave 0.1 to 0.3 m",
+        "ekf, 1 of 3 cells: landmarks 4, 5 exchanged leave 0.2 m",
+    ]
 
 
 def test_remarks_on_cells_that_are_done_are_below_the_table_of_a_terminal_each_once() -> None:
