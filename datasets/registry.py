@@ -92,6 +92,7 @@ BUILTIN = {
     "victoria-park-raw": ".published.victoria_park_raw:source",
     "w10000": ".published.gtsam_worlds:w10000",
     "w20000": ".published.gtsam_worlds:w20000",
+    "world": ".own_worlds.world:source",
 }
 """Name -> module of this package and the `Source` in it."""
 

@@ -30,7 +30,9 @@ def members(name: str, options: Any, source: Source, find: Find) -> tuple[Member
     elif several := source.many(options):
         found = [*several]
     elif isinstance(path, str) and is_pattern(path):
-        found = [Member(name, replace(options, path=one), one, None) for one in matches(path)]
+        drawn = source.seeded  # each log has noise of its own
+        places = matches(path)
+        found = [Member(name, replace(options, path=one), one, None, k * drawn) for k, one in enumerate(places)]
     else:
         return ()
     _refuse_twice(found, f"dataset {name}[path={path}]" if path else f"dataset {name}")
