@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core.factors import Dataset
-from ..core.options import NoOptions
+from ..core.options import NoOptions, option
 from . import redrawn
 
 
@@ -49,6 +49,15 @@ class Source:
     def summary(self) -> str:
         """The first line of the maker's docstring."""
         return (self.make.__doc__ or "").strip().partition("\n")[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Named:
+    """A name for a log that is read from files; the options of a dataset inherit it."""
+
+    name: str | None = option(
+        None, "the log's name in tables, figures and file names; not given: that of its folder or file"
+    )
 
 
 BUILTIN = {

@@ -20,7 +20,7 @@ from ...core.options import option
 from ...core.se2 import Array, Ints
 from ..hidden_ids import HiddenIds
 from ..on_map import OnMap
-from ..registry import Source
+from ..registry import Named, Source
 from ..worlds import matlab_report as report
 from ..worlds.faults import Faults, with_faults
 from ..worlds.matlab_report import Drive, Robot, simulated, times
@@ -35,7 +35,7 @@ MOST_STEPS = 100_000
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Faults):
+class Options(HiddenIds, OnMap, Faults, Named):
     """The files, the robot, its noise, and faults."""
 
     landmarks: str | None = option(None, "file of the landmarks: x,y or id,x,y, or the variable lm of a .mat file")
