@@ -10,6 +10,7 @@ from rich.console import Console
 from csv_rows import csv_rows
 from slamduel.bench.plan.spec import dataset_variants
 from slamduel.bench.record.store import Store
+from slamduel.bench.replay.replay import choose
 from slamduel.bench.report.report import write_report
 from slamduel.bench.run.terminal import conclude
 from slamduel.bench.verdict.summary import lines
@@ -81,6 +82,18 @@ def test_the_table_of_cells_has_the_dataset_as_it_was_asked_for(folder: Path) ->
     options = {row["dataset_options"] for row in rows}
     assert any(given.startswith("name=Friday 1,odometry=/") for given in options)
     assert all("detections.csv" in given for given in options)
+
+
+def test_a_replay_finds_a_log_by_its_name(folder: Path) -> None:
+    with Store(folder) as store:
+        for name, place in (
+            ("Friday 1", "north/friday/"),
+            ("north/monday", "north/monday/"),
+            ("south/monday", "south/"),
+        ):
+            assert place in choose(store, name, None, None).cells[0].dataset.label
+        with pytest.raises(InputError, match=r"^--dataset friday: is not in this run, expected one of csv"):
+            choose(store, "friday", None, None)
 
 
 def test_a_name_changes_nothing_else(folder: Path) -> None:
