@@ -2,8 +2,8 @@
 
 As the report's `ekfslam(lm, wp)` (Fan Zhenhui, 2018, appendix A). The robot, its wheels and its camera are those of the
 dataset matlab-report, made as much larger as the landmarks here are farther apart: every length and the speed by that
-factor, the wheels' noise, which grows with the root of the distance, by its root. Then a drive is as hard in a world of
-any size. The appendix' own robot sees all around, `view=360`, and starts at the origin along x, here at the first way
+factor, the wheels' noise, which grows with the root of the distance, by its root. Then the same drive is as hard in
+a world of any size. The appendix' own robot sees all around, `view=360`, and starts at the origin along x, here at the first way
 point towards the second.
 """
 

@@ -23,7 +23,7 @@ def test_it_comes_within_near_of_every_way_point_in_their_order() -> None:
 def test_it_bends_no_more_than_its_radius_allows_and_is_as_long_as_it_says() -> None:
     way = route(CORNERS, radius=0.4, near=0.2)
     step = way.length / 20_000
-    poses = way.at(np.arange(20_001) * step)
+    poses = way.at(np.linspace(0, way.length, 20_001))
     moved = between(poses[:-1], poses[1:])
     np.testing.assert_allclose(np.hypot(moved[:, 0], moved[:, 1]), step, rtol=1e-4)
     assert np.abs(moved[:, 2]).max() <= step / 0.4 * (1 + 1e-9)
