@@ -3,8 +3,8 @@
 As the report's `ekfslam(lm, wp)` (Fan Zhenhui, 2018, appendix A). The robot, its wheels and its camera are those of the
 dataset matlab-report, made as much larger as the landmarks here are farther apart: every length and the speed by that
 factor, the wheels' noise, which grows with the root of the distance, by its root. Then the same drive is as hard in
-a world of any size. The appendix' own robot sees all around, `view=360`, and starts at the origin along x, here at the first way
-point towards the second.
+a world of any size. The appendix' own robot sees all around, `view=360`, and starts at the origin along x, here at the
+first way point towards the second.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,6 @@ from ..registry import Named, Source
 from ..worlds import matlab_report as report
 from ..worlds.faults import Faults, with_faults
 from ..worlds.matlab_report import Drive, Robot, simulated, times
-from ..worlds.wheeled_robot import RISE, rolled
 from .points import Points, read_landmarks, read_way_points
 from .route import Route, route
 
@@ -140,26 +139,30 @@ def _sizes(options: Options, scale: float) -> _Sizes:
 
 
 def _drive(way: Route, way_points: Points, options: Options, sizes: _Sizes) -> Drive:
-    """The robot's motion to the end of the way; InputError for one that has no length, or too many steps."""
+    """The robot's motion, at one speed to the last whole step; InputError for no step, or too many."""
+    stride = sizes.speed * options.period
+    steps = 1 + int(way.length / stride)
     if not way.length:
         raise InputError(
             f"{way_points.path}: all way points are within near={sizes.near:g} m of the first, expected one farther "
             "away, or another scale or near."
         )
-    steps = 1 + np.ceil((way.length / sizes.speed + RISE) / options.period)
+    if steps < 2:
+        raise InputError(
+            f"{way_points.path}: the way is {way.length:.4g} m long, expected at least a step, {stride:.4g} m at "
+            f"{sizes.speed:.4g} m/s and {options.period:g} s; options speed, period and scale make steps shorter."
+        )
     if steps > MOST_STEPS:
         legs = hypot(*np.diff(way_points.xy, axis=0).T)
         longest = int(np.argmax(legs))
         raise InputError(
-            f"{way_points.path}: the way is {way.length:.4g} m long, {steps:,.0f} steps at {sizes.speed:.4g} m/s and "
+            f"{way_points.path}: the way is {way.length:.4g} m long, {steps:,} steps at {sizes.speed:.4g} m/s and "
             f"{options.period:g} s, expected at most {MOST_STEPS:,}; its longest leg is {legs[longest]:.4g} m, to "
             f"{way_points.places[longest + 1]}. Is that in metres? Options speed, period and scale make steps longer."
         )
-    t, ticks = times(int(steps), options.period)
-    there = int(np.searchsorted(rolled(sizes.speed, t), way.length)) + 1
-    t, ticks = t[:there], ticks[: report.READINGS * (there - 1) + 1]
-    rolls = np.minimum(rolled(sizes.speed, ticks), way.length)
-    return Drive(t, way.at(np.minimum(rolled(sizes.speed, t), way.length)), ticks, way.at(rolls), rolls)
+    t, ticks = times(steps, options.period)
+    rolled = np.minimum(sizes.speed * ticks, way.length)
+    return Drive(t, way.at(np.minimum(sizes.speed * t, way.length)), ticks, way.at(rolled), rolled)
 
 
 def _out_of_reach(landmarks: Points, poses: Array, robot: Robot) -> InputError:

@@ -52,16 +52,11 @@ def drive(loop: ClosedPath, speed: float, t: Array) -> tuple[Array, Array]:
 
     The robot is at rest at angle 0 until t = 0, heads along the path, and accelerates to `speed` (m/s).
     """
-    way = rolled(speed, t)
+    t = np.maximum(t, 0.0)
+    way = speed * (t - RISE * (1 - exp(-t / RISE)))
     lengths = loop.ways(TABLE)
     points, tangents = loop.at(np.interp(np.mod(way, lengths[-1]), lengths, TABLE))
     return np.column_stack((points, wrap(arctan2(tangents[:, 1], tangents[:, 0])))), way
-
-
-def rolled(speed: float, t: Array) -> Array:
-    """(n,) m, the distance driven at the times `t` (n,), s: at rest until 0, then accelerating to `speed` (m/s)."""
-    t = np.maximum(t, 0.0)
-    return speed * (t - RISE * (1 - exp(-t / RISE)))
 
 
 def count(poses: Array, way: Array, t: Array, encoder: Encoder, rng: np.random.Generator, slip: float = 0.0) -> Ticks:

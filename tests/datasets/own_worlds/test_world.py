@@ -134,6 +134,10 @@ def test_several_paths_are_several_logs_of_their_own_noise(tmp_path: Path) -> No
     assert not np.array_equal(logs[0].z, logs[1].z)
 
 
+def test_a_robot_with_good_wheels_is_not_odd(tmp_path: Path) -> None:
+    assert not any("jump" in remark for remark in remarks(made(crowd(tmp_path), wheels=1e-4)))
+
+
 def test_what_is_odd_is_a_remark_with_its_line(tmp_path: Path) -> None:
     found = " ".join(remarks(made(written(tmp_path))))
     assert f"{tmp_path}/landmarks.csv: 1 of 5 landmarks are never in view, the first in line 2" in found
@@ -157,5 +161,7 @@ def test_a_world_that_cannot_be_driven_or_seen_is_refused(tmp_path: Path) -> Non
     said = refused(written(tmp_path, LANDMARKS, "x,y\n0,0\n5000,0\n5000,8000000\n"), scale=1.0)
     assert said.startswith(f"{files['path']}: the way is 8.005e+06 m long, 133,416,")
     assert "its longest leg is 8e+06 m, to line 4. Is that in metres?" in said
+    said = refused(written(tmp_path), period=1000.0)
+    assert "m long, expected at least a step" in said
     assert "all way points are within near=30 m of the first" in refused(written(tmp_path), near=30.0)
     assert "expected more than 5 m, the least range" in refused(files, nearest=5.0, reach=4.0)
