@@ -13,7 +13,7 @@ from .false_loops import FalseLoops, planted
 from .hidden_ids import KNOWN, HiddenIds, hidden
 from .on_map import OnMap, on_map
 from .redrawn import Drawn, draws, redrawn
-from .registry import Source
+from .registry import Named, Source
 
 
 def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
@@ -22,6 +22,8 @@ def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
     if isinstance(grid := getattr(options, "grid", None), str):
         options = replace(options, grid=grid.replace("*", str(seed)))
     own = options
+    if isinstance(options, Named):
+        own = replace(own, name=None)
     if isinstance(options, HiddenIds):
         own = replace(own, ids=KNOWN)
     if isinstance(options, OnMap):

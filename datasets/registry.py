@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core.factors import Dataset
-from ..core.options import NoOptions
+from ..core.options import NoOptions, option
 from . import redrawn
 
 
@@ -51,6 +51,15 @@ class Source:
     def summary(self) -> str:
         """The first line of the maker's docstring."""
         return (self.make.__doc__ or "").strip().partition("\n")[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Named:
+    """A name for a log that is read from files; the options of a dataset inherit it."""
+
+    name: str | None = option(
+        None, "the log's name in tables, figures and file names; not given: that of its folder or file"
+    )
 
 
 BUILTIN = {
@@ -95,6 +104,7 @@ BUILTIN = {
     "victoria-park-raw": ".published.victoria_park_raw:source",
     "w10000": ".published.gtsam_worlds:w10000",
     "w20000": ".published.gtsam_worlds:w20000",
+    "world": ".own_worlds.world:source",
 }
 """Name -> module of this package and the `Source` in it."""
 

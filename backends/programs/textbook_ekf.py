@@ -5,6 +5,10 @@ It is slow and shares nothing with the package's own estimators: the equations s
 is any body-frame delta, of which the document's midpoint model is one, and its noise is turned to the world by the
 heading before the motion; bearings of innovations are wrapped; a new landmark is correlated with everything the pose is
 correlated with; the sighting that creates a landmark is used for nothing else.
+
+`start=unit` starts landmarks as the code in appendix A of the Matlab report (Fan Zhenhui, 2018) does, in place of eqs
+(18)-(20): every landmark that a step sees for the first time has variances of 1 m^2 (`PX(covars + 1, covars + 1) = 1`)
+and no cross-covariance, however uncertain pose and sighting are, and then its first sighting is used as all others are.
 """
 
 from collections.abc import Sequence
@@ -19,6 +23,8 @@ from ..api import Belief, Builder
 
 Sighting = tuple[int, Array, Array]  # id, z (2,) and its covariance (2, 2)
 
+MODEL, UNIT = "model", "unit"
+
 
 @dataclass(frozen=True)
 class Options:
@@ -27,6 +33,12 @@ class Options:
     update: str = option(
         "sequential", "process sightings one by one, or those of a frame jointly", choices=("sequential", "joint")
     )
+    start: str = option(
+        MODEL,
+        "start of a new landmark: the model's, or the Matlab report's appendix': variances of 1 m², no "
+        "cross-covariance, and its first sighting used again",
+        choices=(MODEL, UNIT),
+    )
 
 
 class TextbookEkf:
@@ -34,7 +46,8 @@ class TextbookEkf:
 
     One sighting after another, in the log's order, each linearised where the last one left the mean. With `together`
     the sightings of landmarks known before the step are stacked into a single update, linearised at the prediction, and
-    new landmarks are added after it: a different filter, equal only where the models are linear.
+    new landmarks are added after it: a different filter, equal only where the models are linear. With `start` "unit"
+    landmarks start as in the Matlab report's appendix, all new ones of a step at its prediction.
 
     `jacobians`: "standard" takes them at the mean; "first-estimates" (Huang, Mourikis and Roumeliotis, IJRR 29(5),
     2010) at the pose's predictions and at each landmark's first estimate; "ideal" at `truth`. `gate`: a sighting whose
@@ -47,6 +60,7 @@ class TextbookEkf:
         prior: Prior,
         *,
         together: bool = False,
+        start: str = MODEL,
         jacobians: str = "standard",
         truth: Truth | None = None,
         gate: float = np.inf,
@@ -60,7 +74,8 @@ class TextbookEkf:
         if known.cov is not None:
             self.cov[3:, 3:] = known.cov
         self.ids: list[int] = known.ids.tolist()  # landmark i of the map is ids[i]
-        self.together, self.jacobians, self.truth, self.gate, self.confirm = together, jacobians, truth, gate, confirm
+        self.together, self.start = together, start
+        self.jacobians, self.truth, self.gate, self.confirm = jacobians, truth, gate, confirm
         self.nis = 0.0  # of the last step's sightings, summed
         self.nis_dof = 0
         self.refused = 0
@@ -76,6 +91,10 @@ class TextbookEkf:
         elif self.truth is not None:
             self.there = self.pose_to_linearise_at(step.t)
         seen: list[Sighting] = list(zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True))
+        if self.start == UNIT:
+            for landmark, z, _ in seen:
+                if landmark not in self.ids:
+                    self.append(landmark, z)
         if self.together:
             replaced = self.update([sighting for sighting in seen if sighting[0] in self.ids])
             for sighting in seen:
@@ -186,20 +205,26 @@ class TextbookEkf:
         """Adds a landmark, eqs (17)-(20), with its cross-covariance; a mapped one is first marginalised out."""
         if landmark in self.ids:
             self.forget(landmark)
-        x, y, theta = self.mean[:3]
-        r, phi = z
-        place = np.array([x + r * np.cos(theta + phi), y + r * np.sin(theta + phi)])  # eq. (17)
-        self.mean = np.concatenate((self.mean, place))
-        self.ids.append(landmark)
-        self.first[landmark] = place
-        self.agreed[landmark] = 0
+        self.append(landmark, z)
         dx, dy = self.lever(landmark)
         r = np.hypot(dx, dy)
         G_p = np.array([[1, 0, -dy], [0, 1, dx]])  # eq. (19)
         G_z = np.array([[dx / r, -dy], [dy / r, dx]])  # eq. (20)
-        cross = G_p @ self.cov[:3, :]  # (2, n)
-        own = G_p @ self.cov[:3, :3] @ G_p.T + G_z @ Q @ G_z.T  # eq. (18)
-        self.cov = np.block([[self.cov, cross.T], [cross, own]])
+        cross = G_p @ self.cov[:3, :-2]  # (2, n)
+        self.cov[-2:, :-2], self.cov[:-2, -2:] = cross, cross.T
+        self.cov[-2:, -2:] = G_p @ self.cov[:3, :3] @ G_p.T + G_z @ Q @ G_z.T  # eq. (18)
+
+    def append(self, landmark: int, z: Array) -> None:
+        """Appends a landmark where its sighting (2,) puts it, eq. (17), with variances of 1 m^2 and no correlation."""
+        x, y, theta = self.mean[:3]
+        r, phi = z
+        place = np.array([x + r * np.cos(theta + phi), y + r * np.sin(theta + phi)])
+        self.mean = np.concatenate((self.mean, place))
+        self.ids.append(landmark)
+        self.first[landmark] = place
+        self.agreed[landmark] = 0
+        n = len(self.cov)
+        self.cov = np.block([[self.cov, np.zeros((n, 2))], [np.zeros((2, n)), np.eye(2)]])
 
     def forget(self, landmark: int) -> None:
         """Removes a landmark from the map."""
@@ -241,7 +266,7 @@ def wrapped(angle: float) -> float:
 def textbook_ekf(prior: Prior, options: Options, rng: np.random.Generator) -> TextbookEkf:
     """The ArUco EKF document's equations in NumPy, every matrix in full: slow, to be read beside them."""
     del rng
-    return TextbookEkf(prior, together=options.update == "joint")
+    return TextbookEkf(prior, together=options.update == "joint", start=options.start)
 
 
 build = Builder(textbook_ekf, options=Options, implementation="NumPy, as printed")

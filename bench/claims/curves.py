@@ -12,7 +12,7 @@ from ..study.study import Figure
 from ..verdict.statistics import FEWEST, estimate
 from ..verdict.units import units
 from ..words.columns import about
-from ..words.names import tags
+from ..words.names import called, tags
 
 MANY = 400  # values beyond which an interval's exact ends are the normal ones, and slow to compute
 
@@ -146,7 +146,9 @@ def _called(figure: Figure, table: CellTable, bys: Sequence[Any]) -> dict[Any, s
 def names(parameter: str, values: Iterable[Any]) -> dict[Any, str]:
     """Names a parameter's values: words are by themselves, datasets and backends as short as they stay distinct."""
     if parameter in ("dataset", "backend"):
-        return {label: tag.removesuffix("[]") for label, tag in tags(map(str, values)).items()}
+        found = called([str(value) for value in values])
+        tag = tags(found.values())
+        return {label: tag[name].removesuffix("[]") for label, name in found.items()}
     words = parameter.rpartition(".")[2].replace("_", " ")
     return {value: worded(value) if isinstance(value, str) else f"{words} {worded(value)}" for value in values}
 

@@ -17,7 +17,7 @@ from ..plan.load import made, one
 from ..plan.values import check_file, seed
 from ..plan.variant import DatasetVariant
 from ..words.console import plain, screen_console, tell
-from ..words.names import called
+from ..words.names import called, short
 
 KINDS = (".png", ".svg", ".pdf", ".html")
 
@@ -59,7 +59,7 @@ def main(namespace: argparse.Namespace) -> int:
         console.print(f"{variant.name} draws nothing at random: it is the same for every --seed", highlight=False)
     label = _file(variant, namespace.log) or called([variant.label])[variant.label]
     label += f", seed {namespace.seed}" if variant.numbered else ""
-    label += f", {name}" if (name := variant.log(namespace.seed).name) else ""
+    label += f", {short(name)}" if (name := variant.log(namespace.seed).name) else ""
     subject = described(label, dataset, namespace.solve)
     if namespace.json:
         print(json.dumps(as_json(variant.label, namespace.seed, subject), indent=2, allow_nan=False))

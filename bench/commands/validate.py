@@ -17,6 +17,7 @@ from ..plan.spec import dataset_variants
 from ..plan.values import seed
 from ..plan.variant import DatasetVariant
 from ..words.console import announced
+from ..words.names import short
 from ..words.numerals import counted
 
 SHOWN = 20  # problems of a log that are printed
@@ -57,7 +58,8 @@ def _found_and_validated(text: str, seed: int, shown: float, wanted: argparse.Na
 
 
 def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argparse.Namespace) -> int:
-    place = str(getattr(variant.options, "path", None) or variant.label)
+    named = getattr(variant.options, "name", None)
+    place = str(named or getattr(variant.options, "path", None) or short(variant.label))
     scan, total = attempted(_scan(variant, seed)), 0
     with announced(f"reading {place}", partial(print, file=sys.stderr, flush=True)):
         while True:

@@ -22,6 +22,7 @@ from ..record.lock import claimed
 from ..record.schema import FAILED, FILE, KEY, ROUND, Row
 from ..record.store import Known, Store
 from ..words.columns import TIMED
+from ..words.names import called
 from ..words.reason import reason, traceback
 from ..workers.batch import Batch, Finished, unmade
 from ..workers.executor import Executor
@@ -166,6 +167,7 @@ class _Engine:
         """Makes the logs of these cells, each once, for their digests or to be kept; plans all cells by them."""
         looks = ((batch_of(self.work, cell, {}, whole=self.logs.are_kept(cell)), cell) for cell in cells)
         looked_at = {batch.log: (batch, cell) for batch, cell in looks}
+        names = called([cell.cell.dataset.label for cell in self.work.cells])
         self.watcher.looking(len(looked_at))
         for finished in self._executed([batch for batch, _ in looked_at.values()], alone=False):
             cell = looked_at[finished.batch.log][1]
@@ -173,10 +175,10 @@ class _Engine:
                 refusal = Absent if finished.result.status == "skipped" else InputError
                 raise refusal(finished.result.reason.removeprefix("the log could not be made: "))
             if self._strict and finished.log is not None:
-                refuse(cell.cell.dataset.label, finished.log.remarks)
+                refuse(names[cell.cell.dataset.label], finished.log.remarks)
             if told := self.logs.looked(cell, finished):
                 self.watcher.say(told)
-            self.watcher.looked(f"{cell.cell.dataset.label} \N{MIDDLE DOT} seed {cell.cell.seed}")
+            self.watcher.looked(f"{names[cell.cell.dataset.label]} \N{MIDDLE DOT} seed {cell.cell.seed}")
         self.logs.refuse_unlike()
         self.keys = [self._key(place) for place in range(len(self.work.cells))]
         rows = zip(self.work.cells, self.log_keys, self.keys, strict=True)

@@ -10,7 +10,7 @@ from typing import Any
 from ...core.errors import InputError
 from ...datasets.formats import log_list
 from ...datasets.formats.log_list import Entry
-from ...datasets.registry import Member, Source
+from ...datasets.registry import Member, Named, Source
 from .variant import DatasetVariant
 
 LIST = "logs"  # the dataset that reads a TOML file of logs
@@ -30,7 +30,9 @@ def members(name: str, options: Any, source: Source, find: Find) -> tuple[Member
     elif several := source.many(options):
         found = [*several]
     elif isinstance(path, str) and is_pattern(path):
-        found = [Member(name, replace(options, path=one), one, None) for one in matches(path)]
+        drawn = source.seeded  # each log has noise of its own
+        places = matches(path)
+        found = [Member(name, replace(options, path=one), one, None, k * drawn) for k, one in enumerate(places)]
     else:
         return ()
     _refuse_twice(found, f"dataset {name}[path={path}]" if path else f"dataset {name}")
@@ -65,7 +67,8 @@ def _of_entry(entry: Entry, find: Find) -> list[Member]:
                 one._replace(name=named(one.name), cluster=entry.cluster or one.cluster) for one in variant.members
             ]
             continue
-        called = entry.said + f", seed {entry.seed}" * (entry.seed is not None)
+        called = getattr(variant.options, "name", None) or entry.said
+        called += f", seed {entry.seed}" * (entry.seed is not None)
         found.append(Member(variant.name, variant.options, called, entry.cluster, entry.seed or 0))
     return found
 
@@ -75,6 +78,7 @@ def _refuse_twice(found: Sequence[Member], where: str) -> None:
     for one in found:
         path = getattr(one.options, "path", None)
         options = replace(one.options, path=os.path.realpath(path)) if path else one.options
+        options = replace(options, name=None) if isinstance(options, Named) else options
         before = seen.setdefault((one.dataset, options, one.seed), one)
         if before is not one:
             both = one.name if one.name == before.name else f"{before.name} and {one.name}"

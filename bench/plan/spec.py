@@ -12,12 +12,13 @@ from typing import Any, TypeVar
 from ...backends import registry as backends
 from ...backends.api import NoOptions
 from ...backends.association import options as association
+from ...core.csv_values import shortened
 from ...core.errors import InputError, nearest
 from ...datasets import registry as datasets
 from ...datasets.bags.bag import is_bag
 from ...datasets.formats import file_kind
 from . import many
-from .variant import PARTED, BackendVariant, DatasetVariant, Variant, text_of
+from .variant import LONGEST, PARTED, BackendVariant, DatasetVariant, Variant, text_of
 
 V = TypeVar("V", bound=Variant)
 
@@ -98,7 +99,17 @@ def _is_path(text: str) -> bool:
 def dataset_variant(name: str, options: Any) -> DatasetVariant:
     """Makes the variant of a known dataset, with its logs where the options stand for several; InputError as there."""
     source = datasets.find(name)
+    if isinstance(options, datasets.Named) and options.name is not None:
+        _check_name(options.name, f"dataset {name}")
     return DatasetVariant(name, options, source, many.members(name, options, source, dataset_variants))
+
+
+def _check_name(name: str, where: str) -> None:
+    """Refuses a name of a log that no table or file could have."""
+    if not name.strip() or not name.isprintable() or len(name) > LONGEST:
+        raise InputError(
+            f"{where}: option name is {shortened(name)}, expected 1 to {LONGEST} characters that can be printed."
+        )
 
 
 def dataset_at(path: Path, asker: str, kind: str | None = None) -> DatasetVariant:

@@ -10,6 +10,9 @@ from ...backends.api import Builder
 from ...core.errors import InputError
 from ...datasets import registry as datasets
 from ...datasets.registry import Member, Source
+from ..words.names import short
+
+LONGEST = 40  # characters of a folder's name, before its hash
 
 PARTED = ";"
 """Between the values of an option that has several: commas are between options."""
@@ -41,11 +44,13 @@ class Variant:
 
     @property
     def slug(self) -> str:
-        """The label as the name of a folder: with options, the name and a short hash."""
-        plain = "".join(c if c.isalnum() or c in "-_." else "-" for c in self.name)
+        """The label as the name of a folder: with options, the name and a short hash; of a log from files, its own."""
+        called = short(self.label)
+        name = self.name if called == self.label else called
+        plain = "".join(c if c.isalnum() or c in "-_." else "-" for c in name).strip("-.")[:LONGEST]
         if plain == self.name and not self.given:
             return plain
-        return f"{plain}-{hashlib.sha256(self.label.encode()).hexdigest()[:8]}"
+        return f"{plain or self.name}-{hashlib.sha256(self.label.encode()).hexdigest()[:8]}"
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from ..plan.variant import Variant
 from ..plan.work import PlannedCell, Work, recorded
 from ..record.schema import Row
 from ..record.store import Store
+from ..words.names import called
 from ..words.numerals import counted, listed
 from ..words.reason import reason
 from ..words.styles import Look, looks
@@ -105,7 +106,9 @@ def replay(store: Store, request: ReplayRequest, frames: int, workers: int) -> R
         parts = list(_parts(store, request, path, shown, workers))
     labels = [cell.backend.label for cell in request.cells]
     named = [Part(name, look[name], *told) for name, told in zip(labels, parts, strict=True)]
-    return Replay(request.cells[0].dataset.label, request.seed, log, shown, log.log.dead_reckoned(), named)
+    datasets = [cell.cell.dataset.label for cell in request.work.cells]
+    name = called(datasets)[request.cells[0].dataset.label]
+    return Replay(name, request.seed, log, shown, log.log.dead_reckoned(), named)
 
 
 def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
@@ -204,8 +207,9 @@ def _cell(cells: Sequence[Cell], backend: Variant, seed: int) -> Cell | None:
 
 
 def _named(name: str, there: Sequence[V], flag: str) -> V:
-    """Finds the variant of that label, or the only one of that name."""
-    found = [v for v in there if v.label == name] or [v for v in there if v.name == name]
+    """Finds the variant of that label, or of that name in tables, or the only one of that name."""
+    names = called([v.label for v in there])
+    found = [v for v in there if name in (v.label, names[v.label])] or [v for v in there if v.name == name]
     if len(found) == 1:
         return found[0]
     labels = listed([variant.label for variant in (found or there)])

@@ -14,6 +14,7 @@ from ..record.store import Store
 from ..verdict.ranking import path_errors
 from ..verdict.statistics import Comparison
 from ..verdict.summary import Line, logs
+from ..words.names import short
 from ..words.styles import BASELINE, Look
 
 
@@ -101,7 +102,7 @@ def drawn_log(
         units={line.backend: [line.units.unit(log) for log in nees[line.backend]] for line in lines},
         nis={line.backend: found for line in lines if (found := _nis(store, line))},
         logs=logs(lines),
-        name=shown[0][1].columns["log_name"] or "",
+        name=short(shown[0][1].columns["log_name"] or ""),
         typical=typical,
         scans=store.scans(shown[0][1]),
         clouds=store.clouds(shown[0][1]),

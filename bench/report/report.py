@@ -1,6 +1,6 @@
 """Writes a run's report: report.html, one file that needs no network, and report.md with figures and tables."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -28,6 +28,7 @@ def write_report(store: Store, figures: Sequence[str] = ()) -> Recorded:
     record = recorded(store)
     run, rows = record.run, record.rows
     parts, look = sections(store, record)
+    names = {part.dataset: part.name for part in parts}
     page = {
         "run": run,
         "sections": parts,
@@ -40,7 +41,8 @@ def write_report(store: Store, figures: Sequence[str] = ()) -> Recorded:
         "cells": cells_table(rows, run["folders"]),
         "counts": _counts(rows, run.get("cells", 0)),
         "started": datetime.fromtimestamp(run["started"], UTC),
-        "digests": _digests(rows),
+        "options": {names.get(label, label): options for label, options in run["options"].items()},
+        "digests": _digests(rows, names),
         "given": run.get("map"),
         "definitions": COLUMNS,
         "script": script("report.js"),
@@ -83,12 +85,12 @@ def _counts(rows: Sequence[Row], planned: int) -> str:
     return f"{said}: a cell is one run of one backend on one log" if said else ""
 
 
-def _digests(rows: Sequence[Row]) -> list[tuple[str, str]]:
+def _digests(rows: Sequence[Row], names: Mapping[str, str]) -> list[tuple[str, str]]:
     """Lists (log, digest), each once; without a seed where it is the same for all."""
     by_log: dict[str, dict[int, str]] = {}
     for row in rows:
         c = row.columns
-        by_log.setdefault(label(c["dataset"], c["dataset_options"]), {})[c["seed"]] = c["digest"]
+        by_log.setdefault(names[label(c["dataset"], c["dataset_options"])], {})[c["seed"]] = c["digest"]
     return [
         (name if len(set(digests.values())) == 1 else f"{name}, seed {seed}", digest)
         for name, digests in by_log.items()

@@ -33,7 +33,7 @@ from ...frontend.laser.settings import Settings
 from ..false_loops import FalseLoops
 from ..grid_file import grid_files, localised
 from ..prior import assumed
-from ..registry import Source
+from ..registry import Named, Source
 from .carmen_lines import KINDS, Line, read_lines
 from .relations import beside, build
 
@@ -56,7 +56,7 @@ class Reading(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Options(FalseLoops, Settings):
+class Options(FalseLoops, Settings, Named):
     """Which log, what its scanner is, and the front end."""
 
     path: str | None = option(None, "the file of the log")

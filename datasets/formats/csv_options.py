@@ -7,12 +7,13 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.mounting import Mounting
 from ...core.options import option
+from ..registry import Named
 
 ANGLED = ("odometry", "detections", "truth")  # files that have angles
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(Named):
     """The files and their noise."""
 
     odometry: str | None = option(None, "CSV file with t,x,y,heading or t,dx,dy,dtheta or t,v,omega")

@@ -31,7 +31,7 @@ from ...core.se2 import Ints
 from ...core.small_matrices import symmetric
 from ...core.table import Table
 from ..false_loops import FalseLoops
-from ..registry import Source
+from ..registry import Named, Source
 from ..remarks import remarked
 from .pose_graph import START, PoseGraph, inverted, log_of, map_of, points_seen, wrapped
 from .tagged import LIST, read_tagged
@@ -65,7 +65,7 @@ _COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Options(FalseLoops):
+class Options(FalseLoops, Named):
     """Which graph."""
 
     path: str | None = option(None, "the file of the graph")

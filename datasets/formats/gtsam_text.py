@@ -34,7 +34,7 @@ from ...core.se2 import Array
 from ...core.small_matrices import product, symmetric
 from ...core.table import Table
 from ..false_loops import FalseLoops
-from ..registry import Source
+from ..registry import Named, Source
 from .pose_graph import PoseGraph, inverted, joined, log_of, points_seen, wrapped
 from .tagged import read_tagged
 from .toro import ORDER, without_equivalences
@@ -69,7 +69,7 @@ _COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Options(FalseLoops):
+class Options(FalseLoops, Named):
     """The graph and the meaning of its numbers."""
 
     path: str | None = option(None, "the file of the graph, or the name of one that ships with GTSAM")

@@ -38,7 +38,7 @@ from ...core.se2 import Array, Ints
 from ...core.small_matrices import symmetric, upper
 from ...core.table import CHUNK, Table, scan_csv
 from ...core.toml.table import TomlTable
-from ..registry import Source
+from ..registry import Named, Source
 from ..truth import PLACES, POSES, RELATIONS, digest, scan_truth, write_truth
 from .beside_file import read_beside, write_beside
 from .log_toml import NOWHERE, Contents, Words, check_words, scan_words, write_words
@@ -54,7 +54,7 @@ _ACCEPT = "restore it, or delete [contents] from log.toml to accept the change"
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(Named):
     """Which log."""
 
     path: str | None = option(None, "the folder of the log")

@@ -20,13 +20,13 @@ from ...core.errors import InputError
 from ...core.factors import Dataset
 from ...core.options import option
 from ...core.toml.table import TomlTable
-from ..registry import Source
+from ..registry import Named, Source
 
 KEYS = ("path", "dataset", "cluster", "seed")
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(Named):
     """Which file."""
 
     path: str | None = option(None, "a TOML file that names the logs")

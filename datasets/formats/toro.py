@@ -23,7 +23,7 @@ from ...core.options import option
 from ...core.small_matrices import symmetric
 from ...core.table import Table
 from ..false_loops import FalseLoops
-from ..registry import Source
+from ..registry import Named, Source
 from .pose_graph import PoseGraph, inverted, log_of
 from .tagged import read_tagged
 
@@ -43,7 +43,7 @@ _COLUMNS = {
 
 
 @dataclass(frozen=True)
-class Options(FalseLoops):
+class Options(FalseLoops, Named):
     """Which graph."""
 
     path: str | None = option(None, "the file of the graph")

@@ -29,7 +29,7 @@ from ...core.table import Table
 from ..false_loops import FalseLoops
 from ..formats.pose_graph import START, PoseGraph, log_of, loop_edges, wrapped
 from ..redrawn import Drawn
-from ..registry import Source
+from ..registry import Named, Source
 from .jrl_rows import (
     BETWEEN,
     COLUMNS,
@@ -48,7 +48,7 @@ from .jrl_rows import (
 
 
 @dataclass(frozen=True)
-class Options(Drawn, FalseLoops):
+class Options(Drawn, FalseLoops, Named):
     """Which log."""
 
     path: str | None = option(None, "the file of the log")

@@ -30,7 +30,7 @@ from ..false_loops import FalseLoops
 from ..formats.pose_graph import START, PoseGraph, log_of, points_seen, wrapped
 from ..formats.tagged import LENGTHS
 from ..redrawn import Drawn
-from ..registry import Source
+from ..registry import Named, Source
 
 _SIX = ("c11", "c12", "c13", "c22", "c23", "c33")
 _KINDS = {
@@ -51,7 +51,7 @@ _IN_SPACE = re.compile(r"SE3|XYZ")
 
 
 @dataclass(frozen=True)
-class Options(Drawn, FalseLoops):
+class Options(Drawn, FalseLoops, Named):
     """Which graph."""
 
     path: str | None = option(None, "the file of the graph")

@@ -34,7 +34,7 @@ from ..depth.open import build as build_depth
 from ..depth.open import open_depth
 from ..prior import assumed
 from ..readings import ODOMETRY, TICKS
-from ..registry import Source
+from ..registry import Named, Source
 from ..robot_files import ROBOT, robot_beside
 from ..scans.bag_scans import SCAN
 from ..scans.open import ScanTopics, open_scans
@@ -57,7 +57,7 @@ class Opened(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Options:
+class Options(Named):
     """The recording's path and robot."""
 
     path: str | None = option(None, "the folder of the recording, with its robot.toml; or a bag or video beside one")

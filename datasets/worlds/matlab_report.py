@@ -5,15 +5,16 @@ with a camera's sightings of tags. It finds that dead reckoning drifts, that 12 
 the estimate jumps near (-0.7, 2.6), where tags come into view again after a stretch with encoders only. It gives
 neither the path nor the tags nor any noise: those are ours, laid out so that the 6 tags are left behind in the first
 quarter of the way and are in sight again just there; the other 6 are along the rest and shorten that stretch. The
-wheels roll on exact arcs, eq. (3-1) with the sign of its x corrected.
+wheels roll on exact arcs, eq. (3-1) with the sign of its x corrected. `simulated` takes any drive among any tags.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ...core.elementary import cos, hypot, sin, sincos
-from ...core.factors import Dataset, Log, Map, Truth
+from ...core.factors import Dataset, Log, Map, Prior, Truth
 from ...core.options import option
 from ...core.se2 import Array, Ints
 from ...frontend.wheels.encoder import Encoder
@@ -33,7 +34,7 @@ LOOP = ClosedPath(cos=HALF * np.array([[cos(START), sin(START)]]), sin=HALF * np
 SPEED, PERIOD, STEPS = 0.3, 0.2, 280
 """m/s, s between keyframes, and number of keyframes: a lap and three tenths."""
 
-TICK = 0.02  # s between readings of the encoders
+READINGS = 10  # of the encoders per keyframe: every 0.02 s
 
 TAGS = np.array([
     [-1.9, 0.9], [-1.2, -0.2], [-0.4, 0.4], [-0.2, -0.9], [0.6, 0.2], [1.4, -0.9],
@@ -44,35 +45,88 @@ TAGS = np.array([
 NEAREST, FARTHEST, HALF_VIEW = 0.3, 2.2, np.deg2rad(42.0)
 """m and rad: where the camera reads a tag, ahead."""
 
+BASE, COUNT = 0.3, 1e-4  # m between the wheels, and m per count of an encoder
+WHEELS, RANGE_NOISE, BEARING_NOISE = 0.015, 0.03, 0.02  # m per root metre, m, and rad
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The robot: by default the report's, with our noise."""
+
+    base: float = BASE  # m
+    count: float = COUNT  # m
+    wheels: float = WHEELS
+    nearest: float = NEAREST  # m
+    farthest: float = FARTHEST  # m
+    half_view: float = HALF_VIEW  # rad; pi: all around
+    range_noise: float = RANGE_NOISE
+    bearing_noise: float = BEARING_NOISE
+
+
+class Drive(NamedTuple):
+    """The robot's true motion."""
+
+    t: Array  # (n,) s, keyframes
+    poses: Array  # (n, 3) there
+    ticks: Array  # (m,) s, readings of the encoders
+    tick_poses: Array  # (m, 3) there; of their positions none is used
+    way: Array  # (m,) m driven
+
+
+class Measured(NamedTuple):
+    """The report's robot's measurements on a drive."""
+
+    prior: Prior
+    delta: Array  # (n, 3)
+    delta_cov: Array  # (n, 3, 3)
+    step: Ints  # (s,) of the sightings
+    tag: Ints  # (s,)
+    z: Array  # (s, 2)
+    z_cov: Array  # (s, 2, 2)
+
 
 @dataclass(frozen=True)
 class Options(HiddenIds, OnMap, Faults):
     """The tags, the noise, and faults."""
 
     tags: int = option(6, "number of tags; the first of 12, and the report has 6 or 12", minimum=1, maximum=12)
-    wheels: float = option(0.015, "noise of a wheel's distance, m per root metre", minimum=1e-4, maximum=1.0)
-    range_noise: float = option(0.03, "noise of a sighting's range, m", minimum=1e-4, maximum=1.0)
-    bearing_noise: float = option(0.02, "noise of a sighting's bearing, rad", minimum=1e-4, maximum=1.0)
+    wheels: float = option(WHEELS, "noise of a wheel's distance, m per root metre", minimum=1e-4, maximum=1.0)
+    range_noise: float = option(RANGE_NOISE, "noise of a sighting's range, m", minimum=1e-4, maximum=1.0)
+    bearing_noise: float = option(BEARING_NOISE, "noise of a sighting's bearing, rad", minimum=1e-4, maximum=1.0)
 
 
 def matlab_report(options: Options, rng: np.random.Generator) -> Dataset:
     """The Matlab report's robot: one fixed path, 6 or 12 tags, and a stretch without tags before they return."""
-    start, wheels, floors, seeing = rng.spawn(4)
-    encoder = Encoder(1e-4, 1e-4, 0.3, options.wheels, noise="distance", curve="arc", floors=FLOORS)
-    t = PERIOD * np.arange(STEPS, dtype=np.float64)
-    ticks = TICK * np.arange(round(PERIOD / TICK) * (STEPS - 1) + 1, dtype=np.float64)
+    t, ticks = times(STEPS, PERIOD)
     poses = _path(t)
-    readings = count(*drive(LOOP, SPEED, ticks), ticks, encoder, wheels)
-    delta, delta_cov = counted(readings, encoder, t, floors)
+    robot = Robot(wheels=options.wheels, range_noise=options.range_noise, bearing_noise=options.bearing_noise)
     # All twelve are sighted and some are then removed, so that 6 and 12 tags share their errors.
-    step, tag = _seen(poses)
-    sd = np.array([options.range_noise, options.bearing_noise])
-    z, z_cov = polar(poses[step], TAGS[tag], sd, seeing)
-    there, ids, beginning = tag < options.tags, np.arange(options.tags), prior(poses[0], start)
-    sighted = step[there], tag[there], z[there], z_cov[there]
+    seen = simulated(robot, Drive(t, poses, ticks, *drive(LOOP, SPEED, ticks)), TAGS, rng)
+    there, ids = seen.tag < options.tags, np.arange(options.tags)
+    sighted = seen.step[there], seen.tag[there], seen.z[there], seen.z_cov[there]
     notes = {"source": "simulated after the Matlab report, chapter 4; path, tags and noise are ours"}
-    log = Log.from_arrays("matlab-report", beginning, t, delta, delta_cov, *sighted, notes=notes)
+    log = Log.from_arrays("matlab-report", seen.prior, t, seen.delta, seen.delta_cov, *sighted, notes=notes)
     return with_faults(Dataset(log, Truth(t, poses, Map(ids, TAGS[ids], None), None, "truth")), options, rng)
+
+
+def times(steps: int, period: float) -> tuple[Array, Array]:
+    """The times of `steps` keyframes, `period` s apart, and those of the encoders' readings, s."""
+    return (
+        period * np.arange(steps, dtype=np.float64),
+        period / READINGS * np.arange(READINGS * (steps - 1) + 1, dtype=np.float64),
+    )
+
+
+def simulated(robot: Robot, driven: Drive, tags: Array, rng: np.random.Generator) -> Measured:
+    """Draws the measurements of `robot` on a drive among `tags` (k, 2), m."""
+    start, wheels, floors, seeing = rng.spawn(4)
+    encoder = Encoder(robot.count, robot.count, robot.base, robot.wheels, noise="distance", curve="arc", floors=FLOORS)
+    readings = count(driven.tick_poses, driven.way, driven.ticks, encoder, wheels)
+    delta, delta_cov = counted(readings, encoder, driven.t, floors)
+    step, tag = _seen(robot, driven.poses, tags)
+    sd = np.array([robot.range_noise, robot.bearing_noise])
+    z, z_cov = polar(driven.poses[step], tags[tag], sd, seeing)
+    return Measured(prior(driven.poses[0], start), delta, delta_cov, step, tag, z, z_cov)
 
 
 def _path(t: Array) -> Array:
@@ -81,12 +135,14 @@ def _path(t: Array) -> Array:
     return poses + np.array([*CENTRE, 0.0])
 
 
-def _seen(poses: Array) -> tuple[Ints, Ints]:
+def _seen(robot: Robot, poses: Array, tags: Array) -> tuple[Ints, Ints]:
     """Tags in the camera's view from each pose: the steps and the tags."""
-    step, tag = in_reach(poses, TAGS, NEAREST, FARTHEST)
-    x, y = (TAGS[tag] - poses[step, :2]).T
+    step, tag = in_reach(poses, tags, robot.nearest, robot.farthest)
+    if robot.half_view >= np.pi:
+        return step, tag
+    x, y = (tags[tag] - poses[step, :2]).T
     s, c = sincos(poses[step, 2])
-    within = x * c + y * s > hypot(x, y) * cos(HALF_VIEW)
+    within = x * c + y * s > hypot(x, y) * cos(robot.half_view)
     return step[within], tag[within]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from random_logs import TextbookKalman, moved, random_log
-from slamduel.backends.programs.textbook_ekf import TextbookEkf, wrapped
+from slamduel.backends.programs.textbook_ekf import Options, TextbookEkf, build, wrapped
 from slamduel.core.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
 from slamduel.core.se2 import Array, between
 
@@ -80,6 +80,35 @@ def test_both_orders_of_update_agree_as_the_noise_goes_to_zero() -> None:
         gaps.append(np.abs(between(*paths)).max())
         assert gaps[-1] > 0
     assert gaps[1] < gaps[0] / 50  # the difference is of second order: a hundredth, with room for the constants
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_a_unit_start_is_a_given_map_whose_landmarks_are_where_first_seen_to_a_metre(together: bool) -> None:
+    log, _ = random_log(np.random.default_rng(4), 30, 6)
+    first = log[0].sightings
+    assert len(first.ids) > 1
+    places = []
+    for z in first.z:
+        there = log.prior.pose[2] + z[1]
+        places.append(log.prior.pose[:2] + z[0] * np.array([np.cos(there), np.sin(there)]))
+    known = Map(first.ids, np.array(places), np.eye(2 * len(places)))
+    unit = TextbookEkf(log.prior, start="unit", together=together)
+    given = TextbookEkf(log.prior._replace(map=known), start="unit", together=together)
+    model = TextbookEkf(log.prior, together=together)
+    for step in log:
+        np.testing.assert_allclose(unit.step(step), given.step(step), atol=1e-12)
+        model.step(step)
+    assert unit.ids == given.ids
+    np.testing.assert_allclose(unit.cov, given.cov, atol=1e-12)
+    assert np.abs(unit.mean - model.mean).max() > 1e-6
+    assert sorted(unit.ids) == sorted(model.ids)
+
+
+def test_a_unit_start_is_an_option_of_the_backend() -> None:
+    log, _ = random_log(np.random.default_rng(4), 5, 6)
+    built = build.make(log.prior, Options(start="unit"), np.random.default_rng(0))
+    built.step(log[0])
+    assert built.belief().nis_dof == 2 * len(log[0].sightings.ids)  # the first sightings are used, too
 
 
 def test_jacobians_are_the_differences() -> None:

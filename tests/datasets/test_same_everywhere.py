@@ -4,13 +4,16 @@ import itertools
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 import older_machine
+import own_world
 from places import SUPPORT
 from slamduel.core.factors import Dataset
 from slamduel.datasets import cache as datasets
@@ -45,6 +48,7 @@ def logs(whole: bool) -> dict[str, Callable[[], Dataset]]:
     found: dict[str, Callable[[], Dataset]] = {}
     if not whole:
         return {f"{name} with faults": partial(made, name, 3, **FAULTS) for name in WORLDS}
+    found["world"] = partial(made, "world", 1, **own_world.written(Path(tempfile.mkdtemp())))
     for name in WORLDS:
         found |= {f"{name} {seed}": partial(made, name, seed) for seed in (0, 1)}
         found[f"{name} with faults"] = partial(made, name, 3, **FAULTS)
@@ -99,7 +103,7 @@ def test_an_older_machine_does_compute_in_another_way() -> None:
 
 def test_every_source_that_draws_is_looked_at() -> None:
     simulated = {name for name in registry.BUILTIN if registry.find(name).seeded and not registry.find(name).costly}
-    assert simulated == set(WORLDS)
+    assert simulated == {*WORLDS, "world"}
 
 
 if __name__ == "__main__":

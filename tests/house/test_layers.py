@@ -60,6 +60,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "rendering": {TOP},
         "worlds": {TOP, "rendering"},
         "formats": {TOP},
+        "own_worlds": {TOP, "worlds", "formats"},
         "graphs": {TOP, "formats"},
         "published": {TOP, "formats", "graphs", "bags", "depth"},
         "bags": {TOP},

@@ -53,6 +53,15 @@ def test_a_pattern_is_one_dataset_with_a_seed_per_log(text: str) -> None:
 
 
 @pytest.mark.usefixtures("drives")
+def test_a_named_log_of_a_file_has_its_name_and_is_the_same_log_under_any(tmp_path: Path) -> None:
+    entries = "".join(f"[[logs]]\ndataset = '{one}'\n" for one in ("log[name=monday,path=drives/d1]", "drives/d2"))
+    assert [name for name, _ in names(listed(tmp_path, entries))] == ["monday", "drives/d2"]
+    twice = entries + "[[logs]]\ndataset = 'log[name=friday,path=drives/d1]'\n"
+    with pytest.raises(InputError, match="found the same log twice, monday and friday"):
+        dataset_variants(listed(tmp_path, twice))
+
+
+@pytest.mark.usefixtures("drives")
 def test_every_log_is_run_once_by_every_backend_whatever_the_seeds() -> None:
     def cells(dataset: str, seeds: int) -> list[tuple[str, int]]:
         words = DEFAULTS | {"dataset": dataset, "backend": "ekf,fastslam", "seeds": seeds}

@@ -212,7 +212,7 @@ def test_a_film_is_whole_or_not_there(seen: View, tmp_path: Path, monkeypatch: p
 def page(folder: Path) -> Path:
     """As the command writes it, with nothing said but the folder."""
     assert main(["replay", str(folder), "--frames", str(FRAMES), "--quiet"]) == 0
-    (found,) = folder.glob("replay-log-*-0.html")
+    (found,) = folder.glob("replay-*-0.html")
     return found
 
 

@@ -172,7 +172,7 @@ def test_a_slow_smoother_has_fewer_grids_and_says_so(folder: Path, monkeypatch: 
 @pytest.fixture(scope="module")
 def page(folder: Path) -> Path:
     assert main(["replay", str(folder), "--frames", str(FRAMES), "--quiet"]) == 0
-    (found,) = folder.glob("replay-log-*-0.html")
+    (found,) = folder.glob("replay-*-0.html")
     return found
 
 

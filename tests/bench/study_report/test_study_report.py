@@ -281,6 +281,8 @@ def test_an_axis_is_called_what_its_option_is(option: str, dataset: str, label: 
 
 def test_names_of_datasets_leave_out_what_all_of_them_say() -> None:
     assert names("dataset", ["a[b=1]", "a[b=1,c=2]"]) == {"a[b=1]": "a", "a[b=1,c=2]": "a[c=2]"}
+    files = ["csv[odometry=x/d1/o.csv,detections=x/d1/s.csv]", "csv[name=k,odometry=x/d2/o.csv]"]
+    assert list(names("dataset", files).values()) == ["d1", "k"]
 
 
 def test_failures_are_grouped_with_their_reason_and_place(page: Path) -> None:

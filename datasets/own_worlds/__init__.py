@@ -1,0 +1,1 @@
+"""A simulated world of landmarks and way points from files."""
