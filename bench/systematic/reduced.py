@@ -43,10 +43,10 @@ class Linear:
 
     def __init__(self, system: System, errors: Systematic, *, evenly: bool = False) -> None:
         r, J, step = system.linearised(errors, evenly=evenly)
-        edges = _edges(system)
+        edges = edges_of(system)
         stretch = np.clip(np.searchsorted(edges, step, side="right") - 1, 0, len(edges) - 2)
         between = 3 * edges[:, None] + np.arange(3) if not system.fixed else np.zeros((0, 3), np.int64)
-        self._variables = J.shape[1]
+        self._variables = system.poses + system.xy.size + len(NAMES)
         self._kept = np.concatenate((between.ravel(), np.arange(system.poses, self._variables)))
         place = np.full(self._variables, -1)
         place[self._kept] = np.arange(len(self._kept))
@@ -84,7 +84,7 @@ class Linear:
         return every
 
 
-def _edges(system: System) -> Ints:
+def edges_of(system: System) -> Ints:
     """(b + 1,) steps at which stretches begin and end, each stretch with as many sightings."""
     n = len(system.path)
     after = np.searchsorted(system.step, np.arange(n), side="right")
@@ -99,14 +99,14 @@ def _rows(stretch: Ints, count: int) -> list[Ints]:
 
 def _eliminated(J: Any, r: Array, place: Ints) -> Stretch:
     """The stretch of those rows; `place` (variables,) tells where a variable is kept, -1 where it is not."""
-    J = J.tocsc()
-    used = np.flatnonzero(np.diff(J.indptr))
+    by_column = J.tocsc()
+    used = np.flatnonzero(np.diff(by_column.indptr))
     inner, outer = used[place[used] < 0], used[place[used] >= 0]
-    g, outside = J.T @ r, J[:, outer]
+    g, outside = by_column.T @ r, by_column[:, outer]
     H = (outside.T @ outside).toarray()
     if not len(inner):
         return Stretch(place[outer], H, g[outer], inner, None, np.zeros((0, len(outer))), np.zeros(0))
-    inside = J[:, inner]
+    inside = by_column[:, inner]
     mixed = (inside.T @ outside).toarray()
     solver = splu(
         (inside.T @ inside).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}

@@ -1,5 +1,6 @@
 """The equations of a log around a path, a map and systematic errors: residuals over their standard deviations."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -176,7 +177,7 @@ def _place(errors: Systematic) -> Array:
     return np.array([errors.x, errors.y, errors.yaw])
 
 
-def _slope(of, errors: Systematic, name: str, turn: int = 2) -> Array:
+def _slope(of: Callable[[Systematic], Array], errors: Systematic, name: str, turn: int = 2) -> Array:
     """Derivative of the values (k, d), of which column `turn` is an angle, by one of the errors."""
     here = getattr(errors, name)
     difference = of(errors._replace(**{name: here + STEP})) - of(errors._replace(**{name: here - STEP}))
@@ -208,4 +209,4 @@ def _block(first: int, places: Ints, values: Array) -> tuple[Ints, Ints, Array]:
 
 def _whitening(cov: Array) -> Array:
     """W (k, d, d) of covariances C (k, d, d), W' W = C^-1."""
-    return np.linalg.inv(np.linalg.cholesky(cov)) if len(cov) else cov
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(cov)), np.float64) if len(cov) else cov

@@ -200,7 +200,7 @@ def test_gtsam_ends_at_one_optimum_from_every_start(start: str) -> None:
 def test_gtsam_does_without_isam2_where_odometry_is_good(monkeypatch: pytest.MonkeyPatch) -> None:
     from slamduel.backends.graphs.gtsam_batch import GtsamBatch
 
-    monkeypatch.setattr(GtsamBatch, "_start", forbidden)
+    monkeypatch.setattr(GtsamBatch, "_smoothed", forbidden)
     cost(grid_graph(9, turns=0.3), solver="gtsam")
     with pytest.raises(AssertionError, match="not needed"):
         cost(made("circle", 3, steps=400), solver="gtsam")

@@ -22,7 +22,7 @@ def drive(n: int = 40, dt: float = 0.1) -> tuple[Array, Array, Array]:
     t = dt * np.arange(n)
     delta = np.column_stack((0.04 + 0.02 * np.sin(t), 0.001 * np.cos(t), 0.03 * np.cos(2 * t)))
     delta[0] = np.nan
-    return t, delta, summed(np.zeros(3), delta[1:])
+    return np.asarray(t, np.float64), delta, summed(np.zeros(3), delta[1:])
 
 
 @pytest.mark.parametrize("place", [(2.0, 1.0), (-1.0, 0.5), (0.0, -3.0), (-2.0, -1e-9)])
