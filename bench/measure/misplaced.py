@@ -20,7 +20,7 @@ OTHER = 3.0  # likewise, of one that fits at another's
 NEARER = 0.2  # of the distance from its own place within which one exchanged with others is of theirs
 MOST = 0.5  # share of the landmarks below which are exchanged: the others tell where all are
 ODD = 0.15  # share, and one more, of those that may not fit elsewhere either
-BEYOND = 6.0  # times the largest error of the others from which on one is far off
+BEYOND = 6.0  # times the largest error of the others from which on one is far off, of many landmarks
 ROUNDS = 20  # of least squares over those that fit, the most
 
 
@@ -141,10 +141,15 @@ def _sd(off: Array, own: Array, least: float = 0.0) -> Array:
     Sightings of `own` (n,) standard deviations are taken to be as much better or worse, but not better than `least`
     times that: a landmark may have been sighted once.
     """
-    few = (1 + FEW / (len(off) - 2)) / RAYLEIGH
+    few = _few(len(off)) / RAYLEIGH
     known = own > 0
     scale = few * float(np.median(off[known] / own[known])) if known.any() else 0.0
     return np.maximum(few * float(np.median(off)), max(scale, least) * own)
+
+
+def _few(n: int) -> float:
+    """By how much larger than what a fit leaves the errors of `n` landmarks are: it takes some of those of few."""
+    return 1 + FEW / (n - 2)
 
 
 def _cycles(moved: Array, there: Array, own: Array) -> list[Ints]:
@@ -171,7 +176,7 @@ def _cycles(moved: Array, there: Array, own: Array) -> list[Ints]:
 
 def _astray(ids: Ints, off: Array, odd: NDArray[np.bool_]) -> Astray | None:
     rest = off[~odd]
-    far = np.flatnonzero(odd & (off > BEYOND * rest.max()))
+    far = np.flatnonzero(odd & (off > BEYOND * _few(len(off)) * rest.max()))
     if not len(far):
         return None
     far = far[np.argsort(-off[far], kind="stable")]
