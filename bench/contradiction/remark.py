@@ -51,8 +51,9 @@ def remarked(dataset: Dataset) -> Remarks:
         if said:
             mistaken = not noisy(found) or bool(places.places)
             return Remarks(columns, [said, *places.places], places.twice, mistaken)
-        odd = [*places.twice, *outliers(found.fits, places.ids)]
-        wrong_truth = list(contradicting_truth(dataset, found.fits, places.places, agrees=not odd))
+        unfit = list(outliers(found.fits, places.ids))
+        odd = [*places.twice, *unfit]
+        wrong_truth = list(contradicting_truth(dataset, found.fits, places.places, agrees=not unfit))
         return Remarks(columns, wrong_truth, odd, mistaken=bool(wrong_truth))
 
 

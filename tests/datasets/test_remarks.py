@@ -21,7 +21,10 @@ from slamduel.datasets.published import catalogue
 from slamduel.datasets.remarks import NO_SIGHTING, refuse, remarks
 from small_log import small_dataset
 
-CONTRADICTIONS = "the measurements contradict one another: at the optimum|do not fit the others, (as )?where"
+CONTRADICTIONS = (
+    "the measurements contradict one another: at the optimum|do not fit the others, (as )?where|"
+    "not where (its|their) sightings"
+)
 
 DRAWN = ("aruco-robot", "bailey", "circle", "city", "linear", "matlab-report", "victoria-park")
 

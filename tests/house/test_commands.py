@@ -11,7 +11,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scipy.io import savemat
 
+import own_world
+import small_mrclam
 from carmen_files import written
 from charuco_views import poses, sensed
 from docs_pages import PAGES, blocks
@@ -131,11 +134,25 @@ def pose_graph(folder: Path) -> None:
             (fetched / file).write_bytes(gzip.decompress((packed / f"{name}.txt.gz").read_bytes()))
 
 
+def mrclam_set(folder: Path) -> None:
+    folder.mkdir(parents=True)
+    for name, content in small_mrclam.FILES.items():
+        (folder / name).write_text(content, encoding="utf-8")
+
+
+def room(folder: Path) -> None:
+    lm, wp = np.array([[1.0, 4.0, 4.0, 1.0], [1.0, 1.0, 4.0, 4.0]]), np.array([[0.0, 5.0, 5.0], [0.0, 0.0, 5.0]])
+    savemat(folder / "room.mat", {"lm": lm, "wp": wp})
+
+
 FURNISHED = {
     "manhattan[": pose_graph,
     "drives": drives,
     "path/to/my_log": lambda folder: written_log(folder / "path/to/my_log"),
     "path/to/intel": laser_logs,
+    "path/to/sets": lambda folder: mrclam_set(folder / "path/to/sets/MRCLAM_Dataset9"),
+    "walk.csv": own_world.written,
+    "room.mat": room,
     "odometry.csv": tables,
     "pictures/": pictures,
     "my_module": module,
