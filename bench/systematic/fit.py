@@ -28,6 +28,9 @@ LONGEST, LARGEST = 20_000, 1_000
 ITERATIONS, SETTLED = 40, 0.02
 """At most so many; errors have settled where each changes by less than that share of its standard error."""
 
+LEAST = 1e-9
+"""Of standard errors, in their units: those of exact logs are 0."""
+
 CERTAIN = 4.0
 """Standard errors that an error is from 0 where it is said to be one: by chance once in 1,500."""
 
@@ -211,7 +214,7 @@ def _certain(errors: Systematic, joint: Reduced, free: Sequence[str]) -> list[st
         at = _solved(joint.H, joint.g - joint.H @ np.array(errors), free)
         ratio = {name: abs(at[NAMES.index(name)]) for name in free}
         size = _standard_errors(joint, free)
-        ratio = {name: value / size[NAMES.index(name)] for name, value in ratio.items()}
+        ratio = {name: value / max(size[NAMES.index(name)], LEAST) for name, value in ratio.items()}
         least = min(free, key=ratio.__getitem__)
         if ratio[least] >= CERTAIN:
             break

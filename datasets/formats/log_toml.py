@@ -142,6 +142,8 @@ def _scan_sensor(file: TomlTable) -> Scan[Mounting]:
     for name in given.entries:
         if name in Mounting._fields:
             values[name] = (yield from _tried(given.number, name)) or 0.0
+    if abs(values.get("yaw", 0.0)) > np.pi:
+        yield given.fault("yaw", "radians from -pi to pi")
     return Mounting(**values)
 
 

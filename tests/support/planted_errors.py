@@ -2,11 +2,31 @@
 
 import numpy as np
 
+from slamduel.bench.plan.reference import reference
 from slamduel.bench.systematic.errors import Systematic, measured_motions, measured_sightings
+from slamduel.bench.systematic.fit import SystematicFit, fitted, of_estimate, of_truth
 from slamduel.core.factors import Dataset, Log, Map, Prior, Truth
 from slamduel.core.se2 import Array, act, between, compose, inverse, summed, wrap
 
 DT = 0.1
+
+
+def fit_of(dataset: Dataset, *, by_truth: bool) -> SystematicFit:
+    """The errors that are found by the true path, or around the batch optimum without it."""
+    log, truth = dataset
+    if by_truth:
+        one = of_truth(log, truth)
+    else:
+        best = reference(log)
+        assert best is not None
+        assert best.map is not None
+        one = of_estimate(log, best.poses, best.map)
+    assert one is not None
+    fit = fitted([one])
+    assert fit is not None
+    return fit
+
+
 SIGMA_Z, SIGMA_U = np.array([0.03, 0.01]), np.array([0.003, 0.001, 0.002])
 
 

@@ -3,38 +3,21 @@
 import numpy as np
 import pytest
 
-from planted_errors import drive
-from slamduel.bench.plan.reference import reference
+from planted_errors import drive, fit_of
 from slamduel.bench.systematic.errors import NAMES, Systematic
-from slamduel.bench.systematic.fit import SystematicFit, fitted, of_estimate, of_truth
+from slamduel.bench.systematic.fit import fitted, of_truth
 from slamduel.bench.systematic.words import rows, sentences
-from slamduel.core.factors import Dataset
 from slamduel.datasets.cache import generator
 from slamduel.datasets.registry import find
 
 PLANTED = Systematic(x=0.2, y=0.05, yaw=0.1, delay=0.1, turn_scale=-0.04, drift=0.02)
 
 
-def found(dataset: Dataset, *, by_truth: bool) -> SystematicFit:
-    log, truth = dataset
-    if by_truth:
-        one = of_truth(log, truth)
-    else:
-        best = reference(log)
-        assert best is not None
-        assert best.map is not None
-        one = of_estimate(log, best.poses, best.map)
-    assert one is not None
-    fit = fitted([one])
-    assert fit is not None
-    return fit
-
-
 @pytest.mark.parametrize("by_truth", [True, False])
 def test_what_is_planted_is_found_on_eight_logs(by_truth: bool) -> None:
     """Each within 1.5 times its interval, which one in 300 is not; and all of them certain."""
     for seed in range(8):
-        fit = found(drive(PLANTED, seed), by_truth=by_truth)
+        fit = fit_of(drive(PLANTED, seed), by_truth=by_truth)
         for name, value in PLANTED._asdict().items():
             if value:
                 one = fit.estimates[name]
@@ -43,25 +26,25 @@ def test_what_is_planted_is_found_on_eight_logs(by_truth: bool) -> None:
 
 
 @pytest.mark.parametrize("by_truth", [True, False])
-def test_of_none_none_is_found(by_truth: bool) -> None:
-    certain = [found(drive(Systematic(), seed), by_truth=by_truth).certain for seed in range(8)]
+def test_of_none_none_is_fit_of(by_truth: bool) -> None:
+    certain = [fit_of(drive(Systematic(), seed), by_truth=by_truth).certain for seed in range(8)]
     assert sum(map(len, certain)) <= 1  # of 72 or more, at 1 in 1,500
 
 
 def test_misstated_noise_changes_no_verdict() -> None:
-    fit = found(drive(PLANTED, 2, noise=2.0), by_truth=False)
+    fit = fit_of(drive(PLANTED, 2, noise=2.0), by_truth=False)
     assert {"x", "yaw", "delay"} <= set(fit.certain)
 
 
 def test_a_robot_at_one_speed_does_not_tell_where_from_when() -> None:
     """On a circle at constant speed a late sensor is one that sits and looks elsewhere."""
     source = find("circle")
-    fit = found(source.make(source.options(), generator("circle", 3)), by_truth=True)
+    fit = fit_of(source.make(source.options(), generator("circle", 3)), by_truth=True)
     assert "delay" not in fit.estimates
 
 
 def test_words_have_value_interval_and_side() -> None:
-    fit = found(drive(PLANTED, 1), by_truth=True)
+    fit = fit_of(drive(PLANTED, 1), by_truth=True)
     said = list(sentences(fit))
     assert any(one.startswith("The sensor sits 0.") and one.endswith("ahead of the robot's origin.") for one in said)
     assert any("clock is" in one and one.endswith("late.") for one in said)

@@ -444,6 +444,7 @@ def test_sightings_of_a_sensor_are_converted_and_the_files_stay_as_they_were(fol
     ("value", "words"),
     [
         ("ahead = 0.2", "sensor.ahead: there is no such key; expected one of delay, x, y, yaw."),
+        ("yaw = 90", "sensor.yaw: found 90, expected radians from -pi to pi."),
         ('x = "20 cm"', "sensor.x: found '20 cm', expected a number."),
     ],
 )

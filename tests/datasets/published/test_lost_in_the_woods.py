@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from planted_errors import fit_of
 from recorded import at_hand
 from refusals import refused
-from slamduel.bench.plan.reference import reference
 from slamduel.bench.systematic.errors import Systematic
-from slamduel.bench.systematic.fit import fitted, of_estimate, of_truth
 from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
 from slamduel.core.se2 import act, between
@@ -107,16 +106,7 @@ def test_the_scanner_s_place_is_found(whole: Dataset, by_truth: bool, jitter: fl
     """The publisher's 0.219 m within 4 mm: the true path's frame is turned by 0.08 rad to how the robot drives."""
     log, truth = whole
     log = replace(log, z=log.z + jitter * np.random.default_rng(1).standard_normal(log.z.shape))
-    if by_truth:
-        one = of_truth(log, truth)
-    else:
-        best = reference(log)
-        assert best is not None
-        assert best.map is not None
-        one = of_estimate(log, best.poses, best.map)
-    assert one is not None
-    fit = fitted([one])
-    assert fit is not None
+    fit = fit_of(Dataset(log, truth), by_truth=by_truth)
     assert fit.errors.x == pytest.approx(0.219, abs=0.004)
     assert {"x", "delay", "turn_scale"} <= set(fit.certain)
     assert fit.errors != Systematic()
