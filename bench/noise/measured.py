@@ -14,6 +14,7 @@ from ..plan.reference import reference
 from ..systematic.errors import Systematic, corrected
 from ..systematic.estimated import Estimated
 from ..systematic.fit import SystematicFit, fitted, of_estimate, of_truth
+from ..systematic.places import places_of
 from .gauss_markov import Chains, Fitted
 from .gauss_markov import fitted as fitted_chains
 from .innovations import Innovations, by_innovations
@@ -99,7 +100,9 @@ def _systematic(log: Log, truth: Truth | None) -> SystematicFit | None:
     if log.prior.start != "known" or log.prior.map is not None:
         return None
     found = reference(log)
-    system = None if found is None or found.map is None else of_estimate(log, found.poses, found.map)
+    if found is None or found.map is None:
+        return None
+    system = of_estimate(log, found.poses, found.map, places_of(log, truth, found.map))
     return None if system is None else fitted([system])
 
 

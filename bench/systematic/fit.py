@@ -13,9 +13,10 @@ from scipy.stats import t as student
 
 from ...backends.models import place
 from ...core.factors import Log, Map, Truth
-from ...core.se2 import Array
+from ...core.se2 import Array, act, compose
 from ...core.truth_doubts import judges
 from ...core.truth_errors import named, rows_of
+from ..measure.accuracy import align
 from .errors import NAMES, Systematic
 from .estimated import Estimated
 from .reduced import Linear, Reduced
@@ -25,14 +26,17 @@ FEWEST = 200  # sightings of landmarks sighted before, below which nothing is fi
 LONGEST, LARGEST = 20_000, 1_000
 """Steps and landmarks that are looked at, from the log's first ones."""
 
-ITERATIONS, SETTLED = 40, 0.02
-"""At most so many; errors have settled where each changes by less than that share of its standard error."""
+ITERATIONS, WHOLE, SETTLED, ENOUGH = 40, 10, 0.02, 0.3
+"""At most so many, the first ones whole and the others half: weights may let them go to and fro. Errors have settled
+where each changes by less than that share of its standard error; after the last iteration, a larger one is enough."""
 
 LEAST = 1e-9
 """Of standard errors, in their units: those of exact logs are 0."""
 
-CERTAIN = 4.0
-"""Standard errors that an error is from 0 where it is said to be one: by chance once in 1,500."""
+CERTAIN, ALONE, LIKELY = 4.0, 5.0, 2.5
+"""Standard errors that an error is from 0 where it is said to be one: by chance once in 1,500; and without a true path,
+where what neither noise nor errors explain of the motion looks like an error of the sensor. One that is likely is
+estimated beside those, as they would take its part."""
 
 ENTANGLED, INVOLVED = 20.0, 5.0
 """Times that others make the variance of an error larger, from which on it is not told apart from them, and from which
@@ -40,6 +44,9 @@ on it is one of these others."""
 
 LAST = ("delay", "bearing_scale", "drift", "range_offset", "turn_scale", "wheel_scale", "yaw", "y", "x")
 """Errors that are given up where several are not told apart, the first one first."""
+
+PLAUSIBLE = 0.1
+"""Of the bearings' scale where nothing tells scales: what is more is no sensor's error, but the model's."""
 
 GAUGES = ("range_scale", "heading")
 """Taken as 0 without a true path: ranges and the way are compared with each other alone, as are sensor and motion."""
@@ -54,6 +61,7 @@ class SystematicFit(NamedTuple):
     errors: Systematic  # those that are certain; 0 for others
     estimates: Mapping[str, Estimated]  # of all that are told; of others than the certain ones as if all were free
     by_truth: bool
+    scaled: bool  # known, true places or paths tell the scale of ranges
 
     @property
     def certain(self) -> Sequence[str]:
@@ -76,17 +84,25 @@ def of_truth(log: Log, truth: Truth | None) -> System | None:
     return System(log, path, Map(ids, places, None), True, at >= 0)
 
 
-def of_estimate(log: Log, path: Array, landmarks: Map) -> System | None:
+def of_estimate(log: Log, path: Array, landmarks: Map, places: Map | None = None) -> System | None:
     """The equations of a log around an estimate of its path (n, 3) and map; None where too little is sighted again.
 
-    `path` and `landmarks` are of all steps and ids of the log.
+    `path` and `landmarks` are of all steps and ids of the log, `places` those landmarks whose place is known.
     """
     log = _looked_at(log.identified().without_loops())
     if len(log.ids) - len(np.unique(log.ids)) < FEWEST:
         return None
     seen = np.isin(landmarks.ids, log.ids)
-    known = Map(landmarks.ids[seen], landmarks.xy[seen], None)
-    return System(log, path[: len(log)], known, False, np.ones(len(log), bool))
+    landmarks = Map(landmarks.ids[seen], landmarks.xy[seen], None)
+    known, path = np.ones(len(log), bool), path[: len(log)]
+    if places is None:
+        return System(log, path, landmarks, False, known)
+    both = np.isin(places.ids, landmarks.ids)
+    places = Map(places.ids[both], places.xy[both], None)
+    motion = align(landmarks.xy[rows_of(landmarks.ids, places.ids)], places.xy).motion[None]
+    xy = act(np.repeat(motion, len(landmarks.ids), axis=0), landmarks.xy)
+    path = compose(np.repeat(motion, len(path), axis=0), path)
+    return System(log, path, Map(landmarks.ids, xy, None), False, known, places)
 
 
 def fitted(systems: Sequence[System]) -> SystematicFit | None:
@@ -113,39 +129,49 @@ class _Fit:
 
     def result(self) -> SystematicFit | None:
         by_truth = all(system.fixed for system in self.systems)
-        held = () if by_truth else GAUGES
+        scaled = by_truth or all(system.places is not None for system in self.systems)
+        held = () if by_truth else ("heading",) if scaled else GAUGES
         free = _told_apart(self._reduced(evenly=True), [name for name in NAMES if name not in held])
         if not self._settle(free):
             return None
+        if not scaled and abs(self.errors.bearing_scale) > PLAUSIBLE:
+            free.remove("bearing_scale")
+            if not self._settle(free):
+                return None
         joint = self._reduced()
         free = _told(joint, free)
         every = _estimates(self.errors, joint, free)
-        certain = _certain(self.errors, joint, free)
-        if not by_truth and {"range_offset", "wheel_scale"} <= set(certain):
-            certain[certain.index("wheel_scale")] = "range_scale"  # ranges that are off are so in scale as well
+        likely = _sure(self.errors, joint, free, CERTAIN if by_truth else LIKELY)
+        if not scaled and {"range_offset", "wheel_scale"} <= set(likely):
+            likely[likely.index("wheel_scale")] = "range_scale"  # ranges that are off are so in scale as well
             every.pop("wheel_scale")
-        if not self._settle(certain):
+        if not self._settle(likely):
             return None
-        found = _estimates(self.errors, self._reduced(), certain)
-        return SystematicFit(self.errors, every | found, by_truth)
+        joint = self._reduced()
+        found = _estimates(self.errors, joint, likely)
+        certain = likely if by_truth else _sure(self.errors, joint, likely, ALONE)
+        errors = Systematic(**{name: getattr(self.errors, name) for name in certain})
+        return SystematicFit(errors, every | found, by_truth, scaled)
 
     def _settle(self, free: Sequence[str]) -> bool:
         """Iterates until the errors no longer change, with those that are not free at 0; False where they go on."""
         self._change(np.array([0.0 if name in free else -getattr(self.errors, name) for name in NAMES]))
-        for _ in range(ITERATIONS):
+        change = size = np.ones(len(NAMES))
+        for k in range(ITERATIONS):
             linear, joint = self._linear()
             change = _solved(joint.H, joint.g, free)
             if not np.isfinite(change).all() or (np.abs(change) > 10 * np.array(VAGUE)).any():
                 return False
-            self._change(change, linear)
-            if (np.abs(change) <= SETTLED * _sizes(joint, free)).all():
+            self._change(change, linear, 1.0 if k < WHOLE else 0.5)
+            size = _sizes(joint, free)
+            if (np.abs(change) <= SETTLED * size).all():
                 return True
-        return False
+        return bool((np.abs(change) <= ENOUGH * size).all())
 
-    def _change(self, by: Array, linear: Sequence[Linear] | None = None) -> None:
+    def _change(self, by: Array, linear: Sequence[Linear] | None = None, share: float = 1.0) -> None:
         for one, system in zip(linear or self._linear()[0], self.systems, strict=True):
-            system.move(one.change(by))
-        self.errors = Systematic(*(np.array(self.errors) + by).tolist())
+            system.move(share * one.change(by))
+        self.errors = Systematic(*(np.array(self.errors) + share * by).tolist())
 
     def _linear(self, *, evenly: bool = False) -> tuple[list[Linear], Reduced]:
         linear = [Linear(system, self.errors, evenly=evenly) for system in self.systems]
@@ -207,8 +233,8 @@ def _told(joint: Reduced, free: Sequence[str]) -> list[str]:
     return [name for name in free if size[NAMES.index(name)] < getattr(VAGUE, name) / CERTAIN]
 
 
-def _certain(errors: Systematic, joint: Reduced, free: Sequence[str]) -> list[str]:
-    """Those of `free` that differ from 0, each with the others estimated: the least certain one is left out first."""
+def _sure(errors: Systematic, joint: Reduced, free: Sequence[str], least_ratio: float) -> list[str]:
+    """Those of `free` that are as many standard errors from 0, the others estimated: the least one is left out first."""
     free = list(free)
     while free:
         at = _solved(joint.H, joint.g - joint.H @ np.array(errors), free)
@@ -216,7 +242,7 @@ def _certain(errors: Systematic, joint: Reduced, free: Sequence[str]) -> list[st
         size = _standard_errors(joint, free)
         ratio = {name: value / max(size[NAMES.index(name)], LEAST) for name, value in ratio.items()}
         least = min(free, key=ratio.__getitem__)
-        if ratio[least] >= CERTAIN:
+        if ratio[least] >= least_ratio:
             break
         free.remove(least)
     return free

@@ -1,6 +1,6 @@
 """The equations of a log around a path, a map and systematic errors: residuals over their standard deviations."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,15 @@ averaged: single steps have errors of their own, which would make what they mult
 ABOUT, STEPS = 0.3, 3
 """s, and steps at least, before and after a sighting, between which odometry tells how fast the body is: noise of the
 step of the sighting itself is in what is measured, too."""
+
+PLACED = 0.01
+"""m, standard deviation of the known place of a landmark."""
+
+UNEVEN = 0.05
+"""Standard deviation of the share by which turns are off, from window to window: wheels slip now more, now less."""
+
+JITTER = 0.02
+"""s, standard deviation of the time of a sighting: what turns fast is seen the worse."""
 
 STEP = 1e-5
 """Of the differences that derivatives by systematic errors are made of, in their units."""
@@ -47,19 +56,24 @@ class System:
     landmarks: Map
     fixed: bool  # the path is known
     known: NDArray[np.bool_]  # (n,)
+    places: Map | None = None  # known places of landmarks, in the frame of the path, which then starts anywhere
 
     def __post_init__(self) -> None:
         seen = self.known[self.log.sighting_step]
         self.seen = np.flatnonzero(seen)
         self.step = self.log.sighting_step[self.seen]
         self.of = rows_of(self.landmarks.ids, self.log.ids[self.seen])
-        self.z, self._root = self.log.z[self.seen], _whitening(self.log.z_cov[self.seen])
+        self.z = self.log.z[self.seen]
         self.driven = np.flatnonzero(self.known[1:] & self.known[:-1]) + 1
         cov, t = self.log.delta_cov[self.driven], self.log.t
         self._lasted = t[self.driven] - t[self.driven - 1]
         window = max(WINDOW, FEWEST * float(np.median(self._lasted)))
         self._windows = np.flatnonzero(np.diff(np.floor((t[self.driven] - t[0]) / window), prepend=-1.0))
-        self._motion_root = _whitening(np.add.reduceat(cov, self._windows) if self.fixed else cov)
+        self._motion_cov = np.add.reduceat(cov, self._windows) if self.fixed else self._uneven(cov)
+        self._motion_root = _whitening(self._motion_cov)
+        z_cov = self.log.z_cov[self.seen].copy()
+        z_cov[:, 1, 1] += (JITTER * self._odometry_speeds(self.log.delta)[:, 2]) ** 2
+        self._root = _whitening(z_cov)
         self.xy = self.landmarks.xy.copy()
 
     @property
@@ -76,14 +90,11 @@ class System:
         """
         residuals, blocks, steps = list[Array](), list[tuple[Ints, Ints, Array]](), list[Ints]()
         n, end, row = self.poses, self.poses + 2 * len(self.xy), 0
-        if not self.fixed:
-            off = self.path[0] - self.log.prior.pose
-            off[2] = wrap(off[2])
-            root = _whitening(self.log.prior.cov[None])
-            residuals.append(root[0] @ off)
-            blocks.append(_block(0, np.arange(3)[None], root))
-            steps.append(np.zeros(3, np.int64))
-            row = 3
+        for e, first, root, at in self._priors():
+            residuals.append((root @ e[..., None]).ravel())
+            blocks.append(_block(row, first[:, None] + np.arange(e.shape[1]), root))
+            steps.append(np.repeat(at, e.shape[1]))
+            row += e.size
         e, by_before, by_after, by_errors = self._motions(errors)
         k, root = self.driven[:, None], self._motion_root
         if self.fixed:
@@ -119,6 +130,21 @@ class System:
             self.path[:, 2] = wrap(self.path[:, 2])
         self.xy = self.xy + by[n : n + self.xy.size].reshape(-1, 2)
 
+    def _priors(self) -> Iterator[tuple[Array, Ints, Array, Ints]]:
+        """Yields errors (k, d), their first variables (k,), roots of weights (k, d, d) and the steps (k,) they belong to.
+
+        Known places, or the start where none is known.
+        """
+        if self.places is not None:
+            at = rows_of(self.landmarks.ids, self.places.ids)
+            e, root = self.xy[at] - self.places.xy, np.broadcast_to(np.eye(2) / PLACED, (len(at), 2, 2))
+            first_seen = self.step[np.unique(self.of, return_index=True)[1]]
+            yield e, self.poses + 2 * at, root * _weights(root, e, FAR)[:, None, None], first_seen[at]
+        elif not self.fixed:
+            e = self.path[:1] - self.log.prior.pose
+            e[:, 2] = wrap(e[:, 2])
+            yield e, np.zeros(1, np.int64), _whitening(self.log.prior.cov[None]), np.zeros(1, np.int64)
+
     def _motions(self, errors: Systematic) -> tuple[Array, Array, Array, Array]:
         """Measured minus expected (d, 3), and derivatives of that by the poses before and after and wheels' errors."""
         a, b = self.path[self.driven - 1], self.path[self.driven]
@@ -130,9 +156,8 @@ class System:
         by_b = np.stack((c, s, zero, -s, c, zero, zero, zero, zero + 1), axis=-1).reshape(-1, 3, 3)
         by_a = -by_b
         by_a[:, 0, 2], by_a[:, 1, 2] = moved[:, 1], -moved[:, 0]
-        even = self._rates(moved) * self._lasted[:, None]
-        by_errors = [_slope(lambda at: measured_motions(even, at)[0], errors, name) for name in NAMES[len(SENSOR) :]]
-        return e, -J @ by_a, -J @ by_b, -np.stack(by_errors, axis=-1)
+        slopes = [_slope(lambda at: measured_motions(moved, at)[0], errors, name) for name in NAMES[len(SENSOR) :]]
+        return e, -J @ by_a, -J @ by_b, -self._smoothed(np.stack(slopes, axis=-1))
 
     def _sightings(self, errors: Systematic, *, evenly: bool) -> tuple[Array, Array, Array, Array]:
         """Measured minus expected (s, 2), and derivatives of that by the pose, the landmark and the sensor's errors."""
@@ -157,6 +182,27 @@ class System:
         motions = true_motions(self.log.delta, errors)[0]
         return compose(before(self.log.t, motions, errors.delay)[self.step], _place(errors))
 
+    def _uneven(self, cov: Array) -> Array:
+        """Covariances (d, 3, 3) of motions whose turn is off by another share, of UNEVEN, in each window."""
+        turn = np.abs(self._rates(self.log.delta[self.driven])[:, 2] * self._lasted)
+        whole = np.add.reduceat(turn, self._windows)
+        count = np.diff(np.append(self._windows, len(turn)))
+        cov = cov.copy()
+        cov[:, 2, 2] += UNEVEN**2 * turn * np.repeat(whole, count)
+        return cov
+
+    def _smoothed(self, slopes: Array) -> Array:
+        """(d, 3, p) slopes added up over each window, and shared out among its steps by their covariances.
+
+        Factors of errors must have little noise themselves. So shared, a window tells as much of errors as its sum does.
+        """
+        if self.fixed:
+            return slopes  # are added up later
+        cov = self._motion_cov
+        whole, total = (np.add.reduceat(one, self._windows) for one in (cov, slopes))
+        count = np.diff(np.append(self._windows, len(cov)))
+        return cov @ np.repeat(np.linalg.solve(whole, total), count, axis=0)
+
     def _rates(self, moved: Array) -> Array:
         """(d, 3) motions (d, 3) a second, averaged over WINDOW: factors of errors must have little noise themselves."""
         total, lasted = (np.add.reduceat(one, self._windows) for one in (moved, self._lasted))
@@ -168,7 +214,10 @@ class System:
         if evenly:
             at = np.clip(np.searchsorted(self.driven, self.step), 0, len(self.driven) - 1)
             return self._rates(between(self.path[self.driven - 1], self.path[self.driven]))[at]
-        motions = true_motions(self.log.delta, errors)[0]
+        return self._odometry_speeds(true_motions(self.log.delta, errors)[0])
+
+    def _odometry_speeds(self, motions: Array) -> Array:
+        """(s, 3) the body's motion a second at each sighting, by motions (n, 3)."""
         t, about = self.log.t, max(ABOUT, STEPS * float(np.median(self._lasted)))
         return ((before(t, motions, -about) - before(t, motions, about)) / (2 * about))[self.step]
 

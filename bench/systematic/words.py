@@ -45,7 +45,7 @@ def sentences(fit: SystematicFit) -> Iterator[str]:
     for name in fit.certain:
         unit, symbol, sentence, signs = FORMS[name]
         found = fit.estimates[name]
-        by = "" if fit.by_truth else " by the other: which of both is wrong, no log without a true path tells"
+        by = "" if fit.scaled else " by the other: which of both is wrong, no log without a true path tells"
         size = f"{_digits(abs(found.value), found, unit)} ± {_digits(_half(found), found, unit)} {symbol}"
         yield sentence.format(size, of=signs[found.value < 0], by=by)
 

@@ -11,8 +11,8 @@ from slamduel.core.se2 import Array, act, between, compose, inverse, summed, wra
 DT = 0.1
 
 
-def fit_of(dataset: Dataset, *, by_truth: bool) -> SystematicFit:
-    """The errors that are found by the true path, or around the batch optimum without it."""
+def fit_of(dataset: Dataset, *, by_truth: bool, places: Map | None = None) -> SystematicFit:
+    """The errors that are found by the true path, or around the batch optimum without it, perhaps with known places."""
     log, truth = dataset
     if by_truth:
         one = of_truth(log, truth)
@@ -20,7 +20,7 @@ def fit_of(dataset: Dataset, *, by_truth: bool) -> SystematicFit:
         best = reference(log)
         assert best is not None
         assert best.map is not None
-        one = of_estimate(log, best.poses, best.map)
+        one = of_estimate(log, best.poses, best.map, places)
     assert one is not None
     fit = fitted([one])
     assert fit is not None
@@ -41,10 +41,18 @@ def way(seconds: float, seed: int) -> tuple[Array, Array]:
     return fine, summed(np.zeros(3), motions[1:])
 
 
-def drive(errors: Systematic, seed: int = 0, seconds: float = 120.0, noise: float = 1.0, known: float = 9.0) -> Dataset:
+def drive(
+    errors: Systematic,
+    seed: int = 0,
+    seconds: float = 120.0,
+    noise: float = 1.0,
+    known: float = 9.0,
+    uneven: float = 0.0,
+) -> Dataset:
     """The log of `seconds` with these errors, `noise` times the stated one, and its truth.
 
-    Landmarks are seen up to `known` m, at every second step, by a sensor whose pictures are `errors.delay` old.
+    Landmarks are seen up to `known` m, at every second step, by a sensor whose pictures are `errors.delay` old. Turns
+    are off by another share, of standard deviation `uneven`, every 4 s.
     """
     rng = np.random.default_rng(seed + 1000)
     fine, every = way(seconds, seed)
@@ -52,6 +60,9 @@ def drive(errors: Systematic, seed: int = 0, seconds: float = 120.0, noise: floa
     t = fine[::10]
     landmarks = rng.uniform(-6, 6, (14, 2)) + path[:, :2].mean(axis=0)
     moved, _ = measured_motions(between(path[:-1], path[1:]), errors)
+    if uneven:
+        share = np.random.default_rng(seed + 2000).normal(0, uneven, int(seconds / 4) + 1)
+        moved[:, 2] *= 1 + share[(t[1:] / 4).astype(int)]
     delta = np.vstack((np.full(3, np.nan), moved + noise * rng.standard_normal(moved.shape) * SIGMA_U))
     turned = every.copy()
     turned[:, 2] = np.unwrap(turned[:, 2])

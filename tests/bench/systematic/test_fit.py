@@ -31,6 +31,32 @@ def test_of_none_none_is_fit_of(by_truth: bool) -> None:
     assert sum(map(len, certain)) <= 1  # of 72 or more, at 1 in 1,500
 
 
+def test_known_places_tell_scales_and_a_surer_place_of_the_sensor() -> None:
+    """Ranges 3 % long, which sightings and motions alone cannot tell from a way that is short."""
+    planted = PLANTED._replace(range_scale=0.03)
+    for seed in range(3):
+        dataset = drive(planted, seed)
+        assert dataset.truth is not None
+        alone = fit_of(dataset, by_truth=False)
+        fit = fit_of(dataset, by_truth=False, places=dataset.truth.map)
+        assert "range_scale" in fit.certain
+        assert "range_scale" not in alone.estimates
+        assert not any("by the other" in one for one in sentences(fit))
+        for name, value in planted._asdict().items():
+            if value:
+                one = fit.estimates[name]
+                assert abs(one.value - value) <= 0.75 * (one.high - one.low), (seed, name, one)
+
+
+def test_turns_that_are_off_now_more_now_less_are_no_error_of_the_sensor() -> None:
+    """What wheels slip by a tenth, from turn to turn: the place stays within its interval, or nearly."""
+    for seed in range(4):
+        fit = fit_of(drive(Systematic(x=0.2), seed, uneven=0.1), by_truth=False)
+        one = fit.estimates["x"]
+        assert abs(one.value - 0.2) <= 0.75 * (one.high - one.low), (seed, one)
+        assert set(fit.certain) <= {"x"}, (seed, fit.certain)
+
+
 def test_misstated_noise_changes_no_verdict() -> None:
     fit = fit_of(drive(PLANTED, 2, noise=2.0), by_truth=False)
     assert {"x", "yaw", "delay"} <= set(fit.certain)
