@@ -234,7 +234,7 @@ def _told(joint: Reduced, free: Sequence[str]) -> list[str]:
 
 
 def _sure(errors: Systematic, joint: Reduced, free: Sequence[str], least_ratio: float) -> list[str]:
-    """Those of `free` that are as many standard errors from 0, the others estimated: the least one is left out first."""
+    """Those of `free` so many standard errors from 0, the others estimated: the least one is left out first."""
     free = list(free)
     while free:
         at = _solved(joint.H, joint.g - joint.H @ np.array(errors), free)

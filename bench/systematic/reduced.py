@@ -16,6 +16,9 @@ from .system import System
 STRETCHES = 24
 """Of a log, each with as many sightings."""
 
+HELD = 1e-11
+"""Share of its information that each variable is held by, too."""
+
 
 class Reduced(NamedTuple):
     """Normal equations H x = -g of the errors alone: of the whole log, and without each stretch."""
@@ -125,8 +128,11 @@ def _errors_alone(H: Array, g: Array, size: Array) -> tuple[Array, Array]:
 
 
 def _solved(H: Array, b: Array, size: Array) -> Array:
-    """H^-1 b, with 0 for variables of which nothing is left of the diagonal `size` of the whole."""
+    """H^-1 b, with 0 for variables of which nothing is left of the diagonal `size` of the whole.
+
+    Without the stretch of the start, path and map may lie anywhere, which HELD keeps from being singular.
+    """
     left = np.diag(H) > 1e-9 * size
     found = np.zeros_like(b)
-    found[left] = np.linalg.solve(H[np.ix_(left, left)], b[left])
+    found[left] = np.linalg.solve(H[np.ix_(left, left)] + HELD * np.diag(size[left]), b[left])
     return found

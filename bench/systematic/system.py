@@ -131,7 +131,7 @@ class System:
         self.xy = self.xy + by[n : n + self.xy.size].reshape(-1, 2)
 
     def _priors(self) -> Iterator[tuple[Array, Ints, Array, Ints]]:
-        """Yields errors (k, d), their first variables (k,), roots of weights (k, d, d) and the steps (k,) they belong to.
+        """Yields errors (k, d), their first variables (k,), roots of weights (k, d, d) and their steps (k,).
 
         Known places, or the start where none is known.
         """
@@ -194,7 +194,7 @@ class System:
     def _smoothed(self, slopes: Array) -> Array:
         """(d, 3, p) slopes added up over each window, and shared out among its steps by their covariances.
 
-        Factors of errors must have little noise themselves. So shared, a window tells as much of errors as its sum does.
+        Factors of errors must have little noise themselves. So shared, a window tells as much as its sum does.
         """
         if self.fixed:
             return slopes  # are added up later
