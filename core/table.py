@@ -101,21 +101,27 @@ class Table(NamedTuple):
         return Table(self.path, self.columns, self.rows[rows], self.lines[rows])
 
 
-def read_csv(path: Path, columns: Sequence[str]) -> Table:
+def read_csv(path: Path, columns: Sequence[str], *, blanks: bool = False) -> Table:
     """Reads the table in `path`, whose first line names `columns`.
 
-    InputError names the file, the line and the column of what cannot be read; NaN and infinity can.
+    InputError names the file, the line and the column of what cannot be read; NaN and infinity can. With `blanks`,
+    cells after the first of a row may be blank, which reads as NaN, and NaN cannot be read.
     """
-    return strict(scan_csv(path, columns))
+    return strict(scan_csv(path, columns, blanks=blanks))
 
 
 def scan_csv(
-    path: Path, columns: Sequence[str], optional: Sequence[str] = (), blank_after: int | None = None
+    path: Path,
+    columns: Sequence[str],
+    optional: Sequence[str] = (),
+    blank_after: int | None = None,
+    *,
+    blanks: bool = False,
 ) -> Scan[Table]:
     """Scans as `read_csv` reads; rows with unreadable cells are broken, and all NaN.
 
     The header may continue with `optional`, all of them or none. With `blank_after`, the first row fills that many
-    cells and leaves the others blank, which reads as NaN.
+    cells and leaves the others blank, which reads as NaN. `blanks` are as in `read_csv`.
 
     InputError for a file that is missing, not text or has another header.
     """
@@ -127,7 +133,7 @@ def scan_csv(
     if blank_after is not None and len(lines) > 1 and lines[1]:
         row = yield from _scan_first(path, lines[1].split(","), columns, blank_after)
         parts = [_table(path, columns, [row], [2])]
-    return (yield from _scan_rows(path, lines, 1 + len(parts), columns, ",", parts))
+    return (yield from _scan_rows(path, lines, 1 + len(parts), columns, ",", parts, blanks=blanks))
 
 
 def read_spaced(path: Path, columns: Sequence[str]) -> Table:
@@ -174,7 +180,14 @@ def text(path: Path) -> str:
 
 
 def _scan_rows(
-    path: Path, lines: Sequence[str], first: int, columns: tuple[str, ...], delimiter: str | None, before: list[Table]
+    path: Path,
+    lines: Sequence[str],
+    first: int,
+    columns: tuple[str, ...],
+    delimiter: str | None,
+    before: list[Table],
+    *,
+    blanks: bool = False,
 ) -> Scan[Table]:
     """The table of the rows `before` and of those from lines[first] on."""
     last = len(lines)
@@ -184,10 +197,10 @@ def _scan_rows(
     for begin in range(first, last, CHUNK):
         chunk = lines[begin : min(begin + CHUNK, last)]
         rows = _parsed(chunk, delimiter)
-        if rows is not None and rows.shape == (len(chunk), len(columns)):
+        if rows is not None and rows.shape == (len(chunk), len(columns)) and not (blanks and np.isnan(rows).any()):
             parts.append(Table(path, columns, rows, np.arange(begin + 1, begin + 1 + len(chunk))))
         else:
-            parts.append((yield from _scan_lines(path, chunk, begin + 1, columns, delimiter)))
+            parts.append((yield from _scan_lines(path, chunk, begin + 1, columns, delimiter, blanks=blanks)))
     if not parts:
         return _table(path, columns, [], [])
     starts = np.cumsum([0, *(len(part.rows) for part in parts[:-1])])
@@ -211,13 +224,20 @@ def _parsed(lines: Sequence[str], delimiter: str | None) -> Array | None:
 
 
 def _scan_lines(
-    path: Path, lines: Sequence[str], first: int, columns: tuple[str, ...], delimiter: str | None
+    path: Path,
+    lines: Sequence[str],
+    first: int,
+    columns: tuple[str, ...],
+    delimiter: str | None,
+    *,
+    blanks: bool,
 ) -> Scan[Table]:
     """Scans `lines`, the first numbered `first`, skipping blank lines and comments."""
     rows, numbers = list[list[float] | None](), list[int]()
     for line, content in enumerate(lines, start=first):
         if content.strip() and not (delimiter is None and content.lstrip().startswith("#")):
-            rows.append((yield from _scan_cells(path, line, content.split(delimiter), columns, delimiter)))
+            cells = content.split(delimiter)
+            rows.append((yield from _scan_cells(path, line, cells, columns, delimiter, blanks=blanks)))
             numbers.append(line)
     return _table(path, columns, rows, numbers)
 
@@ -242,16 +262,25 @@ def _scan_first(path: Path, cells: Sequence[str], columns: Sequence[str], filled
 
 
 def _scan_cells(
-    path: Path, line: int, cells: Sequence[str], columns: Sequence[str], delimiter: str | None
+    path: Path,
+    line: int,
+    cells: Sequence[str],
+    columns: Sequence[str],
+    delimiter: str | None,
+    *,
+    blanks: bool = False,
 ) -> Scan[list[float] | None]:
     """A row of numbers; None if it is broken."""
     if len(cells) != len(columns):
         yield InputError(f"{path}, line {line}: {other_count(cells, columns, delimiter)}.")
         return None
-    row = [number(cell) for cell in cells]
-    for name, cell, found in zip(columns, cells, row, strict=True):
+    blank = [blanks and k > 0 and not cell.strip() for k, cell in enumerate(cells)]
+    row = [np.nan if left_out else number(cell) for cell, left_out in zip(cells, blank, strict=True)]
+    for name, cell, found, left_out in zip(columns, cells, row, blank, strict=True):
         if found is None:
             yield InputError(f"{path}, line {line}: {name} {no_number(cell)}.")
+        elif blanks and np.isnan(found) and not left_out:
+            yield InputError(f"{path}, line {line}: {name} is {found!s}, expected a finite number.")
     whole = [found for found in row if found is not None]
     return whole if len(whole) == len(row) else None
 

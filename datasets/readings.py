@@ -1,7 +1,10 @@
-"""Motion readings in a file beside the frames.
+"""Motion readings in files beside the frames.
 
-ticks.csv       t,left,right     the wheels' counters, cumulative odometry.csv    t,x,y,heading    poses integrated by
-the robot
+ticks.csv                 t,left,right    the wheels' counters, cumulative; a cell is blank where one was not read
+left.csv and right.csv    t,count         each counter at times of its own
+odometry.csv              t,x,y,heading   poses integrated by the robot
+commands.csv              t,v,omega       what the robot was told to do, m/s and rad/s, until the next row; or
+                          t,left,right    speeds of its wheels, in m/s or as shares of full power
 """
 
 import os
@@ -9,38 +12,85 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.csv_values import digits_lost
+from ..core.csv_values import digits_lost, header_names
 from ..core.errors import InputError
-from ..core.table import Table, read_csv
-from ..frontend.wheels.counters import unwrap
+from ..core.se2 import Array
+from ..core.table import Table, read_csv, text
+from ..frontend.wheels.apart import joined
+from ..frontend.wheels.commands import Speeds
+from ..frontend.wheels.counters import WHEELS, unwrap
 from ..frontend.wheels.motion import Poses, Ticks
 
 TICKS = "ticks.csv"
+SIDES = tuple(f"{wheel}.csv" for wheel in WHEELS)
 ODOMETRY = "odometry.csv"
+COMMANDS = "commands.csv"
+FILES = (TICKS, *SIDES, ODOMETRY, COMMANDS)
+
+Readings = Ticks | Poses | Speeds
+
+RATES = ("t", "v", "omega")
+BOTH = ("t", *WHEELS)
 
 
-def read_readings(folder: Path, counter_bits: int | None) -> Ticks | Poses | None:
+def read_readings(folder: Path, counter_bits: int | None) -> Readings | None:
     """The readings in `folder`, None without a file of them; InputError names the file and line of a fault.
 
     Counters `counter_bits` wide are unwrapped.
     """
-    ticks, odometry = folder / TICKS, folder / ODOMETRY
-    counted, posed = map(os.path.lexists, (ticks, odometry))  # a link to nothing is no missing file
-    if counted and posed:
-        raise InputError(f"{folder}: has {TICKS} as well as {ODOMETRY}, expected one of them.")
-    if counted:
-        table = _in_order(read_csv(ticks, ("t", "left", "right")))
-        counts = table.rows[:, 1:]
-        return Ticks(table.column("t"), counts if counter_bits is None else unwrap(counts, counter_bits))
-    if posed:
-        table = _in_order(read_csv(odometry, ("t", "x", "y", "heading")))
+    found = [name for name in FILES if os.path.lexists(folder / name)]  # a link to nothing is no missing file
+    if not found:
+        return None
+    if set(found) & set(SIDES) and len(found) == 1:
+        missing = SIDES[found == [SIDES[0]]]
+        raise InputError(f"{folder}: has {found[0]} without {missing}, expected both.")
+    if len(found) > 1 and found != list(SIDES):
+        raise InputError(f"{folder}: has {' as well as '.join(found)}, expected one of them.")
+    if found == [TICKS]:
+        return _ticks(folder / TICKS, counter_bits)
+    if found == list(SIDES):
+        tables = [_in_order(read_csv(folder / name, ("t", "count"))) for name in SIDES]
+        return _joined(str(folder), *((one.column("t"), one.column("count")) for one in tables), bits=counter_bits)
+    if found == [ODOMETRY]:
+        table = _in_order(read_csv(folder / ODOMETRY, ("t", "x", "y", "heading")))
         return Poses(table.column("t"), table.rows[:, 1:])
-    return None
+    return _commands(folder / COMMANDS)
 
 
-def _in_order(table: Table) -> Table:
+def _ticks(path: Path, bits: int | None) -> Ticks:
+    table = read_csv(path, BOTH, blanks=True)
+    read = ~np.isnan(table.rows[:, 1:])
+    table = _in_order(table, blanks=True)
+    for row in np.flatnonzero(~read.any(axis=1)):
+        raise table.fault(row, "has no count, expected that of the left wheel, of the right one, or both")
+    for wheel, name in enumerate(WHEELS):
+        if not read[:, wheel].any():
+            raise InputError(f"{path}: has no count of the {name} wheel, expected some.")
+    t, counts = table.column("t"), table.rows[:, 1:]
+    if read.all():
+        return Ticks(t, counts if bits is None else unwrap(counts, bits))
+    return _joined(str(path), *((t[of], counts[of, wheel]) for wheel, of in enumerate(read.T)), bits=bits)
+
+
+def _joined(source: str, left: tuple[Array, Array], right: tuple[Array, Array], bits: int | None) -> Ticks:
+    """The readings of two counters at times of their own."""
+    one, other = (counts if bits is None else unwrap(counts[:, None], bits)[:, 0] for _, counts in (left, right))
+    return joined((left[0], right[0]), (one, other), source)
+
+
+def _commands(path: Path) -> Speeds:
+    names = header_names(text(path).split("\n", 1)[0])
+    if set(names) not in (set(RATES), set(BOTH)):
+        raise InputError(f"{path}, line 1: found the columns {','.join(names)}, expected t,v,omega or t,left,right.")
+    wheels = set(names) == set(BOTH)
+    table = _in_order(read_csv(path, BOTH if wheels else RATES))
+    return Speeds(table.column("t"), table.rows[:, 1:], wheels)
+
+
+def _in_order(table: Table, *, blanks: bool = False) -> Table:
     """Returns itself; InputError if it is empty, not finite, or has a time not later than the one before."""
-    t = table.finite().column("t")
+    numbers = table._replace(rows=np.nan_to_num(table.rows, posinf=np.inf, neginf=-np.inf)) if blanks else table
+    t = numbers.finite().column("t")
     if not len(t):
         raise InputError(f"{table.path}: found no rows, expected at least one.")
     for row in np.flatnonzero(~(np.diff(t) > 0)) + 1:

@@ -6,11 +6,23 @@ from pathlib import Path
 from ..core.errors import InputError
 
 ROBOT, CALIBRATION = "robot.toml", "calibration.yaml"
+SETTINGS = ("settings/default.yaml", "default.yaml")  # of the original ArUco EKF system
 
 
 def robot_beside(path: Path) -> Path | None:
     """The robot.toml in the folder of a recording or beside it; None where there is none."""
     return next((one for one in (path / ROBOT, path.absolute().parent / ROBOT) if one.is_file()), None)
+
+
+def settings_beside(path: Path) -> Path | None:
+    """The original system's settings in the folder of a recording or beside it; None where there are none."""
+    places = (folder / name for folder in (path, path.absolute().parent) for name in SETTINGS)
+    return next((one for one in places if one.is_file()), None)
+
+
+def is_settings(path: Path) -> bool:
+    """Tells if a robot's file is one of the original system's settings, not a robot.toml."""
+    return path.suffix.lower() in (".yaml", ".yml")
 
 
 def recording_in(path: Path, table: str, source: str | None, inside: Sequence[Path], kinds: str) -> Path:

@@ -24,6 +24,9 @@ _NEAR = Measure("metres", 0.0, 100.0, LENGTHS, (0.02, 1.0))
 _SHARE = Measure("a share of 1", 0.0, 1.0, of_units(("percent", 1e-2)))
 _SD = Measure("metres", 0.0, 1.0, of_units(("millimetres", 1e-3)), (0.0, 0.1))
 _SD_ANGLE = Measure("radians", 0.0, 0.8, DEGREES, (0.0, 0.5))
+_FORWARD = Measure("metres per root metre", 0.0, 2.0, LENGTHS, (0.0, 0.5))
+_TURNING = Measure("radians per root metre", 0.0, 2.0, DEGREES, (0.0, 0.5))
+_BY_TURN = Measure("radians per root radian", 0.0, 2.0, DEGREES, (0.0, 0.5))
 _TILT = Measure("radians", 0.0, 0.2, DEGREES, (0.0, 0.2))  # 0.2: a robot that rocks by 11 degrees
 
 LIMITS: Mapping[str, list[Measure]] = {
@@ -33,6 +36,7 @@ LIMITS: Mapping[str, list[Measure]] = {
     "camera.exposure": [_SHORT],
     "camera.readout": [_SHORT],
     "markers.max_range": [_REACH],
+    "markers.max_distance": [_REACH],
     "encoder.left": [_COUNT],
     "encoder.right": [_COUNT],
     "encoder.base": [_WIDTH],
@@ -41,12 +45,21 @@ LIMITS: Mapping[str, list[Measure]] = {
     "encoder.max_speed": [_SPEED],
     "encoder.floors.position": [_SD],
     "encoder.floors.heading": [_SD_ANGLE],
-    "odometry.forward": [Measure("metres per root metre", 0.0, 2.0, LENGTHS, (0.0, 0.5))],
-    "odometry.turning": [Measure("radians per root metre", 0.0, 2.0, DEGREES, (0.0, 0.5))],
-    "odometry.turning_by_turn": [Measure("radians per root radian", 0.0, 2.0, DEGREES, (0.0, 0.5))],
+    "odometry.forward": [_FORWARD],
+    "odometry.turning": [_TURNING],
+    "odometry.turning_by_turn": [_BY_TURN],
     "odometry.max_speed": [_SPEED],
     "odometry.floors.position": [_SD],
     "odometry.floors.heading": [_SD_ANGLE],
+    "commands.full": [_SPEED],
+    "commands.base": [_WIDTH],
+    "commands.delay": [Measure("seconds", -10.0, 10.0, SECONDS, (1e-3, 5.0))],
+    "commands.forward": [_FORWARD],
+    "commands.turning": [_TURNING],
+    "commands.turning_by_turn": [_BY_TURN],
+    "commands.max_speed": [_SPEED],
+    "commands.floors.position": [_SD],
+    "commands.floors.heading": [_SD_ANGLE],
     "drift.position": [Measure("metres per root second", 0.0, 20.0, LENGTHS, (0.0, 5.0))],
     "drift.turning": [Measure("radians per root second", 0.0, 20.0, DEGREES, (0.0, 10.0))],
     "drift.floors.position": [_SD],

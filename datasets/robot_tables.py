@@ -13,6 +13,7 @@ from ..frontend.camera.camera import Camera
 from ..frontend.camera.mounting import from_matrix, from_rpy
 from ..frontend.wheels.encoder import Floors
 from ..frontend.wheels.motion import TrackNoise
+from .robot_files import is_settings
 
 TRACK = ("forward", "turning", "turning_by_turn")  # keys of the noise of integrated odometry
 FRONT_ENDS = ("markers", "laser", "depth")  # the tables of which a robot.toml has one
@@ -23,6 +24,8 @@ def robot_of(path: Path, front_end: str, tables: Collection[str]) -> TomlTable |
 
     InputError for another front end's table beside it, and for an unknown one.
     """
+    if is_settings(path):
+        return None
     file = TomlTable.read(path)
     if not file.has(front_end):
         return None

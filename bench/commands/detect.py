@@ -13,7 +13,7 @@ from rich.table import Table
 from ...core.errors import InputError
 from ...datasets.depth.open import open_depth
 from ...datasets.recordings.recording import open_recording
-from ...datasets.recordings.robot import read_robot
+from ...datasets.recordings.settings import read_described
 from ...datasets.scans.open import ScanTopics, open_scans
 from ..detect import depth, laser, markers
 from ..detect.findings import Findings
@@ -110,7 +110,7 @@ def _opened(namespace: argparse.Namespace) -> Opened:
                     f"{flag}: {name} is of a depth camera, expected [topics] in robot.toml for its topics."
                 )
         return Opened(partial(depth.detect, images), images.length, "frames", "steps")
-    robot = None if namespace.robot is None else read_robot(namespace.robot)
+    robot = None if namespace.robot is None else read_described(namespace.robot)
     frames = open_recording(path, robot, namespace.seconds)
     return Opened(
         partial(markers.detect, frames.recording, frames.truth, start_given=frames.start_given),

@@ -40,7 +40,7 @@ def _ranges(f: MarkerFindings) -> ReportFigure:
 
     def draw(figure: Figure) -> None:
         axes = labelled(figure, "range, m", "sightings")
-        labels, colours = ["in the log", f"beyond {f.max_range:g} m"], [KEPT, FAR]
+        labels, colours = ["in the log", f"beyond {f.reach}"], [KEPT, FAR]
         shown = slice(2 if far else 1)
         values = [z[kept], z[~kept]][shown]
         axes.hist(values, list(edges), stacked=True, color=colours[shown], label=labels[shown], rwidth=0.92)
@@ -93,10 +93,12 @@ def _places(f: MarkerFindings) -> ReportFigure:
         for colour, which in ((KEPT, kept), (FAR, ~kept)):
             _dots(axes, -left[which], ahead[which], colour)
         turn = np.linspace(-np.pi / 2, np.pi / 2, 60)
-        axes.plot(f.max_range * np.sin(turn), f.max_range * np.cos(turn), color=INK, linewidth=0.8, dashes=(4, 2))
+        if np.isfinite(f.max_range):
+            axes.plot(f.max_range * np.sin(turn), f.max_range * np.cos(turn), color=INK, linewidth=0.8, dashes=(4, 2))
         axes.plot([0], [0], "^", color=INK, markersize=6)
 
-    caption = f"From above, the robot at the triangle looking up; dashed: {f.max_range:g} m, the farthest that is kept."
+    limit = f"; dashed: {f.max_range:g} m, the farthest that is kept" if np.isfinite(f.max_range) else ""
+    caption = f"From above, the robot at the triangle looking up{limit}."
     return drawn("Places relative to the robot", caption + thinned(every), draw)
 
 

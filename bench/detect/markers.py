@@ -37,7 +37,8 @@ class MarkerFindings(Findings):
 
     template: ClassVar[str] = "detection_markers.html.jinja"
 
-    max_range: float  # m
+    max_range: float  # m; infinite: none
+    reach: str  # from where on a sighting is too far, in words
     size: tuple[int, int]  # px, width and height of a frame
     sightings: Sightings
     true: TrueErrors | None
@@ -183,6 +184,7 @@ def detect(
         known,
         float(log.t[-1] - log.t[0]),
         max_range=recording.max_range,
+        reach=recording.reach,
         size=detection.size,
         sightings=sightings,
         true=true,

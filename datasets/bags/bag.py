@@ -161,11 +161,15 @@ class Bag:
 
 
 def _stamped(reader: Any, decode: Callable[[bytes, str], Any], topic: str) -> Iterator[tuple[int, int, Any]]:
-    """Yields times of reception and of the header, ns, and the content of each message; 0 and None if unreadable."""
+    """Yields times of reception and of the header, ns, and the content of each message.
+
+    A message without a header has 0; an unreadable one 0 and None.
+    """
     for connection, received, content in reader.messages(reader.topics[topic].connections):
         try:
             message = decode(content, connection.msgtype)
-            stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+            header = getattr(message, "header", None)
+            stamp = 0 if header is None else header.stamp.sec * 10**9 + header.stamp.nanosec
         except Exception:  # a damaged message may raise anything
             yield received, 0, None
         else:

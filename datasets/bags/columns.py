@@ -26,6 +26,8 @@ FEW = 4  # places, of which none is far from the others
 
 COUNTS, METRES = 2.0**53, "metres"  # a counter beyond is no whole number any more
 
+SPEEDS = "m/s and rad/s"
+
 LEVEL = np.cos(np.deg2rad(30))
 """Cosine of the largest angle between the robot's z axis and the world's on a level floor."""
 
@@ -90,7 +92,7 @@ def no_numbers(found: Array, most: float = COUNTS, unit: str = "whole numbers") 
     """The rows of (m, k) that are not finite or beyond `most`, and why."""
     with np.errstate(invalid="ignore"):
         wrong = ~(np.abs(found) <= most).all(axis=1)
-    what = "the place" if unit == METRES else "the counts"
+    what = {METRES: "the place", SPEEDS: "the speeds"}.get(unit, "the counts")
     return {row: f"has {what} {found[row].tolist()}, expected {unit}, at most {most:.4g}" for row in _rows(wrong)}
 
 

@@ -15,6 +15,7 @@ from ...core.files import check_regular
 from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
+from ...frontend.wheels.commands import Speeds
 from ...frontend.wheels.motion import Poses, Track
 from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.cameras import COMPRESSED, IMAGE
@@ -132,7 +133,8 @@ def _recording(path: Path, sources: Sources, robot: DepthRobot, home: Path) -> D
     """Joins images and odometry."""
     readings = sources.readings or read_readings(home, None)
     if readings is not None and not isinstance(readings, Poses):
-        raise InputError(f"{home}: has counts of wheels, expected {ODOMETRY} (t,x,y,heading) beside a depth camera.")
+        found = "commands" if isinstance(readings, Speeds) else "counts of wheels"
+        raise InputError(f"{home}: has {found}, expected {ODOMETRY} (t,x,y,heading) beside a depth camera.")
     motion, span = None, (-np.inf, np.inf)
     if readings is not None:
         motion = Track(readings.t, readings.poses, robot.noise, robot.max_speed, f"{path}: odometry")

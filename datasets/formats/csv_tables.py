@@ -22,7 +22,8 @@ from ...core.pauses import longest_pause
 from ...core.se2 import Array, summed, wrap
 from ...core.table import LARGEST, Table
 from ...core.tum import read_tum
-from ...frontend.wheels.encoder import Floors, roll
+from ...frontend.wheels.commands import driven
+from ...frontend.wheels.encoder import Floors
 from ...frontend.wheels.holes import Holes
 from ...frontend.wheels.motion import Track, TrackNoise
 from ...frontend.wheels.units import fast_turns, in_degrees
@@ -99,8 +100,7 @@ def _track(path: Path, options: Options, remarks: list[str]) -> Track:
         rates = motions[:, 2] * len(motions) / (np.ptp(t) or np.inf)  # by the mean time: stamps may come in bursts
     else:
         rates = table.column("omega") * turn
-        rolling = table.rows[:-1, 1:] * np.array([1.0, turn]) * np.diff(t)[:, None]
-        poses = summed(np.zeros(3), roll(rolling, "arc")[0])
+        poses = driven(t, table.rows[:, 1:] * np.array([1.0, turn]))
     reads = f": option {options.with_degrees('odometry')} reads them so" if turn == 1 else ""
     remarks += [found + reads for found in fast_turns(str(path), rates)]
     if not np.isfinite(poses).all():

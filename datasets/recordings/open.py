@@ -7,10 +7,9 @@ from ...core.errors import InputError
 from ...core.factors import Truth
 from ...core.files import check_regular
 from ...frontend.markers.pipeline import Frame
-from ...frontend.wheels.motion import Poses, Ticks
 from ..bags.bag import is_bag, is_whole
 from ..bags.siblings import read_alone
-from ..readings import ODOMETRY, TICKS, read_readings
+from ..readings import FILES, Readings, read_readings
 from ..robot_files import ROBOT, recording_in
 from ..truth import PLACES, POSES, read_truth
 from . import frames_folder, live, rosbag, video
@@ -33,7 +32,7 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
     check_regular(found)
     home = path if path.is_dir() and (path != found or _has_words(path)) else found.parent
     if is_bag(found):
-        bag = rosbag.read(found, robot.topics, robot.counter_bits)
+        bag = rosbag.read(found, robot.topics, robot.counter_bits, commands=robot.commands is not None)
         bag.remarks.extend(read_alone(found))
         readings = bag.readings or read_readings(home, robot.counter_bits)
         return bag._replace(readings=readings, truth=read_truth(home))
@@ -49,7 +48,7 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
     return _plain(frames, length, read_readings(home, robot.counter_bits), read_truth(home))
 
 
-def _plain(frames: Iterable[Frame], length: int | None, readings: Ticks | Poses | None, truth: Truth | None) -> Streams:
+def _plain(frames: Iterable[Frame], length: int | None, readings: Readings | None, truth: Truth | None) -> Streams:
     """The streams of a recording that tells nothing of its camera."""
     return Streams(frames, length, readings, None, "", "", truth, [])
 
@@ -84,4 +83,4 @@ def _frames_of(path: Path, robot: Robot) -> Path:
 
 def _has_words(folder: Path) -> bool:
     """Tells if the files that belong to the frames in `folder` are in there with them."""
-    return any((folder / name).exists() for name in (ROBOT, FRAMES, TICKS, ODOMETRY, POSES, PLACES))
+    return any((folder / name).exists() for name in (ROBOT, FRAMES, *FILES, POSES, PLACES))

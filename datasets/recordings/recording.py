@@ -6,13 +6,14 @@ A recording's folder holds robot.toml and one of
     drive.mkv|avi|mp4  and frames.csv, or a frame rate, or the video's own time stamps
     drive.bag, drive.mcap, or a ROS 2 folder with metadata.yaml
 
-Frames and videos come with ticks.csv (t,left,right) or odometry.csv (t,x,y,heading), and any kind with truth.tum and
-landmarks.csv, if known. `camera:0` is the first camera of this machine. Recordings of laser scans are opened by
-`scans.open`.
+Any kind comes with a file of the robot's motion, as `readings` reads it, unless a bag has that itself, and with
+truth.tum and landmarks.csv, if known. `camera:0` is the first camera of this machine. Recordings of laser scans are
+opened by `scans.open`.
 """
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,7 +25,8 @@ from ...core.options import option
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.pipeline import Frame, Recording, build_log
-from ...frontend.wheels.motion import Motion, Poses, Ticks, Track, Wheels
+from ...frontend.wheels.commands import Commanded, Commands, Speeds
+from ...frontend.wheels.motion import Motion, Ticks, Track, Wheels
 from ..bags.bag import Bag, is_bag
 from ..bags.camera_info import of_images
 from ..bags.topics import found as found_topics
@@ -33,15 +35,16 @@ from ..bags.window import Window
 from ..depth.open import build as build_depth
 from ..depth.open import open_depth
 from ..prior import assumed
-from ..readings import ODOMETRY, TICKS
+from ..readings import COMMANDS, ODOMETRY, TICKS, Readings
 from ..registry import Named, Source
-from ..robot_files import ROBOT, robot_beside
+from ..robot_files import ROBOT, robot_beside, settings_beside
 from ..scans.bag_scans import SCAN
 from ..scans.open import ScanTopics, open_scans
 from ..scans.open import build as build_scans
 from ..truth import with_truth
 from .open import is_live, read_streams
-from .robot import Robot, read_robot
+from .robot import Robot
+from .settings import read_described
 
 OTHER_LENS = 0.02
 """Relative difference of two focal lengths of one lens: calibrations agree within 1 %, and ranges err by as much."""
@@ -79,7 +82,7 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     depth = open_depth(Path(options.path), file)
     if depth is not None:
         return build_depth(depth)
-    return build(open_recording(Path(options.path), None if file is None else read_robot(file)))
+    return build(open_recording(Path(options.path), None if file is None else read_described(file)))
 
 
 source = Source(make, Options, portable=False)  # OpenCV's arithmetic
@@ -99,11 +102,14 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
     if not is_live(path) and not path.exists():
         raise InputError(f"{path}: there is no such file or folder, expected a recording.")
     if robot is None:
-        found = None if is_live(path) else robot_beside(path)
+        found = None if is_live(path) else robot_beside(path) or settings_beside(path)
         if found is None:
             raise InputError(f"{path}: found no {ROBOT}, expected one, or --robot FILE{_bare(path)}.")
-        robot = read_robot(found)
+        robot = read_described(found)
     streams = read_streams(path, robot, seconds)
+    if robot.lens is not None:
+        (width, height), frames = _sized(streams.frames, path)
+        robot, streams = replace(robot, camera=robot.lens(width, height)), streams._replace(frames=frames)
     camera, recorded = (_of_frames(one, streams.window) for one in (robot.camera, streams.camera))
     if camera is not None:
         camera = of_images(camera, recorded, streams.topic, str(path), streams.remarks)
@@ -118,6 +124,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
             '[camera] calibration = "calibration.yaml".'
         )
     motion = _motion(streams.readings, robot, path)
+    streams.remarks.extend(_assumed(streams.readings, robot, path))
     recording = Recording(
         name=robot.name,
         frames=_FramesOnClock(streams.frames, motion, robot, camera, path),
@@ -126,6 +133,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         noise=robot.noise,
         prior=robot.prior or assumed(),
         max_range=robot.max_range,
+        max_distance=robot.max_distance,
         notes={
             "source": path.name.encode("utf-8", "replace").decode(),
             "time_offset": robot.time_offset,
@@ -134,6 +142,17 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         remarks=streams.remarks,
     )
     return Opened(recording, streams.truth, streams.length, robot.prior is not None)
+
+
+def _sized(frames: Iterable[Frame], path: Path) -> tuple[tuple[int, int], Iterable[Frame]]:
+    """The width and height of the first image, px, and all frames. InputError without an image."""
+    rest, begun = iter(frames), list[Frame]()
+    for frame in rest:
+        begun.append(frame)
+        if frame.image is not None:
+            height, width = frame.image.shape[:2]
+            return (width, height), chain(begun, rest)
+    raise InputError(f"{path}: none of its {len(begun)} frames can be decoded, expected at least one.")
 
 
 def _bare(path: Path) -> str:
@@ -189,18 +208,30 @@ def _lens_apart(given: Camera, recorded: Camera) -> float | None:
     return float(off.max()) if (off > OTHER_LENS * out).any() else None
 
 
-def _motion(readings: Ticks | Poses | None, robot: Robot, path: Path) -> Motion:
+def _assumed(readings: Readings | None, robot: Robot, path: Path) -> Iterator[str]:
+    """Names what nobody gave of the robot, as far as it is used."""
+    for key, kind in (("encoder", Ticks), ("commands", Speeds)):
+        if key in robot.assumed and isinstance(readings, kind):
+            yield f"{path}: {robot.assumed[key]}"
+    if "" in robot.assumed:
+        yield robot.assumed[""]
+
+
+def _motion(readings: Readings | None, robot: Robot, path: Path) -> Motion:
     """Combines the readings with the robot's parameters."""
     if isinstance(readings, Ticks):
         if robot.encoder is None:
             raise InputError(f"{path}: has wheel counts, expected [encoder] in {ROBOT} to convert them.")
         return Wheels(readings, robot.encoder, robot.max_speed, f"{path}: encoder")
+    if isinstance(readings, Speeds):
+        return Commanded.by(readings, robot.commands or Commands(), robot.max_speed, f"{path}: commands")
     if readings is not None:
         return Track(*readings, robot.track_noise, robot.max_speed, f"{path}: odometry")
     if robot.drift is None:
         raise InputError(
-            f"{path}: the robot's motion is unknown; expected {TICKS} or {ODOMETRY} beside the frames, messages of "
-            f"them in a bag, or in {ROBOT} how far it may drift unmeasured: [drift] position = 0.5, turning = 0.5."
+            f"{path}: the robot's motion is unknown; expected {TICKS}, {ODOMETRY} or {COMMANDS} beside the frames, "
+            f"messages of them in a bag, or in {ROBOT} how far it may drift unmeasured: [drift] position = 0.5, "
+            "turning = 0.5."
         )
     return robot.drift
 

@@ -2,14 +2,15 @@
 
     name = "my robot"
     [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure, readout
-    [markers]    dictionary, side, sides, max_range, ignore
+    [markers]    dictionary, side, sides, max_range, max_distance, ignore
     [encoder]    left, right, base, k, noise, interval, curve, floors, counter_bits, max_speed
     [odometry]   forward, turning, turning_by_turn, floors, max_speed
+    [commands]   full, base, delay, forward, turning, turning_by_turn, floors, max_speed
     [drift]      position, turning, floors        of the pose per root second, for frames without any motion
     [noise]      model = "proportional": k_range, k_bearing, floor_range, floor_bearing, sway
                  model = "propagated": scale, floor_range, floor_bearing, sway
     [prior]      pose, sd
-    [topics]     image, encoder, odometry, camera_info
+    [topics]     image, encoder, odometry, commands, camera_info
     [frames]     source, fps, start
 
 Only [markers] is required. [laser] in its place is read by `scans`, [depth] by `depth`. Lengths are in m, angles in
@@ -17,6 +18,7 @@ rad, times in s.
 """
 
 import shutil
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +36,7 @@ from ...frontend.camera.camera import Camera
 from ...frontend.camera.mounting import mounting
 from ...frontend.markers.markers import Markers
 from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
+from ...frontend.wheels.commands import FOLLOWED, Commands
 from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Drift, TrackNoise
@@ -45,6 +48,11 @@ from .rosbag import Topics
 
 NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated": PropagatedNoise}
 """[noise] model -> a dataclass whose fields, all numbers, are the table's other keys."""
+
+USUAL = 0.02
+"""m, default standard deviation of a wheel that rolls 1 m: twice the document's k, as tyres and floors differ."""
+
+NOT_MEASURED = "nothing was measured of {of}: stated as {words} by default; bench noise measures it"
 
 
 @dataclass(frozen=True)
@@ -62,36 +70,42 @@ class Robot:
 
     name: str
     markers: Markers
-    camera: Camera | None = None  # None: from the recording
+    camera: Camera | None = None  # None: from `lens`, or else from the recording
     # (4, 4) T_robot_camera, the camera's own if there is one; straight ahead from the robot's origin
     mounting: Array = field(default_factory=lambda: mounting(0, 0, 0, 0))
     time_offset: float = 0.0  # s, added to the frames' stamps to get the motion's clock
     exposure: float = 0.0  # s; frames are stamped at its start, that of their first row
     readout: float = 0.0  # s from the first row's exposure to the last's, the camera's own if there is one
-    max_range: float = 3.0  # m
+    max_range: float = 3.0  # m, of the robot's origin in its plane
+    max_distance: float = np.inf  # m, of the camera
     encoder: Encoder | None = None
     counter_bits: int | None = None  # the width of the wheels' counters; None: they never wrap
     max_speed: float = MAX_SPEED  # m/s; faster readings are invalid
     track_noise: TrackNoise = field(default_factory=TrackNoise)
+    commands: Commands | None = None  # None: robot.toml has none
     drift: Drift | None = None  # for recordings without motion readings
     noise: Noise = field(default_factory=ProportionalNoise)
     prior: Prior | None = None  # None: nobody gave the start
     topics: Topics = field(default_factory=Topics)
     frames: FrameSource = field(default_factory=FrameSource)
+    lens: Callable[[int, int], Camera] | None = None  # by the images' size, px, where the calibration lacks it
+    # remarks on numbers that were not given, by the table that would have them; those of "" on the whole
+    assumed: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
 def read_robot(path: Path) -> Robot:
     """Reads the robot in `path`, a robot.toml; InputError names the file, line and key of a fault."""
-    tables = ("camera", "markers", "encoder", "odometry", "drift", "noise", "prior", "topics", "frames")
+    tables = ("camera", "markers", "encoder", "odometry", "commands", "drift", "noise", "prior", "topics", "frames")
     file = TomlTable.read(path).only(("name", *tables, "laser", "depth"))
     if file.has("laser"):
         raise file.refused("laser", "is of a robot with a scanner, expected [markers], for one with a camera.")
     if file.has("depth"):
         raise file.refused("depth", "is of a robot with a depth camera, expected [markers], for one with a camera.")
     camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure", "readout"))
-    markers = file.table("markers").only(("dictionary", "side", "sides", "max_range", "ignore"))
+    markers = file.table("markers").only(("dictionary", "side", "sides", "max_range", "max_distance", "ignore"))
     odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))
     encoder = file.table("encoder").only((*names_of(Encoder), "counter_bits", "max_speed"))
+    commands = file.table("commands").only(("full", "base", "delay", *TRACK, "floors", "max_speed"))
     frames = file.table("frames").only(names_of(FrameSource))
     topics = file.table("topics").only(Topics._fields)
     placed, readout = pose_in(camera, "mounting"), camera.number("readout", 0.0, least=0)
@@ -104,11 +118,13 @@ def read_robot(path: Path) -> Robot:
         time_offset=camera.number("time_offset", 0.0),
         exposure=camera.number("exposure", 0.0, least=0),
         readout=readout,
-        max_range=markers.number("max_range", 3.0, above=0),
+        max_range=markers.number("max_range", np.inf if markers.has("max_distance") else 3.0, above=0),
+        max_distance=markers.number("max_distance", np.inf, above=0),
         encoder=_encoder(encoder) if file.has("encoder") else None,
         counter_bits=encoder.choice("counter_bits", None, COUNTER_BITS),
-        max_speed=_max_speed(encoder, odometry),
+        max_speed=_max_speed(encoder, odometry, commands),
         track_noise=track_noise(odometry),
+        commands=_commands(commands) if file.has("commands") else None,
         drift=_drift(file.table("drift").only(names_of(Drift))) if file.has("drift") else None,
         noise=_noise(file.table("noise")),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
@@ -118,6 +134,7 @@ def read_robot(path: Path) -> Robot:
             fps=frames.number("fps", above=0) if frames.has("fps") else None,
             start=frames.number("start", 0.0),
         ),
+        assumed=_assumed(encoder, commands),
     )
     check_limits(file)
     return robot
@@ -136,6 +153,8 @@ def write_robot(path: Path, robot: Robot) -> None:
     encoder, odometry = {}, {} if robot.track_noise == TrackNoise() else asdict(robot.track_noise)
     if robot.encoder is not None:
         encoder = asdict(robot.encoder) | {"counter_bits": robot.counter_bits}
+    commands = {} if robot.commands is None else asdict(robot.commands)
+    commands |= commands.pop("noise", {})
     (odometry if robot.encoder is None else encoder)["max_speed"] = robot.max_speed
     dictionary = (robot.markers.folder or Path()) / robot.markers.dictionary
     words: dict[str, Any] = {
@@ -151,11 +170,13 @@ def write_robot(path: Path, robot: Robot) -> None:
             "dictionary": dictionary.name if dictionary.is_file() else robot.markers.dictionary,
             "side": robot.markers.side,
             "sides": sides or None,
-            "max_range": robot.max_range,
+            "max_range": robot.max_range if np.isfinite(robot.max_range) else None,
+            "max_distance": robot.max_distance if np.isfinite(robot.max_distance) else None,
             "ignore": list(robot.markers.ignore) or None,
         },
         "encoder": encoder,
         "odometry": odometry,
+        "commands": commands,
         "drift": {} if robot.drift is None else asdict(robot.drift),
         "noise": dict(robot.noise.settings),
         "prior": {} if robot.prior is None else _prior(robot.prior),
@@ -201,14 +222,37 @@ def _encoder(encoder: TomlTable) -> Encoder:
         if encoder.has(key):
             rolls[key] = encoder.choice(key, None, choices)
     rolls |= numbers_in(encoder, ("interval",), above=0) | floors_in(encoder)
-    return Encoder(**rolls, base=encoder.number("base", above=0), k=encoder.number("k", least=0))
+    if not encoder.has("k") and rolls.get("noise", "distance") == "distance":
+        rolls |= {"noise": "distance", "k": USUAL}
+    else:
+        rolls["k"] = encoder.number("k", least=0)
+    return Encoder(**rolls, base=encoder.number("base", above=0))
 
 
-def _max_speed(encoder: TomlTable, odometry: TomlTable) -> float:
-    given = [table.number("max_speed", above=0) for table in (encoder, odometry) if table.has("max_speed")]
-    if len(set(given)) > 1:
-        raise odometry.fault("max_speed", f"[encoder]'s {given[0]:g}, or nothing")
-    return given[0] if given else MAX_SPEED
+def _commands(commands: TomlTable) -> Commands:
+    given = numbers_in(commands, ("full", "base"), above=0) | numbers_in(commands, ("delay",))
+    noise = replace(FOLLOWED, **numbers_in(commands, TRACK, least=0), **floors_in(commands))
+    return Commands(**given, noise=noise)
+
+
+def _assumed(encoder: TomlTable, commands: TomlTable) -> dict[str, str]:
+    found = dict[str, str]()
+    if not encoder.has("k"):
+        words = f"k = {USUAL:g} m for a wheel that rolls 1 m"
+        found["encoder"] = NOT_MEASURED.format(of="the wheels' noise", words=words)
+    words = ", ".join(f"{key} = {getattr(FOLLOWED, key):g}" for key in TRACK if not commands.has(key))
+    if words:
+        found["commands"] = NOT_MEASURED.format(of="the way in which the robot follows its commands", words=words)
+    return found
+
+
+def _max_speed(*tables: TomlTable) -> float:
+    given = [(table.number("max_speed", above=0), table) for table in tables if table.has("max_speed")]
+    for speed, table in given[1:]:
+        if speed != given[0][0]:
+            first, name = given[0][0], given[0][1].place[-1]
+            raise table.fault("max_speed", f"[{name}]'s {first:g}, or nothing")
+    return given[0][0] if given else MAX_SPEED
 
 
 def _drift(drift: TomlTable) -> Drift:

@@ -2,8 +2,8 @@
 
 Frames are sensor_msgs/Image or CompressedImage. The motion is that of the original ArUco EKF system, a
 geometry_msgs/QuaternionStamped with four cumulative counts (x and y of the wheels on the left, z and w of those on the
-right, averaged per side), or a nav_msgs/Odometry. Times are those of the messages' headers, or of reception if these
-are zero.
+right, averaged per side), or a nav_msgs/Odometry, or commands: geometry_msgs/Twist or TwistStamped. Times are those of
+the messages' headers, or of reception if these are zero or there are none.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,21 +14,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.se2 import Array
 from ...frontend.markers.pipeline import Frame
+from ...frontend.wheels.commands import Speeds
 from ...frontend.wheels.counters import unwrap
-from ...frontend.wheels.motion import Poses, Ticks
+from ...frontend.wheels.motion import Ticks
 from ..bags import images
 from ..bags.bag import Bag, Topic
 from ..bags.camera_info import Recorded, camera_of
 from ..bags.cameras import COMPRESSED, IMAGE, in_order, info_beside
-from ..bags.columns import columns, of_untimed, poses
+from ..bags.columns import SPEEDS, columns, no_numbers, of_untimed, poses
 from ..bags.left_out import LeftOut
 from ..bags.odometry import ODOMETRY
 from ..bags.topics import choose, found, plain, shown
 from ..bags.window import window_of
+from ..readings import Readings
 from .streams import Streams
 
 ENCODER = "geometry_msgs/msg/QuaternionStamped"
+TWISTS = ("geometry_msgs/msg/TwistStamped", "geometry_msgs/msg/Twist")
+
+FASTEST = 1000.0  # m/s and rad/s; a message with more is left out
 
 
 class Topics(NamedTuple):
@@ -38,12 +44,14 @@ class Topics(NamedTuple):
     encoder: str | None = None
     odometry: str | None = None
     camera_info: str | None = None
+    commands: str | None = None
 
 
-def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams:
+def read(path: Path, topics: Topics, counter_bits: int | None = None, *, commands: bool = False) -> Streams:
     """The recording in the bag at `path`; its frames are read on demand.
 
-    Counters `counter_bits` wide are unwrapped before those of one side are averaged. InputError for a bag that is
+    Counters `counter_bits` wide are unwrapped before those of one side are averaged. `commands` count where nothing
+    of the motion was measured, or where `topics` names them. InputError for a bag that is
     invalid, empty or damaged, a topic that is missing or ambiguous, and for messages with implausible contents; for
     images, as they are read.
     """
@@ -60,7 +68,7 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None) -> Streams
     return Streams(
         frames=_Images(bag, image, remarks),
         length=image.messages,
-        readings=_readings(bag, listed, topics, counter_bits, remarks),
+        readings=_readings(bag, listed, topics, counter_bits, remarks, commands=commands),
         camera=recorded.camera,
         lacking=recorded.lacking,
         topic=image.name,
@@ -99,12 +107,25 @@ class _Images:
 
 
 def _readings(
-    bag: Bag, listed: Sequence[Topic], topics: Topics, counter_bits: int | None, remarks: list[str]
-) -> Ticks | Poses | None:
-    if topics.encoder is not None and topics.odometry is not None:
-        raise InputError(f"{bag.path}: [topics] names both encoder and odometry, expected the one to use.")
-    encoder = None if topics.odometry else choose(bag.path, listed, topics.encoder, "[topics] encoder", (ENCODER,))
-    odometry = None if topics.encoder else choose(bag.path, listed, topics.odometry, "[topics] odometry", (ODOMETRY,))
+    bag: Bag,
+    listed: Sequence[Topic],
+    topics: Topics,
+    counter_bits: int | None,
+    remarks: list[str],
+    *,
+    commands: bool,
+) -> Readings | None:
+    sources = ("encoder", "odometry", "commands")
+    named = [one for one in sources if getattr(topics, one) is not None]
+    if len(named) > 1:
+        raise InputError(f"{bag.path}: [topics] names both {' and '.join(named)}, expected the one to use.")
+
+    def chosen(source: str, types: tuple[str, ...]) -> Topic | None:
+        if named not in ([], [source]):
+            return None
+        return choose(bag.path, listed, getattr(topics, source), f"[topics] {source}", types)
+
+    encoder, odometry = chosen("encoder", (ENCODER,)), chosen("odometry", (ODOMETRY,))
     if encoder is not None and odometry is not None:
         raise InputError(
             f"{bag.path}: found both {shown(encoder)} and {shown(odometry)}, expected [topics] "
@@ -121,7 +142,17 @@ def _readings(
         return Ticks(t, turned.reshape(-1, 2, 2).mean(axis=2))
     if odometry is not None:
         return poses(bag, odometry, remarks)
-    return None
+    told = chosen("commands", TWISTS) if commands or named else None
+    return None if told is None else Speeds(*columns(bag, told, _told, remarks, faults=_no_speeds))
+
+
+def _told(message: Any) -> tuple[float, ...]:
+    twist = getattr(message, "twist", message)
+    return twist.linear.x, twist.angular.z
+
+
+def _no_speeds(found: Array, t: Array) -> dict[int, str]:  # noqa: ARG001 - at any time
+    return no_numbers(found, FASTEST, SPEEDS)
 
 
 def _turned(message: Any) -> tuple[float, ...]:

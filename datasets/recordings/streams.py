@@ -6,8 +6,8 @@ from typing import NamedTuple
 from ...core.factors import Truth
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.pipeline import Frame
-from ...frontend.wheels.motion import Poses, Ticks
 from ..bags.window import Window
+from ..readings import Readings
 
 
 class Streams(NamedTuple):
@@ -15,7 +15,7 @@ class Streams(NamedTuple):
 
     frames: Iterable[Frame]  # read on demand, once, in order; t as recorded
     length: int | None  # number of frames, if known beforehand
-    readings: Ticks | Poses | None  # None: unmeasured motion
+    readings: Readings | None  # None: unmeasured motion
     camera: Camera | None  # from the recording itself, mounted at the robot's origin
     lacking: str  # why the recording has no camera, where it has some of one
     topic: str  # of the frames in a bag; "" elsewhere

@@ -174,11 +174,12 @@ def _robot(recording: Recording) -> Robot:
         time_offset=-camera.readout / 2,
         readout=camera.readout,
         max_range=recording.max_range,
+        max_distance=recording.max_distance,
         noise=recording.noise,
         prior=recording.prior,
     )
     if isinstance(motion, Wheels):
-        return replace(robot, encoder=motion.encoder, max_speed=motion.max_speed)
+        return replace(robot, encoder=motion.stated, max_speed=motion.max_speed)
     if isinstance(motion, Track):
         return replace(robot, track_noise=motion.noise, max_speed=motion.max_speed)
     if isinstance(motion, Drift):

@@ -3,6 +3,7 @@
     Kalibr            cam0: {camera_model, intrinsics, distortion_model, distortion_coeffs, resolution}
     EuRoC             the same keys, but distortion_coefficients, of one camera (ASL's sensor.yaml)
     ORB-SLAM          Camera.fx or Camera1.fx, ..., Camera.k1, ..., Camera.type, Camera.width
+    aruco_ekf_slam    camera: {fx, ..., k1, ...}, as ORB-SLAM without a size
     MRPT              [section] resolution, cx, cy, fx, fy, dist, distortion_model
     camera_calibration    ost.txt: [image] width, height; [name] camera matrix, distortion
 
@@ -75,7 +76,7 @@ def _of_orb_slam(found: Entries) -> Entries:
     for name, one in found.items():
         if isinstance(one, Mapping):
             flat |= {f"{name}.{key}": value for key, value in one.items()}
-    names = [match[1] for key in flat if (match := re.fullmatch(r"(Camera\d*)\.fx", key))]
+    names = [match[1] for key in flat if (match := re.fullmatch(r"([Cc]amera\d*)\.fx", key))]
     return {name: flat | {"": name} for name in names}
 
 

@@ -61,9 +61,19 @@ class Recording:
     detector: Detector
     noise: Noise
     prior: Prior
-    max_range: float = 3.0  # m; ArUco EKF SLAM drops farther sightings
+    max_range: float = 3.0  # m in the robot's plane, from its origin; farther sightings are left out
+    max_distance: float = np.inf  # m from the camera, in space, as in the program of ArUco EKF SLAM
     notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
     remarks: list[str] = field(default_factory=list[str])  # grows while the frames are read
+
+    @property
+    def reach(self) -> str:
+        """Words from where on a sighting is too far."""
+        range_ = f"{self.max_range:g} m"
+        if np.isinf(self.max_distance):
+            return range_
+        distance = f"{self.max_distance:g} m from the camera"
+        return distance if np.isinf(self.max_range) else f"{range_} or {distance}"
 
 
 def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | None = None) -> Log:
@@ -95,7 +105,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
         twice.update(seen.rejected.twice)
         for one in seen.sightings:
             misfit.add(one.corners, one.corner_cov, one.error)
-        counts[f"sightings beyond {recording.max_range:g} m"] += int((~seen.kept).sum())
+        counts[f"sightings beyond {recording.reach}"] += int((~seen.kept).sum())
         counts["sightings"] += int(seen.kept.sum())
         if observe is not None:
             observe(seen)
@@ -160,7 +170,9 @@ def see(recording: Recording, frame: Frame) -> FrameSightings:
     assert frame.image is not None
     found, rejected = recording.detector.detect(frame.image, camera_motion(recording, frame.t))
     z, cov = recording.noise.measure(found, recording.detector.camera.mounting)
-    return FrameSightings(frame, found, z, cov, z[:, 0] <= recording.max_range, rejected)
+    distance = np.linalg.norm([one.centre for one in found], axis=1) if found else np.zeros(0)
+    near = (z[:, 0] <= recording.max_range) & (distance <= recording.max_distance)
+    return FrameSightings(frame, found, z, cov, near, rejected)
 
 
 def camera_motion(recording: Recording, t: float) -> CameraMotion | None:
@@ -190,7 +202,11 @@ def _settings(recording: Recording) -> dict[str, Any]:
             "side": markers.side,
             **sizes,
             **({"ignore": list(markers.ignore)} if markers.ignore else {}),
-            "max_range": recording.max_range,
+            **{
+                name: limit
+                for name, limit in (("max_range", recording.max_range), ("max_distance", recording.max_distance))
+                if np.isfinite(limit)
+            },
         },
     }
 

@@ -27,15 +27,17 @@ def unwrap(counts: Array, bits: int) -> Array:
     return np.concatenate((counts[:1], counts[:1] + np.cumsum(steps, axis=0)))
 
 
-def check_counts(t: Array, counts: Array, metres: Array, max_speed: float, source: str) -> None:
-    """Raises InputError for the first implausible of `counts` (m, 2) at `t` (m,), s.
+def check_counts(
+    t: Array, counts: Array, metres: Array, max_speed: float, source: str, wheels: Sequence[str] = WHEELS
+) -> None:
+    """Raises InputError for the first implausible of `counts` (m, w) of these `wheels` at `t` (m,), s.
 
-    Implausible are a count that is not finite, a step larger than a wheel of `metres` (2,) per count makes at
+    Implausible are a count that is not finite, a step larger than a wheel of `metres` (w,) per count makes at
     `max_speed`, m/s, and a smaller step that only a wrap or reset explains. As a stream's messages come in bursts, a
     wheel is allowed the time of a typical reading more, and one count.
     """
     for row, wheel in np.argwhere(~np.isfinite(counts)):
-        found = f"the {WHEELS[wheel]} wheel's count is {counts[row, wheel]!s}"
+        found = f"the {wheels[wheel]} wheel's count is {counts[row, wheel]!s}"
         raise InputError(f"{source}: in reading {row}, at {t[row]} s, {found}, expected a finite number.")
     if len(t) < 2:
         return
@@ -48,7 +50,7 @@ def check_counts(t: Array, counts: Array, metres: Array, max_speed: float, sourc
         most = float(limit[row, wheel] / abs(metres[wheel]))
         way = abs((after - before) * metres[wheel])
         raise InputError(
-            f"{source}: between readings {row} and {row + 1}, at {t[row]} and {t[row + 1]} s, the {WHEELS[wheel]} "
+            f"{source}: between readings {row} and {row + 1}, at {t[row]} and {t[row + 1]} s, the {wheels[wheel]} "
             f"wheel's count goes from {before:.0f} to {after:.0f}, {way:.4g} m in {dt[row]:.4g} s; "
             + _cause(before, after, most, max_speed, [bits for bits in COUNTER_BITS if _fit(counts[:, wheel], bits)])
         )
@@ -65,7 +67,7 @@ def _cause(before: float, after: float, most: float, max_speed: float, widths: S
 
 
 def _wraps(counts: Array, steps: Array, usual: Array) -> Flags:
-    """(m - 1, 2) where a small counter wrapped: within its width, a typical step modulo the range."""
+    """(m - 1, w) where a small counter wrapped: within its width, a typical step modulo the range."""
     found = np.zeros(steps.shape, bool)
     for bits in COUNTER_BITS:
         span = 2.0**bits
@@ -82,6 +84,6 @@ def _fit(counts: Array, bits: int) -> bool:
 
 
 def _resets(counts: Array, steps: Array, usual: Array) -> Flags:
-    """(m - 1, 2) where both wheels' counters return to about zero, from much farther than a typical step."""
+    """(m - 1, w) where all wheels' counters return to about zero, from much farther than a typical step."""
     jumps = (np.abs(counts[1:]) <= usual + 1) & (np.abs(steps) > 4 * (usual + 1))
     return np.broadcast_to(jumps.all(axis=1, keepdims=True), steps.shape)

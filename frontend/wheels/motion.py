@@ -1,6 +1,6 @@
 """The motion between two camera frames, from wheel counters or other odometry."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
@@ -10,7 +10,7 @@ from ...core.elementary import hypot
 from ...core.errors import InputError
 from ...core.factors import Odometry
 from ...core.se2 import Array, Ints, between
-from .counters import MAX_SPEED, check_counts
+from .counters import MAX_SPEED, WHEELS, check_counts
 from .encoder import Encoder, Floors, compose
 from .holes import Holes, find_holes
 from .units import odd_units
@@ -54,6 +54,21 @@ class Ticks(NamedTuple):
 
     t: Array  # (m,) s, strictly increasing
     counts: Array  # (m, 2) left and right, cumulative
+    own: tuple[Ints, Ints] | None = None  # rows in which left and right were read, the others interpolated; None: all
+
+    @property
+    def pairs(self) -> Ints:
+        """The first row, and those at which both wheels have been read since the one before."""
+        if self.own is None:
+            return np.arange(len(self.t))
+        left, right = (np.isin(np.arange(len(self.t)), rows) for rows in self.own)
+        found, seen = [0], [False, False]
+        for row, read in enumerate(zip(left[1:].tolist(), right[1:].tolist(), strict=True), start=1):
+            seen = [before or now for before, now in zip(seen, read, strict=True)]
+            if all(seen):
+                found.append(row)
+                seen = [False, False]
+        return np.array(found)
 
 
 class Poses(NamedTuple):
@@ -86,13 +101,27 @@ class Wheels:
         """Raises InputError for no readings, times that do not increase, counts that jump, and too long a hole."""
         _in_order(self.t, self.source)
         metres = np.array([self.encoder.left, self.encoder.right])
-        check_counts(self.t, self.ticks.counts, metres, self.max_speed, self.source)
+        wheels = [slice(None)] if self.ticks.own is None else [slice(0, 1), slice(1, 2)]
+        for wheel, rows in zip(wheels, self.ticks.own or (slice(None),), strict=True):
+            counts = self.ticks.counts[rows, wheel]
+            check_counts(self.t[rows], counts, metres[wheel], self.max_speed, self.source, WHEELS[wheel])
         self.holes.check(self.source)
 
     @cached_property
     def holes(self) -> Holes:
         """The times without readings. The counters then tell how far the wheels rolled and turned, but not where to."""
-        return find_holes(self.t, self._moved)
+        return find_holes(self.t[self._pairs], lambda rows: self._moved(self._pairs[rows]))
+
+    @cached_property
+    def _pairs(self) -> Ints:
+        return self.ticks.pairs
+
+    @cached_property
+    def stated(self) -> Encoder:
+        """The encoder; noise of each reading is that at the usual time between two where wheels are read apart."""
+        if self.ticks.own is None or self.encoder.interval is not None or len(self._pairs) < 2:
+            return self.encoder
+        return replace(self.encoder, interval=float(np.median(np.diff(self.t[self._pairs]))))
 
     def _moved(self, rows: Ints) -> tuple[Array, Array]:
         left, right = self.encoder.travel(np.diff(self.ticks.counts[rows], axis=0)).T
@@ -100,7 +129,7 @@ class Wheels:
 
     def odometry(self, start: float, end: float) -> Odometry:
         """The counts between `start` and `end`, s, as one factor."""
-        found = self.encoder.odometry(*readings(self.ticks, start, end))
+        found = self.stated.odometry(*readings(self.ticks, start, end))
         if not len(self.holes.start):
             return found
         unknown = self.holes.noise(start, end, position=False, heading=True)
@@ -113,7 +142,7 @@ class Wheels:
     @property
     def settings(self) -> dict[str, Any]:
         """The encoder."""
-        return {"encoder": {name: value for name, value in asdict(self.encoder).items() if value is not None}}
+        return {"encoder": {name: value for name, value in asdict(self.stated).items() if value is not None}}
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from charuco_views import poses, sensed
 from docs_pages import PAGES, blocks
 from floor_drives import bag, floor_drive, mounting, odometry, scans
 from random_logs import random_log
+from recorded import at_hand
 from slamduel.bench.cli import main
 from slamduel.bench.run import benchmark
 from slamduel.datasets import registry
@@ -145,7 +146,14 @@ def room(folder: Path) -> None:
     savemat(folder / "room.mat", {"lm": lm, "wp": wp})
 
 
+def rover(folder: Path) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", PAGES["docs/own_recordings.md"], re.DOTALL)
+    exec(code, {"data": str(at_hand("diddyborg"))})  # into the working directory, which is the folder
+    assert (folder / "rover").is_dir()
+
+
 FURNISHED = {
+    "rover/": rover,
     "manhattan[": pose_graph,
     "drives": drives,
     "path/to/my_log": lambda folder: written_log(folder / "path/to/my_log"),

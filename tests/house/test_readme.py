@@ -13,9 +13,11 @@ import pytest
 from docs_pages import PAGES, blocks
 from places import ROOT
 from random_logs import random_log
+from recorded import at_hand
+from slamduel import load, run
 from slamduel.backends import registry
 from slamduel.bench.check.suite import check
-from slamduel.bench.cli import COMMANDS
+from slamduel.bench.cli import COMMANDS, main
 from slamduel.bench.plan.spec import backend_variants, dataset_variants
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.run.terminal import tables
@@ -112,7 +114,8 @@ def python(page: str) -> str:
 
 
 def test_every_block_of_python_is_run_here() -> None:
-    assert {page for page, text in PAGES.items() if "```python" in text} == {"README.md", "docs/own_log.md"}
+    run = {"README.md", "docs/own_log.md", "docs/own_recordings.md"}
+    assert {page for page, text in PAGES.items() if "```python" in text} == run
 
 
 @pytest.mark.usefixtures("no_report")
@@ -124,6 +127,39 @@ def test_the_python_with_a_log_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     exec(python("docs/own_log.md").replace("cov=1e-6 * np.eye(3)", "cov=np.eye(3)"), known)
     assert known["path"].shape == (25, 3)
     assert len(known["log"]) == 6969
+
+
+@pytest.fixture
+def rover(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[list[str]]:
+    """The commands of the page on recordings, in a folder with what its Python makes of the rover's files."""
+    data = at_hand("diddyborg")
+    monkeypatch.chdir(tmp_path)
+    exec(python("docs/own_recordings.md"), {"data": str(data)})
+    (found,) = blocks("docs/own_recordings.md")
+    return found
+
+
+@pytest.mark.usefixtures("no_report")
+def test_the_files_of_a_rover_become_a_log(rover: list[list[str]]) -> None:
+    log, truth = load(rover[0][1])
+    assert (len(log), len(log.ids), len(np.unique(log.ids))) == (386, 770, 21)
+    (outside,) = log.remarks
+    assert "192 of 962 detections (20 %)" in outside
+    assert run(log, "graph", truth=truth).cells[0]["final_map_rmse_m"] == pytest.approx(0.0716, abs=5e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("no_report")
+def test_the_rovers_map_is_better_with_the_errors_that_its_log_tells(
+    rover: list[list[str]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, noise, _ = rover
+    assert main(noise) == 0
+    page, printed = PAGES["docs/own_recordings.md"], capsys.readouterr().out
+    said = re.findall(r"^The (?:sensor sits|odometry turns).*$", printed, re.MULTILINE)
+    assert [one.partition(" ± ")[0] for one in said] == re.findall(r"^ {4}(The .*?) ± ", page, re.MULTILINE)
+    log, truth = load("stated/")
+    assert run(log, "graph", truth=truth).cells[0]["final_map_rmse_m"] == pytest.approx(0.0241, abs=1e-3)
 
 
 def test_the_backend_conforms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

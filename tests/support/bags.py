@@ -16,6 +16,7 @@ IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 COUNTS = "geometry_msgs/msg/QuaternionStamped"
 ODOMETRY = "nav_msgs/msg/Odometry"
+TWIST, STAMPED_TWIST = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 SCAN = "sensor_msgs/msg/LaserScan"
 ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
@@ -58,7 +59,7 @@ def write(folder: Path, kind: str, messages: Iterable[Said]) -> Path:
                 content = {name.upper() if name in "dkrp" else name: value for name, value in content.items()}
             if said.type in (TRANSFORMS, FIRST_TRANSFORMS):
                 content = {"transforms": [_stamped(new, old, said.stamp, one) for one in content["transforms"]]}
-            else:
+            elif said.type != TWIST:
                 content["header"] = header
             message = types.types[said.type](**content)
             encode = types.serialize_ros1 if old else types.serialize_cdr
@@ -131,6 +132,17 @@ def compressed(stamp: int, content: bytes, kind: str = "jpeg", topic: str = "/im
 
 def counts(stamp: int, *four: float, topic: str = "/encoder", received: int | None = None) -> Said:
     return Said(topic, COUNTS, stamp, lambda new: {"quaternion": new("geometry_msgs/msg/Quaternion", *four)}, received)
+
+
+def twist(stamp: int, v: float, omega: float, topic: str = "/cmd_vel", *, stamped: bool = False) -> Said:
+    """A command, with a header or without."""
+
+    def build(new: Any) -> dict[str, Any]:
+        parts = [new("geometry_msgs/msg/Vector3", *three) for three in ((v, 0.0, 0.0), (0.0, 0.0, omega))]
+        whole = {"linear": parts[0], "angular": parts[1]}
+        return {"twist": new("geometry_msgs/msg/Twist", *parts)} if stamped else whole
+
+    return Said(topic, STAMPED_TWIST if stamped else TWIST, stamp, build)
 
 
 def odometry(

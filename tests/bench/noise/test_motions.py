@@ -1,12 +1,19 @@
 """Factors on the odometry's stated noise against closed forms."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from noisy_logs import noisy
 from slamduel.bench.noise.motions import fitted_motions, scaled
 from slamduel.core.factors import Dataset, Log, Prior, Truth
-from slamduel.core.se2 import Array
+from slamduel.core.se2 import Array, wrap
+from slamduel.datasets.recordings.robot import USUAL
+from slamduel.datasets.worlds.wheeled_robot import count
+from slamduel.frontend.wheels.encoder import Encoder, Floors
+from slamduel.frontend.wheels.motion import Wheels
 
 
 def straight(errors: Array, stated: Array) -> Dataset:
@@ -31,6 +38,25 @@ def test_single_steps_with_a_diagonal_covariance_have_the_root_mean_square() -> 
     half = 1.96 / np.sqrt(2 * 500)
     for one in found.scales:
         assert np.log(one.high / one.value) == pytest.approx(half, rel=0.01)
+
+
+def test_an_encoders_default_noise_is_measured() -> None:
+    """Wheels that roll with half of it, stated with the default: half is asked for."""
+    t = np.arange(4001) / 20
+    poses = np.column_stack((np.sin(0.1 * t) * 5, 5 - np.cos(0.1 * t) * 5, wrap(0.1 * t)))
+    true = Encoder(1e-6, 1e-6, 0.3, USUAL / 2, "distance", curve="arc", floors=Floors(1e-6, 1e-6))
+    wheels = Wheels(count(poses, 0.5 * t, t, true, np.random.default_rng(5)), replace(true, k=USUAL))
+    steps = [wheels.odometry(start, end) for start, end in pairwise(t[::10].tolist())]
+    delta = np.vstack((np.zeros(3), [one.delta for one in steps]))
+    cov = np.concatenate((np.zeros((1, 3, 3)), [one.cov for one in steps]))
+    none = np.zeros(0, np.int64)
+    log = Log.from_arrays(
+        "wheels", Prior(poses[0], np.eye(3)), t[::10], delta, cov, none, none, np.zeros((0, 2)), np.zeros((0, 2, 2))
+    )
+    found = fitted_motions([Dataset(log, Truth(t[::10], poses[::10]))], 1.0)
+    assert found is not None
+    forward, _, turn = found.scales
+    assert (forward.value, turn.value) == pytest.approx((0.5, 0.5), abs=0.05)
 
 
 def test_independent_errors_ask_for_the_same_at_every_horizon() -> None:

@@ -17,6 +17,7 @@ from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import from_rpy, mounting
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
+from slamduel.frontend.wheels.commands import Commands
 from slamduel.frontend.wheels.encoder import Encoder, Floors
 from slamduel.frontend.wheels.motion import Drift, TrackNoise
 
@@ -80,6 +81,11 @@ image = "/camera/image_raw"
 source = "drive.mkv"
 fps = 30
 start = 5.0
+[commands]
+full = 0.7
+base = 0.3
+delay = 0.1
+turning = 0.05
 """
 
 
@@ -90,8 +96,18 @@ def folder_with(folder: Path, words: str, calibration: str = CALIBRATION) -> Pat
 
 
 def assert_same(found: Robot, expected: Robot) -> None:
-    plain = ("name", "time_offset", "exposure", "readout", "max_range", "encoder", "counter_bits", "max_speed")
-    for name in (*plain, "track_noise", "drift", "noise", "topics", "frames"):
+    plain = (
+        "name",
+        "time_offset",
+        "exposure",
+        "readout",
+        "max_range",
+        "max_distance",
+        "encoder",
+        "counter_bits",
+        "max_speed",
+    )
+    for name in (*plain, "track_noise", "commands", "drift", "noise", "topics", "frames"):
         assert getattr(found, name) == getattr(expected, name), name
     np.testing.assert_allclose(found.mounting, expected.mounting, atol=1e-15)
     for one, other in ((found.markers, expected.markers),):
@@ -123,6 +139,7 @@ def test_everything_is_read(tmp_path: Path) -> None:
         counter_bits=16,
         max_speed=2.0,
         track_noise=TrackNoise(forward=0.03, turning_by_turn=0.05),
+        commands=Commands(0.7, 0.3, 0.1, TrackNoise(0.1, 0.05, 0.3)),
         drift=Drift(0.4, 0.6),
         noise=ProportionalNoise(k_range=0.03, floor_bearing=0.02, sway=0.015),
         prior=Prior(np.array([1.0, 2.0, 0.5]), np.diag(np.square([0.1, 0.2, 0.3]))),
@@ -147,6 +164,27 @@ def test_what_is_written_reads_back(tmp_path: Path, words: str) -> None:
     write_robot(tmp_path / "again" / "robot.toml", robot)
     assert_same(read_robot(tmp_path / "again" / "robot.toml"), replace(robot))
     assert (tmp_path / "again" / "calibration.yaml").exists() == (robot.camera is not None)
+
+
+def test_a_distance_from_the_camera_replaces_the_usual_range(tmp_path: Path) -> None:
+    markers = '[markers]\ndictionary = "4X4_50"\nside = 0.1\n'
+    robot = read_robot(folder_with(tmp_path, markers + "max_distance = 3.0\n"))
+    assert (robot.max_range, robot.max_distance) == (np.inf, 3.0)
+    write_robot(tmp_path / "robot.toml", robot)
+    assert "max_range" not in (tmp_path / "robot.toml").read_text()
+    assert read_robot(tmp_path / "robot.toml").max_range == np.inf
+    refused(r"max_distance: found 3000, .* \(3 if this is in millimetres\)",
+            read_robot, folder_with(tmp_path, markers + "max_distance = 3000\n"))  # fmt: skip
+
+
+def test_an_encoder_without_k_has_a_default_that_is_said(tmp_path: Path) -> None:
+    wheels = '[markers]\ndictionary = "4X4_50"\nside = 0.1\n[encoder]\nleft = 1e-3\nright = 1e-3\nbase = 0.3\n'
+    robot = read_robot(folder_with(tmp_path, wheels))
+    assert robot.encoder == Encoder(1e-3, 1e-3, 0.3, 0.02, "distance")
+    assert robot.assumed["encoder"].startswith("nothing was measured of the wheels' noise: stated as k = 0.02")
+    assert read_robot(folder_with(tmp_path, wheels + 'noise = "distance"\n')).encoder == robot.encoder
+    assert "encoder" not in read_robot(folder_with(tmp_path, wheels + "k = 0.02\n")).assumed
+    refused("encoder has no 'k'", read_robot, folder_with(tmp_path, wheels + 'noise = "proportional"\n'))
 
 
 def test_ids_to_ignore_are_read_and_written(tmp_path: Path) -> None:
@@ -264,7 +302,7 @@ def test_a_number_that_no_robot_has_is_refused_with_the_unit_meant(
 
 def test_every_measure_is_of_a_key_that_a_robot_toml_may_have(tmp_path: Path) -> None:
     """One that is not would never be checked."""
-    known = {"camera", "markers", "encoder", "odometry", "drift", "noise", "frames", "depth", "laser"}
+    known = {"camera", "markers", "encoder", "odometry", "commands", "drift", "noise", "frames", "depth", "laser"}
     assert {key.partition(".")[0] for key in LIMITS} == known
     for key in LIMITS:
         table, *rest = key.split(".")

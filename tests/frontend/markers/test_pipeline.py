@@ -20,7 +20,7 @@ from slamduel.frontend.camera.shutter import carried
 from slamduel.frontend.markers.aruco import Detector, Image
 from slamduel.frontend.markers.markers import Markers, find
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
-from slamduel.frontend.markers.pipeline import Frame, Recording, build_log, camera_motion
+from slamduel.frontend.markers.pipeline import Frame, Recording, build_log, camera_motion, see
 from slamduel.frontend.wheels.encoder import Encoder
 from slamduel.frontend.wheels.motion import Drift, Ticks, Wheels, readings
 
@@ -268,3 +268,20 @@ def test_a_robot_that_may_drift_unmeasured_leaves_its_sightings_uncertain() -> N
     assert sd[1] > 2 * without[1]
     added = np.sqrt(sd**2 - without**2)
     assert added[1] > 3 * added[0]
+
+
+def test_a_distance_from_the_camera_is_in_space() -> None:
+    frame = Frame(0.5, marked(30))
+    seen = see(recording([frame]), frame)
+    distance = float(np.linalg.norm(seen.sightings[0].centre))
+    assert seen.z[0, 0] == pytest.approx(distance, abs=1e-3)  # straight ahead, at the camera's height
+    for limit, kept in ((1.01 * distance, True), (0.99 * distance, False)):
+        assert see(recording([frame], max_range=np.inf, max_distance=limit), frame).kept.tolist() == [kept]
+    high = replace(CAMERA, mounting=mounting(0, 0, 0.3, 1.2))  # looks down: the plane's range is shorter
+    down = {"detector": Detector(Markers("4X4_50", 0.1), high)}
+    assert see(recording([frame], **down), frame).z[0, 0] < 0.5 * distance
+    assert see(recording([frame], **down, max_range=0.8 * distance), frame).kept.tolist() == [True]
+    assert see(recording([frame], **down, max_distance=0.8 * distance), frame).kept.tolist() == [False]
+    log = build_log(recording([frame], max_range=np.inf, max_distance=0.5 * distance))
+    assert log.notes["counts"][f"sightings beyond {0.5 * distance:g} m from the camera"] == 1
+    assert "max_range" not in log.notes["markers"]
