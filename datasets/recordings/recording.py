@@ -118,14 +118,16 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
             '[camera] calibration = "calibration.yaml".'
         )
     motion = _motion(streams.readings, robot, path)
+    clock = robot.time_offset + (robot.exposure + robot.readout) / 2
     recording = Recording(
         name=robot.name,
-        frames=_FramesOnClock(streams.frames, motion, robot, camera, path),
+        frames=_FramesOnClock(streams.frames, motion, clock, camera, path),
         motion=motion,
         detector=Detector(robot.markers, camera),
         noise=robot.noise,
         prior=robot.prior or assumed(),
         max_range=robot.max_range,
+        clock=clock,
         notes={
             "source": path.name.encode("utf-8", "replace").decode(),
             "time_offset": robot.time_offset,
@@ -211,16 +213,15 @@ class _FramesOnClock:
 
     frames: Iterable[Frame]
     motion: Motion
-    robot: Robot
+    clock: float  # s, added to the frames' stamps
     camera: Camera
     path: Path
 
     def __iter__(self) -> Iterator[Frame]:
         first, last = self.motion.t[[0, -1]]
-        shift = self.robot.time_offset + (self.robot.exposure + self.robot.readout) / 2
         number, decoded, inside, begin, end = 0, 0, 0, np.inf, -np.inf
         for number, frame in enumerate(self.frames, start=1):
-            t = frame.t + shift
+            t = frame.t + self.clock
             begin, end = min(begin, t), max(end, t)
             inside += bool(first <= t <= last)
             if frame.image is not None:

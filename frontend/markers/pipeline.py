@@ -62,6 +62,7 @@ class Recording:
     noise: Noise
     prior: Prior
     max_range: float = 3.0  # m; ArUco EKF SLAM drops farther sightings
+    clock: float = 0.0  # s by which the frames' times are later than their stamps
     notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
     remarks: list[str] = field(default_factory=list[str])  # grows while the frames are read
 
