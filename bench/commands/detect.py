@@ -120,6 +120,8 @@ def _opened(namespace: argparse.Namespace) -> Opened:
         return Opened(partial(depth.detect, images), images.length, "frames", "steps")
     robot = None if namespace.robot is None else read_robot(namespace.robot)
     frames = open_recording(path, robot, namespace.seconds)
+    if namespace.preview is not None and not frames.pictures:
+        raise InputError(f"--preview: {name} has tags that were found before, and no images; expected it without.")
     return Opened(
         partial(markers.detect, frames.recording, frames.truth, start_given=frames.start_given),
         frames.length,

@@ -72,10 +72,9 @@ class MarkerFindings(Findings):
         found = f"{counted(len(kept.ids), 'sighting')} of {counted(len(np.unique(kept.ids)), 'marker')}"
         counts = per_frame(kept, len(self.log))
         none, mean = int((counts == 0).sum()), number(float(counts.mean()))
-        said = [
-            f"{found} in {frames}, {mean} a frame; {none:,} saw none.",
-            f"Corners fit to {number(float(np.sqrt((kept.error**2).mean())))} px.",
-        ]
+        fit = float(np.sqrt((kept.error**2).mean()))
+        said = [f"{found} in {frames}, {mean} a frame; {none:,} saw none."]
+        said += [] if np.isnan(fit) else [f"Corners fit to {number(fit)} px."]
         return [*said, _truthfulness(self.bins)] if self.bins else said
 
     def refused(self) -> str:

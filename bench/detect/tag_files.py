@@ -30,6 +30,11 @@ class TagFile:
         """Takes in a frame; the place of a tag is its centre's, the mean of the poses that explain its corners."""
         for one in seen.sightings:
             if one.id != UNKNOWN:
+                if np.isnan(one.cov).any():
+                    raise InputError(
+                        f"--poses {self.path}: the pose of tag {one.id} at {seen.frame.t} s has no covariance, "
+                        "expected [camera] calibration, by which [markers] corner_sd tells it."
+                    )
                 pose = one.pose.copy()
                 pose[:3, 3] = one.centre
                 self._rows.append((len(self._times), one.id, pose, one.cov))

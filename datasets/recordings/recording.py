@@ -5,6 +5,7 @@ A recording's folder holds robot.toml and one of
     frames/*.png|jpg   and frames.csv: frame,t, or file names that are times, or a frame rate in robot.toml
     drive.mkv|avi|mp4  and frames.csv, or a frame rate, or the video's own time stamps
     drive.bag, drive.mcap, or a ROS 2 folder with metadata.yaml
+    tags.csv           poses or corners of tags that another program found; a bag may have messages of them
 
 Frames and videos come with ticks.csv (t,left,right) or odometry.csv (t,x,y,heading), and any kind with truth.tum and
 landmarks.csv, if known. `camera:0` is the first camera of this machine. Recordings of laser scans are opened by
@@ -23,6 +24,7 @@ from ...core.factors import Dataset, Truth
 from ...core.options import option
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Detector
+from ...frontend.markers.noise import PropagatedNoise
 from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.wheels.motion import Motion, Poses, Ticks, Track, Wheels
 from ..bags.bag import Bag, is_bag
@@ -39,9 +41,11 @@ from ..robot_files import ROBOT, robot_beside
 from ..scans.bag_scans import SCAN
 from ..scans.open import ScanTopics, open_scans
 from ..scans.open import build as build_scans
+from ..tags.found_tags import Known, sightings
 from ..truth import with_truth
 from .open import is_live, read_streams
 from .robot import Robot, read_robot
+from .streams import Streams
 
 OTHER_LENS = 0.02
 """Relative difference of two focal lengths of one lens: calibrations agree within 1 %, and ranges err by as much."""
@@ -54,6 +58,7 @@ class Opened(NamedTuple):
     truth: Truth | None  # at the times of its measurement; `sample` interpolates it to a log's
     length: int | None  # number of frames, if known beforehand
     start_given: bool = True  # by [prior] in robot.toml
+    pictures: bool = True  # False: tags that another program found, without the images
 
 
 @dataclass(frozen=True)
@@ -111,19 +116,26 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         streams.remarks.extend(_contradicted(camera, recorded, path))
     if camera is None and recorded is not None:
         camera = replace(recorded, mounting=robot.mounting, readout=robot.readout)
+    if streams.tags is not None:
+        camera = _of_tags(camera, robot, streams, path)
     if camera is None:
         lacking = f" ({streams.lacking})" if streams.lacking else ""
         raise InputError(
             f"{path}: the camera's calibration is unknown{lacking}, expected {ROBOT} to name its file: "
             '[camera] calibration = "calibration.yaml".'
         )
+    detector = Detector(robot.markers, camera)
+    frames = streams.frames
+    if streams.tags is not None:
+        known = Known(detector, robot.corner_sd, isinstance(robot.noise, PropagatedNoise), str(path))
+        frames = (Frame(one.t, None, sightings(one, known)) for one in streams.tags)
     motion = _motion(streams.readings, robot, path)
     clock = robot.time_offset + (robot.exposure + robot.readout) / 2
     recording = Recording(
         name=robot.name,
-        frames=_FramesOnClock(streams.frames, motion, clock, camera, path),
+        frames=_FramesOnClock(frames, motion, clock, camera, path),
         motion=motion,
-        detector=Detector(robot.markers, camera),
+        detector=detector,
         noise=robot.noise,
         prior=robot.prior or assumed(),
         max_range=robot.max_range,
@@ -135,7 +147,32 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         },
         remarks=streams.remarks,
     )
-    return Opened(recording, streams.truth, streams.length, robot.prior is not None)
+    return Opened(recording, streams.truth, streams.length, robot.prior is not None, streams.tags is None)
+
+
+def _of_tags(camera: Camera | None, robot: Robot, streams: Streams, path: Path) -> Camera | None:
+    """The camera in whose images another program found tags; None where it is needed and unknown."""
+    assert streams.tags is not None
+    corners = any(tag.pose is None for frame in streams.tags for tag in frame.tags)
+    if camera is None:
+        return None if corners else Camera.unknown(robot.mounting)
+    if camera.readout:
+        streams.remarks.append(
+            f"{path}: the tags were found by another program: readout in {ROBOT} does not correct them"
+        )
+    if robot.rectified:
+        if camera.rectified is None:
+            raise InputError(
+                f"{path}: [camera] rectified: the calibration tells nothing of rectified images, expected one with a "
+                "projection_matrix."
+            )
+        return camera.rectified
+    if robot.rectified is None and corners and streams.topic and camera.distorted:
+        raise InputError(
+            f"{path}: the corners of topic {streams.topic} may be of raw or of rectified images, expected [camera] "
+            f"rectified = true or false in {ROBOT}; apriltag_ros finds tags in rectified ones, TagSLAM in raw ones."
+        )
+    return camera
 
 
 def _bare(path: Path) -> str:
@@ -232,7 +269,8 @@ class _FramesOnClock:
                         f"{self.path}: frame {number - 1} has {width}x{height} pixels, expected the "
                         f"{self.camera.width}x{self.camera.height} of the camera's calibration."
                     )
-            yield Frame(t, frame.image)
+            decoded += frame.found is not None
+            yield frame._replace(t=t)
         if not number:
             raise InputError(f"{self.path}: found no frames, expected at least one.")
         if not decoded:

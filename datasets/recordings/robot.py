@@ -1,15 +1,15 @@
 """Reads and writes robot.toml, a robot's parameters for reading its recordings.
 
     name = "my robot"
-    [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure, readout
-    [markers]    dictionary, side, sides, max_range, ignore
+    [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure, readout, rectified
+    [markers]    dictionary, side, sides, max_range, ignore, corner_sd
     [encoder]    left, right, base, k, noise, interval, curve, floors, counter_bits, max_speed
     [odometry]   forward, turning, turning_by_turn, floors, max_speed
     [drift]      position, turning, floors        of the pose per root second, for frames without any motion
     [noise]      model = "proportional": k_range, k_bearing, floor_range, floor_bearing, sway
                  model = "propagated": scale, floor_range, floor_bearing, sway
     [prior]      pose, sd
-    [topics]     image, encoder, odometry, camera_info
+    [topics]     image, encoder, odometry, camera_info, tags
     [frames]     source, fps, start
 
 Only [markers] is required. [laser] in its place is read by `scans`, [depth] by `depth`. Lengths are in m, angles in
@@ -47,6 +47,10 @@ NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated
 """[noise] model -> a dataclass whose fields, all numbers, are the table's other keys."""
 
 
+CORNER_SD = 0.3
+"""px, of an unrefined corner, as AprilTag's and OpenCV's detectors give it."""
+
+
 @dataclass(frozen=True)
 class FrameSource:
     """Location and times of the frames, unless frames.csv has them."""
@@ -68,7 +72,9 @@ class Robot:
     time_offset: float = 0.0  # s, added to the frames' stamps to get the motion's clock
     exposure: float = 0.0  # s; frames are stamped at its start, that of their first row
     readout: float = 0.0  # s from the first row's exposure to the last's, the camera's own if there is one
+    rectified: bool | None = None  # if tags that another program found are of rectified images; None: not said
     max_range: float = 3.0  # m
+    corner_sd: float = CORNER_SD  # px, of a corner of such a tag along each axis
     encoder: Encoder | None = None
     counter_bits: int | None = None  # the width of the wheels' counters; None: they never wrap
     max_speed: float = MAX_SPEED  # m/s; faster readings are invalid
@@ -88,8 +94,10 @@ def read_robot(path: Path) -> Robot:
         raise file.refused("laser", "is of a robot with a scanner, expected [markers], for one with a camera.")
     if file.has("depth"):
         raise file.refused("depth", "is of a robot with a depth camera, expected [markers], for one with a camera.")
-    camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure", "readout"))
-    markers = file.table("markers").only(("dictionary", "side", "sides", "max_range", "ignore"))
+    camera = file.table("camera").only(
+        ("calibration", "size", "mounting", "time_offset", "exposure", "readout", "rectified")
+    )
+    markers = file.table("markers").only(("dictionary", "side", "sides", "max_range", "ignore", "corner_sd"))
     odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))
     encoder = file.table("encoder").only((*names_of(Encoder), "counter_bits", "max_speed"))
     frames = file.table("frames").only(names_of(FrameSource))
@@ -104,7 +112,9 @@ def read_robot(path: Path) -> Robot:
         time_offset=camera.number("time_offset", 0.0),
         exposure=camera.number("exposure", 0.0, least=0),
         readout=readout,
+        rectified=camera.switch("rectified", False) if camera.has("rectified") else None,
         max_range=markers.number("max_range", 3.0, above=0),
+        corner_sd=markers.number("corner_sd", CORNER_SD, above=0),
         encoder=_encoder(encoder) if file.has("encoder") else None,
         counter_bits=encoder.choice("counter_bits", None, COUNTER_BITS),
         max_speed=_max_speed(encoder, odometry),
@@ -146,6 +156,7 @@ def write_robot(path: Path, robot: Robot) -> None:
             "time_offset": robot.time_offset,
             "exposure": robot.exposure,
             "readout": robot.readout,
+            "rectified": robot.rectified,
         },
         "markers": {
             "dictionary": dictionary.name if dictionary.is_file() else robot.markers.dictionary,
@@ -153,6 +164,7 @@ def write_robot(path: Path, robot: Robot) -> None:
             "sides": sides or None,
             "max_range": robot.max_range,
             "ignore": list(robot.markers.ignore) or None,
+            "corner_sd": None if robot.corner_sd == CORNER_SD else robot.corner_sd,
         },
         "encoder": encoder,
         "odometry": odometry,

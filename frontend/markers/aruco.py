@@ -69,7 +69,7 @@ class Sighting(NamedTuple):
     pose: Array  # (4, 4) T_camera_marker; the marker's frame: x right, y up, z out of its printed face
     centre: Array  # (3,) m, the marker's centre in the camera frame, averaged over the poses that explain the corners
     cov: Array  # (6, 6) of the centre, m, and of a turn about the camera's axes after the pose's, rad; both poses count
-    error: float  # px, RMS distance of the corners from where `pose` puts them
+    error: float  # px, RMS distance of the corners from where `pose` puts them; NaN: unknown, as the corners are
     ambiguity: float  # likelihood ratio of the second pose that explains the square; 1: indistinguishable
 
     @property
@@ -159,12 +159,7 @@ class Detector:
         alone = _alone(sightings)
         if len(alone) < len(sightings):
             rejected["inside another marker"] += len(sightings) - len(alone)
-        seen = Counter(one.id for one in alone if one.id != UNKNOWN)
-        single = [one for one in alone if seen[one.id] < 2]
-        if len(single) < len(alone):
-            rejected[TWICE] += len(alone) - len(single)
-            rejected.twice = tuple(name for name, times in seen.items() if times > 1)
-        return single, rejected
+        return single(alone, rejected), rejected
 
     def _unread(self, grey: Image, quads: Array, motion: CameraMotion | None) -> Iterator[Sighting]:
         """Yields the squares among the outlines `quads` (n, 4, 2) that are printed like a marker."""
@@ -234,6 +229,11 @@ class Detector:
         cov[range(4), :, range(4)] = sd**2 * by_pixel @ by_pixel.transpose(0, 2, 1)
         return cov.reshape(8, 8)
 
+    def at_corners(self, name: int, corners: Array, sd: float) -> Sighting | None:
+        """The pose of the marker with `corners` (4, 2), px, of `sd` px along both axes; None without a solution."""
+        rays = self.camera.undistort(corners)
+        return self.locate(name, rays, self._cov_of_rays(rays, sd)) if np.isfinite(rays).all() else None
+
     def _located(self, name: int, rays: Array, cov: Array, motion: CameraMotion | None) -> Sighting | None:
         """`locate`, with the corners where a moving camera sees them."""
         sighting = self.locate(name, rays, cov)
@@ -271,6 +271,16 @@ class Detector:
             error=error,
             ambiguity=math.exp((best.chi2 - poses[1].chi2) / 2) if len(poses) > 1 else 0.0,
         )
+
+
+def single(sightings: Sequence[Sighting], rejected: Rejections) -> list[Sighting]:
+    """The sightings whose ids no other one has, or is UNKNOWN; the others are counted in `rejected`."""
+    seen = Counter(one.id for one in sightings if one.id != UNKNOWN)
+    kept = [one for one in sightings if seen[one.id] < 2]
+    if len(kept) < len(sightings):
+        rejected[TWICE] += len(sightings) - len(kept)
+        rejected.twice = tuple(name for name, times in seen.items() if times > 1)
+    return kept
 
 
 def range_bearing(sightings: Sequence[Sighting], mounting: Array) -> Array:

@@ -34,7 +34,8 @@ class Frame(NamedTuple):
     """An image and its time."""
 
     t: float  # s, the middle of the exposure of its middle row, by the clock of the motion's readings
-    image: Image | None  # (height, width) grey or (height, width, 3) BGR; None: it could not be decoded
+    image: Image | None  # (height, width) grey or (height, width, 3) BGR; None: not there, or not decoded
+    found: tuple[list[Sighting], Rejections] | None = None  # by another program; None: to be detected
 
 
 class FrameSightings(NamedTuple):
@@ -87,7 +88,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
         if not first <= frame.t <= last:
             counts[f"frames without {recording.motion.readings}"] += 1
             continue
-        if frame.image is None:
+        if frame.image is None and frame.found is None:
             counts["frames that could not be decoded"] += 1
             continue
         odometry = recording.motion.odometry(steps[-1].t, frame.t) if steps else None
@@ -95,7 +96,8 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
         counts.update(seen.rejected)
         twice.update(seen.rejected.twice)
         for one in seen.sightings:
-            misfit.add(one.corners, one.corner_cov, one.error)
+            if np.isfinite(one.error):
+                misfit.add(one.corners, one.corner_cov, one.error)
         counts[f"sightings beyond {recording.max_range:g} m"] += int((~seen.kept).sum())
         counts["sightings"] += int(seen.kept.sum())
         if observe is not None:
@@ -157,9 +159,12 @@ def _of_twins(recording: Recording, twice: Mapping[int, int], steps: Sequence[St
 
 
 def see(recording: Recording, frame: Frame) -> FrameSightings:
-    """Detects the markers in one frame, which has an image."""
-    assert frame.image is not None
-    found, rejected = recording.detector.detect(frame.image, camera_motion(recording, frame.t))
+    """Detects the markers in one frame, which has an image, or takes those that another program found in it."""
+    if frame.found is None:
+        assert frame.image is not None
+        found, rejected = recording.detector.detect(frame.image, camera_motion(recording, frame.t))
+    else:
+        found, rejected = frame.found
     z, cov = recording.noise.measure(found, recording.detector.camera.mounting)
     return FrameSightings(frame, found, z, cov, z[:, 0] <= recording.max_range, rejected)
 

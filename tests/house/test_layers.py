@@ -66,7 +66,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "bags": {TOP},
         "scans": {TOP, "bags", "formats"},
         "depth": {TOP, "bags"},
-        "tags": {TOP, "graphs", "bags"},
+        "tags": {TOP, "graphs", "bags", "formats"},
         "recordings": {TOP, "bags", "scans", "depth", "tags"},
     },
     "bench": {
