@@ -9,8 +9,9 @@ import pytest
 from charuco_views import BOARD, corners, photographs, poses
 from recorded import at_hand
 from refusals import refused
-from slamduel.frontend.boards.board import Board, View, find_corners, read_board
+from slamduel.frontend.boards.board import Board, find_corners, read_board
 from slamduel.frontend.boards.charuco import calibrate
+from slamduel.frontend.boards.view import View
 from slamduel.frontend.camera.camera import Camera
 
 SIZE = (400, 300)
