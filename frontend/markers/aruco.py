@@ -255,7 +255,7 @@ class Detector:
         if len(poses) > 1:
             turns = (cv2.Rodrigues(each.pose[:3, :3] @ best.pose[:3, :3].T)[0].ravel() for each in poses)
             centre, pose_cov = mixture(
-                np.array([[*each.pose[:3, 3], *turn] for each, turn in zip(poses, turns, strict=True)]),
+                np.array([[*each.pose[:3, 3], *turn] for each, turn in zip(poses, turns, strict=True)], float),
                 np.array([each.cov for each in poses]),
                 np.array([each.chi2 for each in poses]),
             )
