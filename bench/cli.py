@@ -27,7 +27,7 @@ COMMANDS = {
     ),
     "render": ("write a rendered drive as frames, video or ROS bag, with its truth", ".commands.render"),
     "markers": ("print markers, or a calibration board, at true size", ".commands.markers"),
-    "calibrate": ("calibrate a camera from views of a ChArUco board", ".commands.calibrate"),
+    "calibrate": ("calibrate a camera from views of a ChArUco board or chessboard", ".commands.calibrate"),
     "speed": ("time a step of every backend, or of the front end, against stated references", ".commands.speed"),
     "ablate": ("run a study to its answer, on this machine or a cluster", ".commands.ablate"),
     "suite": ("run a suite of the benchmark into its site, or check and enter somebody's results", ".commands.suite"),

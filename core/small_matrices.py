@@ -1,4 +1,4 @@
-"""Products, factors, inverses and triangles of batches of 2x2 and 3x3 matrices, with the same bits on every machine.
+"""Products, factors, inverses and triangles of batches of small matrices, with the same bits on every machine.
 
 BLAS and LAPACK choose code by the processor, and with it the order of sums. Here the order is the textbook's.
 """
@@ -57,7 +57,7 @@ def upper(cov: Array) -> Array:
 
 def symmetric(triangles: Array) -> Array:
     """Symmetric matrices (m, k, k) from their upper triangles (m, k (k + 1) / 2), row by row."""
-    k = {3: 2, 6: 3}[triangles.shape[1]]
+    k = {3: 2, 6: 3, 21: 6}[triangles.shape[1]]
     index = np.zeros((k, k), np.int64)
     index[np.triu_indices(k)] = np.arange(triangles.shape[1])
     return triangles[:, np.maximum(index, index.T)]

@@ -83,6 +83,20 @@ def board(charuco: cv2.aruco.CharucoBoard, words: str, page: str) -> Draw:
         drawn = np.asarray(dictionary.generateImageMarker(int(name), modules, borderBits=1))
         loops += [corner + loop * side / modules for loop in outlines(drawn == 0)]
     loops += [square * loop for loop in outlines(black)]
+    return _in_the_middle(loops, width, height, words, page)
+
+
+def chessboard(corners: tuple[int, int], side: float, words: str, page: str) -> Draw:
+    """Draws a chessboard with inner `corners` across and down, of squares of `side` m, as `board` does."""
+    columns, rows = corners[0] + 1, corners[1] + 1
+    width, height = 1000 * side * columns, 1000 * side * rows
+    check_fits("the board", width, height, EDGE, page)
+    black = np.indices((rows, columns)).sum(axis=0) % 2 == 0
+    return _in_the_middle([1000 * side * loop for loop in outlines(black)], width, height, words, page)
+
+
+def _in_the_middle(loops: Sequence[Array], width: float, height: float, words: str, page: str) -> Draw:
+    """Draws outlines of black (n, 2), x to the right and y down, of that size, in the middle of a page."""
     page_width, page_height = PAGES[page]
     origin = np.array([(page_width - width) / 2, (page_height - EDGE + FOOT + height) / 2])
 

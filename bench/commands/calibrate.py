@@ -1,4 +1,4 @@
-"""`bench calibrate FRAMES --board charuco[...]`: calibrates a camera from views of a ChArUco board."""
+"""`bench calibrate FRAMES --board charuco[...]`: calibrates a camera from views of a ChArUco board or chessboard."""
 
 import argparse
 from collections import defaultdict
@@ -15,9 +15,12 @@ from rich.table import Table
 
 from ...core.errors import InputError
 from ...datasets.recordings import frames_folder, video
-from ...frontend.boards.board import Board, View, find_corners, read_board
-from ...frontend.boards.charuco import MODELS, Calibration, calibrate
+from ...frontend.boards.board import Board, read_board
+from ...frontend.boards.charuco import FEWEST_VIEWS, MODELS, Calibration, calibrate
+from ...frontend.boards.chessboard import Chessboard
+from ...frontend.boards.other_board import MOST, other_board
 from ...frontend.boards.response_fit import BoardResponse, Pictures
+from ...frontend.boards.view import View
 from ...frontend.camera.calibration import write_camera_info, write_opencv
 from ...frontend.markers.aruco import Image
 from ..camera.calibration_picture import write_picture
@@ -54,7 +57,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = (
         "Take 15 to 30 sharp pictures in which the board is large and tilted every way by 20 to 45 degrees, near all "
         "edges of the image too. Measure the printed board's squares and markers: their sides are in m. Boards printed "
-        "with OpenCV before 4.6 with an even number of rows need legacy=true."
+        "with OpenCV before 4.6 with an even number of rows need legacy=true. The columns and rows of a chessboard are "
+        "its inner corners, as OpenCV counts them, one fewer than squares; all of it has to be in the picture."
     )
     add = parser.add_argument
     add("frames", nargs="+", type=Path, metavar="FRAMES", help="images, folders of them, or a video")
@@ -62,7 +66,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--board",
         required=True,
         metavar="BOARD",
-        help="charuco[columns=5,rows=7,square=0.04,marker=0.02,dictionary=6X6_250], in squares and m",
+        help="charuco[columns=5,rows=7,square=0.04,marker=0.02,dictionary=6X6_250], in squares and m, or "
+        "chessboard[columns=8,rows=6,square=0.025], in inner corners and m",
     )
     add(
         "--model",
@@ -88,6 +93,9 @@ def main(namespace: argparse.Namespace) -> int:
     try:
         found = calibrate(views.used, views.size, namespace.model)
     except InputError as error:
+        other = None if len(views.used) >= FEWEST_VIEWS else other_board(_unused(namespace.frames, views), board)
+        if other is not None:
+            raise InputError(f"calibration: {other}, expected {namespace.board.strip()}") from None
         raise InputError(". ".join([str(error), *reasons])) from None
     seen = _response(namespace.frames, board, found, views.numbers, console)
     if isinstance(seen, BoardResponse):
@@ -104,7 +112,15 @@ def main(namespace: argparse.Namespace) -> int:
     return 0
 
 
-def _views(places: list[Path], board: Board, console: Console) -> Views:
+def _unused(places: list[Path], views: Views) -> list[Image]:
+    """Up to a few images, spread over all, in which the board was not found; they are read again."""
+    left = np.setdiff1d(np.arange(_all(places).length), views.numbers)
+    chosen = set(left[np.linspace(0, len(left) - 1, min(MOST, len(left))).astype(int)].tolist()) if len(left) else set()
+    images = enumerate(_all(places).images)
+    return [image for number, (_, image) in images if number in chosen and image is not None]
+
+
+def _views(places: list[Path], board: Board | Chessboard, console: Console) -> Views:
     """Finds the board in all images; InputError for different sizes, or where none can be read."""
     used: list[View] = []
     numbers: list[int] = []
@@ -122,7 +138,7 @@ def _views(places: list[Path], board: Board, console: Console) -> Views:
             if (width, height) != first[1]:
                 before = f"{first[0]}'s {first[1][0]}x{first[1][1]}"
                 raise InputError(f"{name}: found {width}x{height} pixels, expected {before}: one camera's images alike")
-            view = find_corners(board, name, image)
+            view = board.find(name, image)
             if isinstance(view, str):
                 left_out[view].append(name)
             elif (twin := _twin(view, used)) is not None:
@@ -137,9 +153,11 @@ def _views(places: list[Path], board: Board, console: Console) -> Views:
 
 
 def _response(
-    places: list[Path], board: Board, found: Calibration, numbers: list[int], console: Console
+    places: list[Path], board: Board | Chessboard, found: Calibration, numbers: list[int], console: Console
 ) -> BoardResponse | str:
     """Reads the images with the `numbers` of the fitted views again; the response, or why it cannot be told."""
+    if isinstance(board, Chessboard):
+        return "a chessboard has no markers, of which it is told"
     source, fits = _all(places), dict(zip(numbers, found.fits, strict=True))
     pictures = Pictures(board, found.camera)
     with ProgressBar(console, "measuring the camera's response", source.length) as bar:

@@ -21,6 +21,7 @@ from ..detect.folder import Request, check_place
 from ..detect.noise_calibration import RangeBin, toml
 from ..detect.page import PAGE
 from ..detect.preview import CODECS, Preview
+from ..detect.tag_files import ENDINGS
 from ..plan.values import check_file, positive
 from ..words.console import ProgressBar, plain, screen_console
 from ..words.numerals import number
@@ -50,6 +51,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--scan", metavar="TOPIC", help="the topic of the laser scans, in a bag with several")
     add("--odometry", metavar="TOPIC", help="the topic of their odometry, in a bag with several")
     add("--preview", type=Path, metavar="FILE", help="also write an annotated video (.mp4 .avi .mkv .webm)")
+    add("--poses", type=Path, metavar="FILE", help="also write each marker's 6-DoF pose (.csv .jrl .pyfg .pfg)")
     add("--seconds", type=positive, metavar="N", help="stop after the first N seconds")
     add("--calibrate-noise", action="store_true", help="fit the noise models; the recording must have truth")
     add("--strict", action="store_true", help="refuse a log with a remark; none is written")
@@ -62,6 +64,7 @@ def main(namespace: argparse.Namespace) -> int:
     n, out = namespace, namespace.out
     check_place(out)
     check_file("--preview", n.preview, tuple(CODECS))
+    check_file("--poses", n.poses, ENDINGS)
     opened = _opened(n)
     preview = None if n.preview is None else Preview(n.preview)
     console = screen_console(quiet=n.quiet or n.json)
@@ -70,7 +73,7 @@ def main(namespace: argparse.Namespace) -> int:
         def advance(found: int) -> None:
             bar.update(advance=1, note=f"{found:,} {opened.found}")
 
-        f = opened.detect(Request(n.recording, out, preview, n.seconds, n.calibrate_noise, n.strict), advance)
+        f = opened.detect(Request(n.recording, out, preview, n.seconds, n.calibrate_noise, n.strict, n.poses), advance)
     if n.json:
         print(json.dumps(f.as_json(str(out)), indent=2))
         return 0
@@ -83,6 +86,8 @@ def main(namespace: argparse.Namespace) -> int:
         say(_noise_table(f.calibration.bins))
         say(plain(toml(f.calibration).rstrip()))
     say(f"report: {plain(str(out / PAGE))}", soft_wrap=True)
+    if n.poses is not None:
+        say(f"poses:  {plain(str(n.poses))}", soft_wrap=True)
     if len(f.log.ids) or f.log.scans is not None or f.log.clouds is not None:  # there is something to run backends on
         say(f"next:   bench run --dataset {plain(shlex.quote(str(out)))}", soft_wrap=True)
     return 0
@@ -93,7 +98,8 @@ def _opened(namespace: argparse.Namespace) -> Opened:
     name, path = namespace.recording, Path(namespace.recording)
     scans = open_scans(path, namespace.robot, ScanTopics(namespace.scan, namespace.odometry))
     if scans is not None:
-        for flag, given in (("--preview", namespace.preview), ("--calibrate-noise", namespace.calibrate_noise)):
+        of_cameras = ("--preview", namespace.preview), ("--poses", namespace.poses)
+        for flag, given in (*of_cameras, ("--calibrate-noise", namespace.calibrate_noise)):
             if given:
                 raise InputError(f"{flag}: {name} has laser scans, expected a camera's recording.")
         return Opened(partial(laser.detect, scans), len(scans.recording.t), "scans", "loops")
@@ -104,6 +110,8 @@ def _opened(namespace: argparse.Namespace) -> Opened:
                 f"--calibrate-noise: {name} is of a depth camera, which has no markers to fit; expected it without. "
                 "depth_sd, floor and turn_floor under [depth] in robot.toml state the noise."
             )
+        if namespace.poses is not None:
+            raise InputError(f"--poses: {name} is of a depth camera, expected a recording of markers.")
         for flag, topic in (("--scan", namespace.scan), ("--odometry", namespace.odometry)):
             if topic is not None:
                 raise InputError(
@@ -112,6 +120,8 @@ def _opened(namespace: argparse.Namespace) -> Opened:
         return Opened(partial(depth.detect, images), images.length, "frames", "steps")
     robot = None if namespace.robot is None else read_described(namespace.robot)
     frames = open_recording(path, robot, namespace.seconds)
+    if namespace.preview is not None and not frames.pictures:
+        raise InputError(f"--preview: {name} has tags that were found before, and no images; expected it without.")
     return Opened(
         partial(markers.detect, frames.recording, frames.truth, start_given=frames.start_given),
         frames.length,

@@ -26,7 +26,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="of the black square; again as 7=0.2 for a marker of another size (0.15)",
     )
     add("--page", default="A4", choices=list(PAGES), help="(A4)")
-    add("--board", metavar="CHARUCO", help="a calibration board instead: charuco[columns=5,rows=7,square=0.04,...]")
+    add(
+        "--board",
+        metavar="BOARD",
+        help="a calibration board instead: charuco[...] or chessboard[...]",
+    )
     add("--out", type=Path, default=Path("markers.pdf"), help="the PDF (markers.pdf)")
     add("--write-dictionary", type=Path, metavar="FILE", help="also put the dictionary in a file that OpenCV reads")
 
@@ -34,14 +38,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def main(namespace: argparse.Namespace) -> int:
     """Writes the PDF; 0."""
     from ...frontend.boards.board import read_board
+    from ...frontend.boards.chessboard import Chessboard
     from ..camera import paper
 
     check_file("--out", namespace.out)
     check_file("--write-dictionary", namespace.write_dictionary)
     say = Console(emoji=False, highlight=False, markup=False, soft_wrap=True).print
     if namespace.board:
-        drawn = [paper.board(read_board(namespace.board).opencv, namespace.board, namespace.page)]
-        paper.write_pdf(namespace.out, namespace.page, drawn, "ChArUco")
+        board = read_board(namespace.board)
+        if isinstance(board, Chessboard):
+            drawn = paper.chessboard((board.columns, board.rows), board.square, namespace.board, namespace.page)
+        else:
+            drawn = paper.board(board.opencv, namespace.board, namespace.page)
+        paper.write_pdf(namespace.out, namespace.page, [drawn], "calibration board")
         say(f"{namespace.out}: {namespace.board} on {namespace.page}")
     else:
         markers = Markers(namespace.dictionary, *_sides(namespace.side))

@@ -26,6 +26,7 @@ class Request(NamedTuple):
     seconds: float | None = None  # of the recording, at most
     calibrate_noise: bool = False  # of a recording of markers
     strict: bool = False  # a log with a remark is refused
+    poses: Path | None = None  # file for the tags' poses, of a recording of markers
 
     def first(self, frames: Iterable[Frame], time: Callable[[Frame], float]) -> Iterator[Frame]:
         """Yields the frames of the first `seconds`; `time` is that of a frame, s."""

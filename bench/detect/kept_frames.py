@@ -40,7 +40,9 @@ class ContactSheet:
     _length: int = 1  # frames a stretch
 
     def observe(self, seen: FrameSightings) -> None:
-        """Considers a frame; it is drawn only if it is kept."""
+        """Considers a frame, if it has an image; it is drawn only if it is kept."""
+        if seen.frame.image is None:
+            return
         if self._frames % self._length == 0:
             if len(self._stretches) == STRETCHES:
                 pairs = zip(self._stretches[::2], self._stretches[1::2], strict=True)

@@ -26,7 +26,8 @@ def figures(f: MarkerFindings) -> list[ReportFigure]:
     """Draws all for which there are sightings, and the path by odometry."""
     made = list[ReportFigure]()
     if len(f.sightings.ids):
-        made += [_ranges(f), _raster(f.sightings, f.log.t), _places(f), _fit(f.sightings)]
+        made += [_ranges(f), _raster(f.sightings, f.log.t), _places(f)]
+        made += [] if np.isnan(f.sightings.error).all() else [_fit(f.sightings)]
     if f.true is not None and f.bins:
         made += _true_figures(f.sightings, f.true)
     caption = "The odometry alone, from the prior's pose (dot): the markers correct its drift."

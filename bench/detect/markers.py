@@ -25,6 +25,7 @@ from .noise_calibration import CONSISTENT, CORNERS, Calibration, RangeBin, calib
 from .page import NOISE, SHEET
 from .pictures import encoded
 from .sightings import Detection, Marker, Sightings, TrueErrors, in_log, markers, per_frame, true_errors
+from .tag_files import TagFile
 
 JUDGED = 1000  # number of first sightings by which the markers' stated side is checked
 NOISES = ("stated", "proportional", "propagated")  # in the order of RangeBin.nees; the last two if fitted
@@ -72,10 +73,9 @@ class MarkerFindings(Findings):
         found = f"{counted(len(kept.ids), 'sighting')} of {counted(len(np.unique(kept.ids)), 'marker')}"
         counts = per_frame(kept, len(self.log))
         none, mean = int((counts == 0).sum()), number(float(counts.mean()))
-        said = [
-            f"{found} in {frames}, {mean} a frame; {none:,} saw none.",
-            f"Corners fit to {number(float(np.sqrt((kept.error**2).mean())))} px.",
-        ]
+        fit = float(np.sqrt((kept.error**2).mean()))
+        said = [f"{found} in {frames}, {mean} a frame; {none:,} saw none."]
+        said += [] if np.isnan(fit) else [f"Corners fit to {number(fit)} px."]
         return [*said, _truthfulness(self.bins)] if self.bins else said
 
     def refused(self) -> str:
@@ -155,16 +155,20 @@ def detect(
             f"{request.source}: has no truth for --calibrate-noise, expected the robot's poses (truth.tum) and the "
             "markers' places (landmarks.csv) in its folder."
         )
+    camera, markers = recording.detector.camera, recording.detector.markers
     first: list[Sighting] = []
+    tags = None if request.poses is None else TagFile(request.poses, recording.clock)
     detection, contact, empty = Detection(CORNERS if request.calibrate_noise else None), ContactSheet(), EmptyFrames()
 
     def observe(seen: FrameSightings) -> None:
-        detection.observe(seen, recording.detector.camera.mounting)
+        detection.observe(seen, camera.mounting)
         contact.observe(seen)
         empty.observe(seen)
         first.extend(seen.sightings[: JUDGED - len(first)])
         if request.preview is not None:
             request.preview.add(seen.frame.t, annotated(seen))
+        if tags is not None:
+            tags.observe(seen)
 
     def frames() -> Iterator[Frame]:
         for frame in request.first(recording.frames, lambda frame: frame.t):
@@ -173,7 +177,6 @@ def detect(
 
     with request.preview or nullcontext():
         log, known = with_truth(build_log(replace(recording, frames=frames()), observe), truth, 0, start_given)
-    camera, markers = recording.detector.camera, recording.detector.markers
     sightings = detection.sightings()
     causes = [plausible_length(first, markers)]
     if (per_frame(sightings, len(log)) > 0).sum() < HARDLY * len(log):
@@ -193,7 +196,10 @@ def detect(
         causes=[one for one in causes if one is not None],
         pictures=contact.pictures(),
     )
-    return written(request, findings)
+    written(request, findings)
+    if tags is not None:
+        tags.write(log, camera.mounting)
+    return findings
 
 
 def _truthfulness(bins: Sequence[RangeBin]) -> str:

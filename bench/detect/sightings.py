@@ -29,7 +29,7 @@ class Sightings(NamedTuple):
     corner_noise: Array  # (s, 2, 2) of z, from the corners alone; NaN where not requested
     height: Array  # (s,) m, over the robot's plane
     corner_sd: Array  # (s,) px, of a corner along an axis, root mean square
-    error: Array  # (s,) px, of the reprojection
+    error: Array  # (s,) px, of the reprojection; NaN: unknown
     ambiguity: Array  # (s,)
     kept: Mask  # (s,) in the log
 
@@ -43,7 +43,7 @@ class Marker(NamedTuple):
     last: float  # s
     nearest: float  # m
     farthest: float  # m
-    error: float  # px, mean
+    error: float | None  # px, mean; None: unknown
     ambiguous: float  # share of the sightings
 
 
@@ -58,15 +58,15 @@ class Detection:
     """Collects the detections of `build_log`; a frame costs a kilobyte, its image is not kept."""
 
     corner_model: Noise | None = None  # where given, its covariances are kept as well
-    size: tuple[int, int] = (0, 0)  # px, width and height of the frames
+    size: tuple[int, int] = (0, 0)  # px, width and height of the frames; 0: without images
     found: int = 0  # detections so far
     _frames: list[Sightings] = field(default_factory=list[Sightings])
 
     def observe(self, seen: FrameSightings, mounting: Array) -> None:
         """Takes in a frame; `mounting` is T_robot_camera."""
-        assert seen.frame.image is not None
-        height, width = seen.frame.image.shape[:2]
-        self.size = (width, height)
+        if seen.frame.image is not None:
+            height, width = seen.frame.image.shape[:2]
+            self.size = (width, height)
         found, k = seen.sightings, len(seen.sightings)
         model, covs = self.corner_model, np.array([one.corner_cov for one in found]).reshape(k, 8, 8)
         self.found += k
@@ -112,9 +112,14 @@ def markers(sightings: Sightings, t: Array) -> Iterator[Marker]:
             float(times[-1]),
             float(ranges.min()),
             float(ranges.max()),
-            float(sightings.error[mine].mean()),
+            known_or_none(float(sightings.error[mine].mean())),
             float((sightings.ambiguity[mine] > AMBIGUOUS).mean()),
         )
+
+
+def known_or_none(value: float) -> float | None:
+    """The value; None for NaN."""
+    return None if np.isnan(value) else value
 
 
 class TrueErrors(NamedTuple):

@@ -3,7 +3,7 @@
 A folder may have the parts of a recording that was split.
 
 Messages are parsed with ROS's own definitions, so it does not matter if the bag's definitions are unknown, or missing
-as in most ROS 2 bags.
+as in most ROS 2 bags; those of detected tags, which are not ROS's own, with the bag's, else with known ones.
 """
 
 from collections.abc import Callable, Generator, Iterator
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from ...core.errors import InputError
 from .parts import BAGS, Joined, check_parts, missing, parts_in
+from .tag_types import register
 
 REPAIRS = {
     ".bag": "`rosbag reindex` may repair an interrupted recording.",
@@ -147,6 +148,8 @@ class Bag:
                 readers = list[Any]()
                 for part in self.parts:
                     readers.append(stack.enter_context((Reader1 if old else Reader2)(part)))
+                for connection in (one for each in readers for one in each.connections):
+                    register(types, connection.msgtype, connection.msgdef.data)
                 part = self.parts[0] if len(readers) == 1 else self.path
                 reader = readers[0] if len(readers) == 1 else Joined(readers)
                 yield reader, types.deserialize_ros1 if old else types.deserialize_cdr

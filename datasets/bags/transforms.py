@@ -11,6 +11,7 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.se2 import Array
 from ...core.table import LARGEST
+from ...frontend.camera.quaternions import matrix
 from ...frontend.wheels.motion import Poses
 from .bag import TRANSFORMS, Bag, Topic
 from .clock import BACK, astray
@@ -186,16 +187,3 @@ class Transforms:
                 raise InputError(f"{self._where}: the transforms of tf lead from {frame} back to it, expected a tree.")
             seen.add(frame)
         return frame, pose
-
-
-def matrix(row: Array) -> Array:
-    """The pose (4, 4) of x, y, z, qx, qy, qz, qw (7,)."""
-    x, y, z, w = row[3:] / np.linalg.norm(row[3:])
-    pose = np.eye(4)
-    pose[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    pose[:3, 3] = row[:3]
-    return pose

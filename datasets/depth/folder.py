@@ -20,8 +20,8 @@ from ...core.errors import InputError
 from ...core.factors import Truth
 from ...core.se2 import Array
 from ...core.table import text
+from ...frontend.camera.quaternions import matrix
 from ...frontend.camera.quiet_decoders import silenced
-from ..bags.transforms import matrix
 from .shots import Flaw, Pixels, Shot, in_metres
 
 RGB, DEPTH, FRAMES, TRUTH = "rgb.txt", "depth.txt", "frames.csv", "groundtruth.txt"

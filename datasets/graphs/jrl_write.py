@@ -22,7 +22,7 @@ from ..formats.symbols import BITS
 from .jrl_rows import BETWEEN, POINT, POSE, PRIOR, SIGHTING
 
 ROBOT = "a"
-_POSES, _LANDMARKS = ord(ROBOT) << BITS, ord("l") << BITS
+POSES, LANDMARKS = ord(ROBOT) << BITS, ord("l") << BITS
 
 
 def write_jrl(path: Path, dataset: Dataset) -> int:
@@ -56,7 +56,7 @@ def _entries(log: Log) -> tuple[list[dict[str, Any]], list[list[int]]]:
     """An entry for each step, and where its loop closures are: entry and measurement."""
     measurements = [list[dict[str, Any]]() for _ in range(len(log))]
     pose, cov = log.prior.pose[None], log.prior.cov[None]
-    start = {"type": PRIOR, "key": _POSES, "prior": _pose(pose[0]), "covariance": _all(after_motion(pose, cov)[0])}
+    start = {"type": PRIOR, "key": POSES, "prior": _pose(pose[0]), "covariance": _all(after_motion(pose, cov)[0])}
     measurements[0].append(start)
     steps = np.arange(len(log))
     for k, one in enumerate(_between(steps[:-1], steps[1:], log.delta[1:], log.delta_cov[1:]), start=1):
@@ -72,7 +72,7 @@ def _entries(log: Log) -> tuple[list[dict[str, Any]], list[list[int]]]:
             "bearing": {"type": "Rot2", "theta": z[1]},
             "range": {"type": "Scalar", "value": z[0]},
         }
-        keys = {"key1": _POSES + k, "key2": _LANDMARKS + name}
+        keys = {"key1": POSES + k, "key2": LANDMARKS + name}
         measurements[k].append({"type": SIGHTING, **keys, "measurement": seen, "covariance": _all(cov[::-1, ::-1])})
     return [{"stamp": k, "measurements": found} for k, found in enumerate(measurements)], loops
 
@@ -80,7 +80,7 @@ def _entries(log: Log) -> tuple[list[dict[str, Any]], list[list[int]]]:
 def _between(first: Ints, last: Ints, delta: Array, cov: Array) -> Iterator[dict[str, Any]]:
     rows = zip(first.tolist(), last.tolist(), delta, after_motion(delta, cov), strict=True)
     for i, j, motion, around in rows:
-        keys = {"key1": _POSES + i, "key2": _POSES + j}
+        keys = {"key1": POSES + i, "key2": POSES + j}
         yield {"type": BETWEEN, **keys, "measurement": _pose(motion), "covariance": _all(around)}
 
 
@@ -90,12 +90,12 @@ def _known(log: Log, truth: Truth) -> list[dict[str, Any]]:
     values = _poses(step[step >= 0], truth.poses[step >= 0])
     if truth.map is not None:
         rows = zip(truth.map.ids.tolist(), truth.map.xy.tolist(), strict=True)
-        values += [{"key": _LANDMARKS + name, "type": POINT, "x": x, "y": y} for name, (x, y) in rows]
+        values += [{"key": LANDMARKS + name, "type": POINT, "x": x, "y": y} for name, (x, y) in rows]
     return values
 
 
 def _poses(steps: Ints, poses: Array) -> list[dict[str, Any]]:
-    return [{"key": _POSES + k, **_pose(pose)} for k, pose in zip(steps.tolist(), poses, strict=True)]
+    return [{"key": POSES + k, **_pose(pose)} for k, pose in zip(steps.tolist(), poses, strict=True)]
 
 
 def _pose(pose: Array) -> dict[str, Any]:

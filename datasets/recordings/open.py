@@ -11,6 +11,7 @@ from ..bags.bag import is_bag, is_whole
 from ..bags.siblings import read_alone
 from ..readings import FILES, Readings, read_readings
 from ..robot_files import ROBOT, recording_in
+from ..tags.tags_csv import TAGS, read_tags
 from ..truth import PLACES, POSES, read_truth
 from . import frames_folder, live, rosbag, video
 from .frames_folder import FRAMES, pictures
@@ -18,7 +19,7 @@ from .robot import Robot
 from .streams import Streams
 from .video import VIDEOS
 
-_KINDS = "a folder of frames, a video, or a ROS bag (.bag, .mcap, or a folder with metadata.yaml)"
+_KINDS = "a folder of frames, a video, tags.csv, or a ROS bag (.bag, .mcap, or a folder with metadata.yaml)"
 
 
 def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
@@ -36,6 +37,11 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> Streams:
         bag.remarks.extend(read_alone(found))
         readings = bag.readings or read_readings(home, robot.counter_bits)
         return bag._replace(readings=readings, truth=read_truth(home))
+    if found.suffix.lower() == ".csv":
+        remarks = list[str]()
+        tags = read_tags(found, remarks)
+        readings, truth = read_readings(home, robot.counter_bits), read_truth(home)
+        return Streams((), len(tags), readings, None, "", "", truth, remarks, tags=tags)
     fps, start = robot.frames.fps, robot.frames.start
     if found.is_dir():
         frames = frames_folder.read(found, home, fps, start)
@@ -66,7 +72,7 @@ def _frames_of(path: Path, robot: Robot) -> Path:
     found = sorted(
         one
         for one in path.iterdir()
-        if is_bag(one) or one.suffix.lower() in VIDEOS or (one.is_dir() and one.name == "frames")
+        if is_bag(one) or one.suffix.lower() in VIDEOS or (one.is_dir() and one.name == "frames") or one.name == TAGS
     )
     if is_whole(path, source) and ((path / "metadata.yaml").is_file() or all(is_bag(one) for one in found)):
         return path

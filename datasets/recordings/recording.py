@@ -5,6 +5,7 @@ A recording's folder holds robot.toml and one of
     frames/*.png|jpg   and frames.csv: frame,t, or file names that are times, or a frame rate in robot.toml
     drive.mkv|avi|mp4  and frames.csv, or a frame rate, or the video's own time stamps
     drive.bag, drive.mcap, or a ROS 2 folder with metadata.yaml
+    tags.csv           poses or corners of tags that another program found; a bag may have messages of them
 
 Any kind comes with a file of the robot's motion, as `readings` reads it, unless a bag has that itself, and with
 truth.tum and landmarks.csv, if known. `camera:0` is the first camera of this machine. Recordings of laser scans are
@@ -24,6 +25,7 @@ from ...core.factors import Dataset, Truth
 from ...core.options import option
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Detector
+from ...frontend.markers.noise import PropagatedNoise
 from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.wheels.commands import Commanded, Commands, Speeds
 from ...frontend.wheels.motion import Motion, Ticks, Track, Wheels
@@ -41,10 +43,12 @@ from ..robot_files import ROBOT, robot_beside, settings_beside
 from ..scans.bag_scans import SCAN
 from ..scans.open import ScanTopics, open_scans
 from ..scans.open import build as build_scans
+from ..tags.found_tags import Known, sightings
 from ..truth import with_truth
 from .open import is_live, read_streams
 from .robot import Robot
 from .settings import read_described
+from .streams import Streams
 
 OTHER_LENS = 0.02
 """Relative difference of two focal lengths of one lens: calibrations agree within 1 %, and ranges err by as much."""
@@ -57,6 +61,7 @@ class Opened(NamedTuple):
     truth: Truth | None  # at the times of its measurement; `sample` interpolates it to a log's
     length: int | None  # number of frames, if known beforehand
     start_given: bool = True  # by [prior] in robot.toml
+    pictures: bool = True  # False: tags that another program found, without the images
 
 
 @dataclass(frozen=True)
@@ -107,7 +112,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
             raise InputError(f"{path}: found no {ROBOT}, expected one, or --robot FILE{_bare(path)}.")
         robot = read_described(found)
     streams = read_streams(path, robot, seconds)
-    if robot.lens is not None:
+    if robot.lens is not None and streams.tags is None:
         (width, height), frames = _sized(streams.frames, path)
         robot, streams = replace(robot, camera=robot.lens(width, height)), streams._replace(frames=frames)
     camera, recorded = (_of_frames(one, streams.window) for one in (robot.camera, streams.camera))
@@ -117,23 +122,32 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         streams.remarks.extend(_contradicted(camera, recorded, path))
     if camera is None and recorded is not None:
         camera = replace(recorded, mounting=robot.mounting, readout=robot.readout)
+    if streams.tags is not None:
+        camera = _of_tags(camera, robot, streams, path)
     if camera is None:
         lacking = f" ({streams.lacking})" if streams.lacking else ""
         raise InputError(
             f"{path}: the camera's calibration is unknown{lacking}, expected {ROBOT} to name its file: "
             '[camera] calibration = "calibration.yaml".'
         )
+    detector = Detector(robot.markers, camera)
+    frames = streams.frames
+    if streams.tags is not None:
+        known = Known(detector, robot.corner_sd, isinstance(robot.noise, PropagatedNoise), str(path))
+        frames = (Frame(one.t, None, sightings(one, known)) for one in streams.tags)
     motion = _motion(streams.readings, robot, path)
     streams.remarks.extend(_assumed(streams.readings, robot, path))
+    clock = robot.time_offset + (robot.exposure + robot.readout) / 2
     recording = Recording(
         name=robot.name,
-        frames=_FramesOnClock(streams.frames, motion, robot, camera, path),
+        frames=_FramesOnClock(frames, motion, clock, camera, path),
         motion=motion,
-        detector=Detector(robot.markers, camera),
+        detector=detector,
         noise=robot.noise,
         prior=robot.prior or assumed(),
         max_range=robot.max_range,
         max_distance=robot.max_distance,
+        clock=clock,
         notes={
             "source": path.name.encode("utf-8", "replace").decode(),
             "time_offset": robot.time_offset,
@@ -141,7 +155,32 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         },
         remarks=streams.remarks,
     )
-    return Opened(recording, streams.truth, streams.length, robot.prior is not None)
+    return Opened(recording, streams.truth, streams.length, robot.prior is not None, streams.tags is None)
+
+
+def _of_tags(camera: Camera | None, robot: Robot, streams: Streams, path: Path) -> Camera | None:
+    """The camera in whose images another program found tags; None where it is needed and unknown."""
+    assert streams.tags is not None
+    corners = any(tag.pose is None for frame in streams.tags for tag in frame.tags)
+    if camera is None:
+        return None if corners else Camera.unknown(robot.mounting)
+    if camera.readout:
+        streams.remarks.append(
+            f"{path}: the tags were found by another program: readout in {ROBOT} does not correct them"
+        )
+    if robot.rectified:
+        if camera.rectified is None:
+            raise InputError(
+                f"{path}: [camera] rectified: the calibration tells nothing of rectified images, expected one with a "
+                "projection_matrix."
+            )
+        return camera.rectified
+    if robot.rectified is None and corners and streams.topic and camera.distorted:
+        raise InputError(
+            f"{path}: the corners of topic {streams.topic} may be of raw or of rectified images, expected [camera] "
+            f"rectified = true or false in {ROBOT}; apriltag_ros finds tags in rectified ones, TagSLAM in raw ones."
+        )
+    return camera
 
 
 def _sized(frames: Iterable[Frame], path: Path) -> tuple[tuple[int, int], Iterable[Frame]]:
@@ -242,16 +281,15 @@ class _FramesOnClock:
 
     frames: Iterable[Frame]
     motion: Motion
-    robot: Robot
+    clock: float  # s, added to the frames' stamps
     camera: Camera
     path: Path
 
     def __iter__(self) -> Iterator[Frame]:
         first, last = self.motion.t[[0, -1]]
-        shift = self.robot.time_offset + (self.robot.exposure + self.robot.readout) / 2
         number, decoded, inside, begin, end = 0, 0, 0, np.inf, -np.inf
         for number, frame in enumerate(self.frames, start=1):
-            t = frame.t + shift
+            t = frame.t + self.clock
             begin, end = min(begin, t), max(end, t)
             inside += bool(first <= t <= last)
             if frame.image is not None:
@@ -262,7 +300,8 @@ class _FramesOnClock:
                         f"{self.path}: frame {number - 1} has {width}x{height} pixels, expected the "
                         f"{self.camera.width}x{self.camera.height} of the camera's calibration."
                     )
-            yield Frame(t, frame.image)
+            decoded += frame.found is not None
+            yield frame._replace(t=t)
         if not number:
             raise InputError(f"{self.path}: found no frames, expected at least one.")
         if not decoded:

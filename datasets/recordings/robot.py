@@ -1,8 +1,8 @@
 """Reads and writes robot.toml, a robot's parameters for reading its recordings.
 
     name = "my robot"
-    [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure, readout
-    [markers]    dictionary, side, sides, max_range, max_distance, ignore
+    [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure, readout, rectified
+    [markers]    dictionary, side, sides, max_range, max_distance, ignore, corner_sd
     [encoder]    left, right, base, k, noise, interval, curve, floors, counter_bits, max_speed
     [odometry]   forward, turning, turning_by_turn, floors, max_speed
     [commands]   full, base, delay, forward, turning, turning_by_turn, floors, max_speed
@@ -10,7 +10,7 @@
     [noise]      model = "proportional": k_range, k_bearing, floor_range, floor_bearing, sway
                  model = "propagated": scale, floor_range, floor_bearing, sway
     [prior]      pose, sd
-    [topics]     image, encoder, odometry, commands, camera_info
+    [topics]     image, encoder, odometry, commands, camera_info, tags
     [frames]     source, fps, start
 
 Only [markers] is required. [laser] in its place is read by `scans`, [depth] by `depth`. Lengths are in m, angles in
@@ -55,6 +55,10 @@ USUAL = 0.02
 NOT_MEASURED = "nothing was measured of {of}: stated as {words} by default; bench noise measures it"
 
 
+CORNER_SD = 0.3
+"""px, of an unrefined corner, as AprilTag's and OpenCV's detectors give it."""
+
+
 @dataclass(frozen=True)
 class FrameSource:
     """Location and times of the frames, unless frames.csv has them."""
@@ -76,8 +80,10 @@ class Robot:
     time_offset: float = 0.0  # s, added to the frames' stamps to get the motion's clock
     exposure: float = 0.0  # s; frames are stamped at its start, that of their first row
     readout: float = 0.0  # s from the first row's exposure to the last's, the camera's own if there is one
+    rectified: bool | None = None  # if tags that another program found are of rectified images; None: not said
     max_range: float = 3.0  # m, of the robot's origin in its plane
     max_distance: float = np.inf  # m, of the camera
+    corner_sd: float = CORNER_SD  # px, of a corner of such a tag along each axis
     encoder: Encoder | None = None
     counter_bits: int | None = None  # the width of the wheels' counters; None: they never wrap
     max_speed: float = MAX_SPEED  # m/s; faster readings are invalid
@@ -101,8 +107,12 @@ def read_robot(path: Path) -> Robot:
         raise file.refused("laser", "is of a robot with a scanner, expected [markers], for one with a camera.")
     if file.has("depth"):
         raise file.refused("depth", "is of a robot with a depth camera, expected [markers], for one with a camera.")
-    camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure", "readout"))
-    markers = file.table("markers").only(("dictionary", "side", "sides", "max_range", "max_distance", "ignore"))
+    camera = file.table("camera").only(
+        ("calibration", "size", "mounting", "time_offset", "exposure", "readout", "rectified")
+    )
+    markers = file.table("markers").only(
+        ("dictionary", "side", "sides", "max_range", "max_distance", "ignore", "corner_sd")
+    )
     odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))
     encoder = file.table("encoder").only((*names_of(Encoder), "counter_bits", "max_speed"))
     commands = file.table("commands").only(("full", "base", "delay", *TRACK, "floors", "max_speed"))
@@ -118,8 +128,10 @@ def read_robot(path: Path) -> Robot:
         time_offset=camera.number("time_offset", 0.0),
         exposure=camera.number("exposure", 0.0, least=0),
         readout=readout,
+        rectified=camera.switch("rectified", False) if camera.has("rectified") else None,
         max_range=markers.number("max_range", np.inf if markers.has("max_distance") else 3.0, above=0),
         max_distance=markers.number("max_distance", np.inf, above=0),
+        corner_sd=markers.number("corner_sd", CORNER_SD, above=0),
         encoder=_encoder(encoder) if file.has("encoder") else None,
         counter_bits=encoder.choice("counter_bits", None, COUNTER_BITS),
         max_speed=_max_speed(encoder, odometry, commands),
@@ -165,6 +177,7 @@ def write_robot(path: Path, robot: Robot) -> None:
             "time_offset": robot.time_offset,
             "exposure": robot.exposure,
             "readout": robot.readout,
+            "rectified": robot.rectified,
         },
         "markers": {
             "dictionary": dictionary.name if dictionary.is_file() else robot.markers.dictionary,
@@ -173,6 +186,7 @@ def write_robot(path: Path, robot: Robot) -> None:
             "max_range": robot.max_range if np.isfinite(robot.max_range) else None,
             "max_distance": robot.max_distance if np.isfinite(robot.max_distance) else None,
             "ignore": list(robot.markers.ignore) or None,
+            "corner_sd": None if robot.corner_sd == CORNER_SD else robot.corner_sd,
         },
         "encoder": encoder,
         "odometry": odometry,

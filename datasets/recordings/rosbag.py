@@ -29,6 +29,7 @@ from ..bags.odometry import ODOMETRY
 from ..bags.topics import choose, found, plain, shown
 from ..bags.window import window_of
 from ..readings import Readings
+from ..tags.tag_messages import TYPES, read_tag_messages
 from .streams import Streams
 
 ENCODER = "geometry_msgs/msg/QuaternionStamped"
@@ -45,6 +46,7 @@ class Topics(NamedTuple):
     odometry: str | None = None
     camera_info: str | None = None
     commands: str | None = None
+    tags: str | None = None  # used in place of images
 
 
 def read(path: Path, topics: Topics, counter_bits: int | None = None, *, commands: bool = False) -> Streams:
@@ -59,11 +61,19 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None, *, command
     listed = bag.listed()
     if not any(topic.messages for topic in listed):
         raise InputError(f"{path}: contains no messages, expected a recording.")
-    image = choose(path, listed, topics.image, "[topics] image", (IMAGE, COMPRESSED))
-    if image is None:
-        raise InputError(f"{path}: has no topic with images ({plain(IMAGE)} or CompressedImage); {found(listed)}")
-    info = info_beside(path, listed, topics.camera_info, "[topics] camera_info", image)
+    if topics.image is not None and topics.tags is not None:
+        raise InputError(f"{path}: [topics] names both image and tags, expected the one to use.")
     remarks = bag.remarks()
+    image = None if topics.tags else choose(path, listed, topics.image, "[topics] image", (IMAGE, COMPRESSED))
+    tags = None if image is not None else choose(path, listed, topics.tags, "[topics] tags", TYPES)
+    if tags is not None:
+        return _of_tags(bag, listed, tags, topics, counter_bits, remarks)
+    if image is None:
+        raise InputError(
+            f"{path}: has no topic with images ({plain(IMAGE)} or CompressedImage) or tags ({plain(TYPES[0])} and the "
+            f"like); {found(listed)}"
+        )
+    info = info_beside(path, listed, topics.camera_info, "[topics] camera_info", image)
     recorded = Recorded(None) if info is None else camera_of(bag, info, image, remarks)
     return Streams(
         frames=_Images(bag, image, remarks),
@@ -75,6 +85,26 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None, *, command
         truth=None,
         remarks=remarks,
         window=None if info is None else window_of(bag, info, image),
+    )
+
+
+def _of_tags(
+    bag: Bag, listed: Sequence[Topic], tags: Topic, topics: Topics, counter_bits: int | None, remarks: list[str]
+) -> Streams:
+    """The recording whose frames are tags that were found when it was made."""
+    info = info_beside(bag.path, listed, topics.camera_info, "[topics] camera_info", tags)
+    recorded = Recorded(None) if info is None else camera_of(bag, info, tags, remarks)
+    found = read_tag_messages(bag, tags, remarks)
+    return Streams(
+        frames=(),
+        length=len(found),
+        readings=_readings(bag, listed, topics, counter_bits, remarks),
+        camera=recorded.camera,
+        lacking=recorded.lacking,
+        topic=tags.name,
+        truth=None,
+        remarks=remarks,
+        tags=found,
     )
 
 

@@ -1,6 +1,6 @@
 """The streams of a recording, independent of the robot; the result of every reader of recordings."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from ...core.factors import Truth
@@ -8,6 +8,7 @@ from ...frontend.camera.camera import Camera
 from ...frontend.markers.pipeline import Frame
 from ..bags.window import Window
 from ..readings import Readings
+from ..tags.found_tags import TagFrame
 
 
 class Streams(NamedTuple):
@@ -22,3 +23,4 @@ class Streams(NamedTuple):
     truth: Truth | None
     remarks: list[str]  # what is legal yet odd; grows while the frames are read
     window: Window | None = None  # the part of the camera that the frames are of; None: all of it
+    tags: Sequence[TagFrame] | None = None  # found by another program, in place of frames

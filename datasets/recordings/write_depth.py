@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ...core.errors import InputError
 from ...core.factors import Truth
 from ...core.se2 import Array
+from ...frontend.camera.quaternions import quaternion
 from ...frontend.depth.recording import DepthFrame, DepthRecording
 from ...frontend.wheels.motion import Track
 from ..depth.folder import MM, TRUTH, TUM_UNITS
@@ -154,15 +155,3 @@ def _write_cameras(path: Path, t: Array, cameras: Array) -> None:
     for time, pose in zip(t.tolist(), cameras, strict=True):
         lines.append(" ".join(map(repr, [time, *pose[:3, 3].tolist(), *quaternion(pose[:3, :3]).tolist()])))
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def quaternion(turn: Array) -> Array:
-    """x, y, z, w of a rotation (3, 3): the eigenvector of its largest eigenvalue (Bar-Itzhack, 2000)."""
-    (a, b, c), (d, e, f), (g, h, i) = turn
-    whole = np.array([
-        [a - e - i, d + b, g + c, h - f],
-        [d + b, e - a - i, h + f, c - g],
-        [g + c, h + f, i - a - e, d - b],
-        [h - f, c - g, d - b, a + e + i],
-    ])  # fmt: skip
-    return np.linalg.eigh(whole)[1][:, -1]

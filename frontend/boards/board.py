@@ -1,9 +1,9 @@
 """ChArUco boards, chessboards with markers in their white squares, and the detection of their corners."""
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import numpy as np
@@ -14,6 +14,8 @@ from ...core.plausible import SIDE
 from ...core.se2 import Array, Ints
 from ..markers.aruco import Image
 from ..markers.markers import find
+from .chessboard import Chessboard
+from .view import View
 
 FEWEST_CORNERS = 8  # fewest corners of a usable image; they must not be collinear
 
@@ -28,6 +30,14 @@ class Board:
     marker: float = option(0.02, "side of a marker, m", minimum=1e-6)
     dictionary: str = option("6X6_250", "the markers' dictionary")
     legacy: bool = option(False, "printed with OpenCV before 4.6: a marker, not a black square, in the first corner")
+
+    def check(self) -> None:
+        """Raises InputError for impossible dimensions."""
+        _ = self.opencv
+
+    def find(self, name: str, image: Image) -> View | str:
+        """Detects the corners in a grey or BGR `image`, or returns in a few words why it is unusable."""
+        return find_corners(self, name, image)
 
     @cached_property
     def opencv(self) -> cv2.aruco.CharucoBoard:
@@ -51,26 +61,22 @@ class Board:
         return board
 
 
-class View(NamedTuple):
-    """An image's name and the board's corners in it."""
-
-    name: str
-    ids: Ints  # (n,) of the corners
-    corners: Array  # (n, 2) px
-    points: Array  # (n, 3) m, on the board
-
-
-def read_board(text: str) -> Board:
-    """Parses a board such as charuco[columns=5,rows=7]; InputError if it is not valid."""
-    form = re.fullmatch(r"\s*charuco\s*(?:\[(.*)\])?\s*", text)
+def read_board(text: str) -> Board | Chessboard:
+    """Parses a board such as charuco[columns=5,rows=7] or chessboard[columns=8,rows=6]; InputError if it is invalid."""
+    form = re.fullmatch(r"\s*(charuco|chessboard)\s*(?:\[(.*)\])?\s*", text)
     if form is None:
-        raise InputError(f"--board: found {text!r}, expected charuco[columns=5,rows=7,square=0.04,marker=0.02,...]")
-    pairs = re.split(r",(?![^\[]*\])", form[1]) if form[1] else []  # a dictionary may have brackets of its own
+        raise InputError(
+            f"--board: found {text!r}, expected charuco[columns=5,rows=7,square=0.04,marker=0.02,...] or "
+            "chessboard[columns=8,rows=6,square=0.025]"
+        )
+    pairs = re.split(r",(?![^\[]*\])", form[2]) if form[2] else []  # a dictionary may have brackets of its own
+    kind = Chessboard if form[1] == "chessboard" else Board
+    known = [one.name for one in fields(kind)]
     given: dict[str, str] = {}
     for pair in pairs:
         name, equals, value = (part.strip() for part in pair.partition("="))
-        if not equals or name not in _READERS:
-            raise InputError(f"--board: found {pair.strip()!r}, expected one of {', '.join(_READERS)}, as name=value")
+        if not equals or name not in known:
+            raise InputError(f"--board: found {pair.strip()!r}, expected one of {', '.join(known)}, as name=value")
         given[name] = value
     values = {}
     for name, value in given.items():
@@ -79,9 +85,9 @@ def read_board(text: str) -> Board:
             values[name] = read(value)
         except (KeyError, ValueError):
             raise InputError(f"--board: {name}: found {value!r}, expected {expected}") from None
-    board = Board(**values)  # ty: ignore[invalid-argument-type]
+    board = kind(**values)  # ty: ignore[invalid-argument-type]
     try:
-        _ = board.opencv
+        board.check()
     except InputError as error:
         raise InputError(f"--board: {error}") from None
     return board

@@ -1,4 +1,4 @@
-"""Calibrates a camera from views of a ChArUco board.
+"""Calibrates a camera from views of a board.
 
 OpenCV estimates the camera; the uncertainty is computed here, and views that do not determine the camera are refused
 with the reason.
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...core.errors import InputError
 from ...core.se2 import Array
 from ..camera.camera import Camera
-from .board import View
+from .view import View
 
 FEWEST_VIEWS = 4
 LEAST_TURN = 2.0

@@ -79,9 +79,11 @@ def read(path: Path, mounting: Array, size: tuple[int, int] | None = None, which
             raise InputError(f"{path}: found no {what}, expected the keys of a calibration")
         return entry
 
-    matrix, lens = find(_MATRIX, "camera_matrix"), find(_LENS, "distortion_coefficients")
+    matrix = find(_MATRIX, "camera_matrix")
     assert matrix is not None
-    assert lens is not None
+    # a matrix alone is that of a lens without distortion, or of rectified images
+    about_lens = any(part in name for name in entries for part in ("dist", "coef", "fisheye"))
+    lens = find(_LENS, "distortion_coefficients" if about_lens else None) or _Entry("distortion_coefficients", [])
     whole = find(_SIZE)
     if whole is not None and isinstance(whole.value, list | tuple) and len(whole.value) == 2:
         width, height = (_Entry(whole.key, side) for side in whole.value)

@@ -1,4 +1,4 @@
-"""Parses calibration files of any format: YAML, XML, JSON, sections as of .ini files, and numpy's .npz."""
+"""Parses calibration files of any format: YAML, XML, JSON, sections as of .ini files, numpy's, and plain rows."""
 
 import json
 import re
@@ -17,6 +17,9 @@ from ...core.files import check_regular
 
 LARGEST = 1_000_000  # bytes; a larger file is not a calibration
 
+_NPY = b"\x93NUMPY"
+"""The first bytes of numpy's file of one array."""
+
 _SECTION = re.compile(r"\A(?:\s*(?:[#;].*|//.*)?\n)*\s*\[[^\[\],]+\]\s*(?:[#;].*|//.*)?$", re.MULTILINE)
 """The first line of a file with sections, after comments: [camera]."""
 
@@ -32,11 +35,16 @@ def contents(path: Path) -> dict[str, Any]:
         check_regular(path)
         if zipfile.is_zipfile(path):
             return _npz(path)
+        if path.read_bytes()[: len(_NPY)] == _NPY:
+            return _matrix(path, _npy(path))
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}; expected a calibration file") from None
     except ValueError:
         raise InputError(f"{path}: not a text file, expected a calibration file") from None
+    rows = _rows(text)
+    if rows is not None:
+        return _matrix(path, rows)
     start = text.lstrip()
     kind = "XML" if start.startswith("<") else "JSON" if start.startswith("{") else "YAML"
     kind = "INI" if _SECTION.search(text) and kind == "YAML" else kind
@@ -103,6 +111,33 @@ def _sections(text: str) -> dict[str, Any]:
         elif key:
             here[key] = f"{here[key]} {words}".strip()
     return found
+
+
+def _rows(text: str) -> list[list[float]] | None:
+    """The rows of a text of several numbers alone, with blanks or commas between and # comments; None for others."""
+    lines = [line.partition("#")[0].replace(",", " ").split() for line in text.split("\n")]
+    try:
+        rows = [[float(word) for word in words] for words in lines if words]
+    except ValueError:
+        return None
+    return rows if sum(map(len, rows)) > 1 else None
+
+
+def _npy(path: Path) -> list[Any]:
+    """The rows of the array in numpy's file."""
+    try:
+        return np.atleast_2d(np.load(path, allow_pickle=False)).tolist()
+    except (ValueError, OSError, EOFError) as error:
+        raise InputError(f"{path}: not an array of numbers ({error}), expected a calibration file") from None
+
+
+def _matrix(path: Path, rows: list[Any]) -> dict[str, Any]:
+    """The entries of a file that has only a camera's matrix K, of a lens without distortion."""
+    shape = np.shape(rows) if len({np.shape(row) for row in rows}) == 1 else ()
+    if shape != (3, 3):
+        found = " x ".join(map(str, shape)) or f"{len(rows)} uneven rows"
+        raise InputError(f"{path}: found {found} of numbers, expected three rows of a matrix: fx 0 cx, 0 fy cy, 0 0 1")
+    return {"camera_matrix": [number for row in rows for number in row]}
 
 
 def _npz(path: Path) -> dict[str, Any]:

@@ -51,17 +51,34 @@ class Camera:
     readout: float = 0.0  # s from the first row's exposure to the last's: a rolling shutter; 0: a global one
     projection: tuple[float, float, float, float] | None = None  # fx, fy, cx, cy, px, of its rectified images, if known
 
+    @classmethod
+    def unknown(cls, mounting: Array) -> "Camera":
+        """A camera of which only the mounting is known: of 0 x 0 pixels."""
+        return cls(0, 0, (0.0, 0.0), (0.0, 0.0), (), mounting)
+
+    @property
+    def known(self) -> bool:
+        """True if more than its mounting is known."""
+        return self.width > 0
+
+    @property
+    def distorted(self) -> bool:
+        """True if the lens is not that of a pinhole alone."""
+        return self.model == "fisheye" or any(self.distortion)
+
     @property
     def rectified(self) -> "Camera | None":
         """The camera of its rectified images, which have no distortion; None where its calibration does not tell."""
         if self.projection is None:
-            return None if self.model == "fisheye" or any(self.distortion) else self
+            return None if self.distorted else self
         fx, fy, cx, cy = self.projection
         return replace(self, focal=(fx, fy), centre=(cx, cy), distortion=(0.0,) * 5, model="pinhole")
 
     @property
     def settings(self) -> dict[str, Any]:
         """The camera as an entry of a log's notes."""
+        if not self.known:
+            return {"mounting": self.mounting.tolist()}
         response = {} if self.response is None else {"response": self.response.entries}
         return {
             "width": self.width,

@@ -115,16 +115,20 @@ def judge(pixels: Array, cov: Array) -> tuple[Array, float]:
 
 
 @compiled
-def mixture(centres: Array, covs: Array, squares: Array) -> tuple[Array, Array]:
-    """Mean (3,) and covariance (3, 3) of the centre, at `centres` (n, 3) with `covs` (n, 3, 3) by chi-square (n,)."""
+def mixture(offsets: Array, covs: Array, squares: Array) -> tuple[Array, Array]:
+    """Mean (3,) of the centre, and the mean square (6, 6) about it and about no turn.
+
+    Of poses whose centres and turns from the first are `offsets` (n, 6), with `covs` (n, 6, 6), by chi-square (n,).
+    """
     weights = np.exp((squares.min() - squares) / 2)
     weights /= weights.sum()
-    mean = np.zeros(3)
-    for k in range(len(weights)):
-        mean += weights[k] * centres[k]
-    cov = np.zeros((3, 3))
+    mean = np.zeros(6)  # of the turn 0: the mean of two poses that project alike is none of a marker
     for k in range(len(weights)):
         for i in range(3):
-            for j in range(3):
-                cov[i, j] += weights[k] * (covs[k, i, j] + (centres[k, i] - mean[i]) * (centres[k, j] - mean[j]))
-    return mean, cov
+            mean[i] += weights[k] * offsets[k, i]
+    cov = np.zeros((6, 6))
+    for k in range(len(weights)):
+        for i in range(6):
+            for j in range(6):
+                cov[i, j] += weights[k] * (covs[k, i, j] + (offsets[k, i] - mean[i]) * (offsets[k, j] - mean[j]))
+    return mean[:3].copy(), cov

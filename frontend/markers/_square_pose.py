@@ -19,11 +19,12 @@ ROUNDS = 30
 def explain(outline: Array, rays: Array, cov: Array, turns: Array, shifts: Array) -> tuple[Array, Array, Array]:
     """Refines n starts, rotation vectors and shifts (n, 3).
 
-    Returns poses (k, 4, 4), covariances (k, 3, 3) of the centres and chi-squares (k,), of those that differ, likeliest
-    first: a start may lead to no square in front of the camera and facing it. LinAlgError for a singular `cov`.
+    Returns poses (k, 4, 4), their covariances (k, 6, 6), of place and turn, and chi-squares (k,), of those that differ,
+    likeliest first: a start may lead to no square in front of the camera and facing it. LinAlgError for a singular
+    `cov`.
     """
     count = len(turns)
-    poses, spreads, squares = np.zeros((count, 4, 4)), np.zeros((count, 3, 3)), np.full(count, np.inf)
+    poses, spreads, squares = np.zeros((count, 4, 4)), np.zeros((count, 6, 6)), np.full(count, np.inf)
     weight: Any = np.linalg.inv(cov)
     for k in range(count):
         start = np.empty((3, 3))
@@ -40,8 +41,11 @@ def explain(outline: Array, rays: Array, cov: Array, turns: Array, shifts: Array
         for i in range(3):
             for j in range(3):
                 poses[k, i, j] = rotation[i, j]
-                spreads[k, i, j] = 0.5 * (inverse[3 + i, 3 + j] + inverse[3 + j, 3 + i])
             poses[k, i, 3] = shift[i]
+        for i in range(6):
+            for j in range(6):
+                row, column = (i + 3) % 6, (j + 3) % 6  # the turn is first in `information`
+                spreads[k, i, j] = 0.5 * (inverse[row, column] + inverse[column, row])
         poses[k, 3, 3] = 1.0
         squares[k] = chi2
     kept = 0

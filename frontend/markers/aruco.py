@@ -68,9 +68,14 @@ class Sighting(NamedTuple):
     corner_cov: Array  # (8, 8) px^2, of u0, v0, u1, v1, ...
     pose: Array  # (4, 4) T_camera_marker; the marker's frame: x right, y up, z out of its printed face
     centre: Array  # (3,) m, the marker's centre in the camera frame, averaged over the poses that explain the corners
-    centre_cov: Array  # (3, 3) m^2
-    error: float  # px, RMS distance of the corners from where `pose` puts them
+    cov: Array  # (6, 6) of the centre, m, and of a turn about the camera's axes after the pose's, rad; both poses count
+    error: float  # px, RMS distance of the corners from where `pose` puts them; NaN: unknown, as the corners are
     ambiguity: float  # likelihood ratio of the second pose that explains the square; 1: indistinguishable
+
+    @property
+    def centre_cov(self) -> Array:
+        """(3, 3) m^2, of the centre."""
+        return self.cov[:3, :3]
 
 
 class Rejections(Counter[str]):
@@ -154,12 +159,7 @@ class Detector:
         alone = _alone(sightings)
         if len(alone) < len(sightings):
             rejected["inside another marker"] += len(sightings) - len(alone)
-        seen = Counter(one.id for one in alone if one.id != UNKNOWN)
-        single = [one for one in alone if seen[one.id] < 2]
-        if len(single) < len(alone):
-            rejected[TWICE] += len(alone) - len(single)
-            rejected.twice = tuple(name for name, times in seen.items() if times > 1)
-        return single, rejected
+        return single(alone, rejected), rejected
 
     def _unread(self, grey: Image, quads: Array, motion: CameraMotion | None) -> Iterator[Sighting]:
         """Yields the squares among the outlines `quads` (n, 4, 2) that are printed like a marker."""
@@ -229,6 +229,11 @@ class Detector:
         cov[range(4), :, range(4)] = sd**2 * by_pixel @ by_pixel.transpose(0, 2, 1)
         return cov.reshape(8, 8)
 
+    def at_corners(self, name: int, corners: Array, sd: float) -> Sighting | None:
+        """The pose of the marker with `corners` (4, 2), px, of `sd` px along both axes; None without a solution."""
+        rays = self.camera.undistort(corners)
+        return self.locate(name, rays, self._cov_of_rays(rays, sd)) if np.isfinite(rays).all() else None
+
     def _located(self, name: int, rays: Array, cov: Array, motion: CameraMotion | None) -> Sighting | None:
         """`locate`, with the corners where a moving camera sees them."""
         sighting = self.locate(name, rays, cov)
@@ -239,18 +244,19 @@ class Detector:
     def locate(self, name: int, rays: Array, cov: Array) -> Sighting | None:
         """The pose of the marker whose corners have `rays` (4, 2) with covariance (8, 8); None without a solution.
 
-        A small square has two poses that project almost alike. `pose` is the likelier one; `centre` and its covariance
-        are those of the mixture of both, weighted by likelihood.
+        A small square has two poses that project almost alike. `pose` is the likelier one, `centre` the mean of both,
+        weighted by likelihood, and `cov` the mean square about `centre` and about the turn of `pose`.
         """
         poses = square_poses(rays, cov, self.markers.side_of(name))
         if not poses:
             return None
         best = poses[0]
-        centre, centre_cov = best.pose[:3, 3], best.centre_cov
+        centre, pose_cov = best.pose[:3, 3], best.cov
         if len(poses) > 1:
-            centre, centre_cov = mixture(
-                np.array([each.pose[:3, 3] for each in poses]),
-                np.array([each.centre_cov for each in poses]),
+            turns = (cv2.Rodrigues(each.pose[:3, :3] @ best.pose[:3, :3].T)[0].ravel() for each in poses)
+            centre, pose_cov = mixture(
+                np.array([[*each.pose[:3, 3], *turn] for each, turn in zip(poses, turns, strict=True)], float),
+                np.array([each.cov for each in poses]),
                 np.array([each.chi2 for each in poses]),
             )
         pixels = self.camera.project(to_project(rays, square(self.markers.side_of(name)), best.pose))
@@ -261,10 +267,20 @@ class Detector:
             corner_cov=corner_cov,
             pose=best.pose,
             centre=centre,
-            centre_cov=centre_cov,
+            cov=pose_cov,
             error=error,
             ambiguity=math.exp((best.chi2 - poses[1].chi2) / 2) if len(poses) > 1 else 0.0,
         )
+
+
+def single(sightings: Sequence[Sighting], rejected: Rejections) -> list[Sighting]:
+    """The sightings whose ids no other one has, or is UNKNOWN; the others are counted in `rejected`."""
+    seen = Counter(one.id for one in sightings if one.id != UNKNOWN)
+    kept = [one for one in sightings if seen[one.id] < 2]
+    if len(kept) < len(sightings):
+        rejected[TWICE] += len(sightings) - len(kept)
+        rejected.twice = tuple(name for name, times in seen.items() if times > 1)
+    return kept
 
 
 def range_bearing(sightings: Sequence[Sighting], mounting: Array) -> Array:

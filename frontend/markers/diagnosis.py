@@ -41,7 +41,7 @@ def diagnose(images: Sequence[Image], markers: Markers, camera: Camera) -> list[
     greys = [cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image for image in chosen]
     decoded = decode(greys, markers.dictionary, markers.opencv)
     best = next(iter(decoded.readings), None)
-    if best is not None and not _as_expected(best, markers):
+    if best is not None and not as_expected(best, markers):
         return [_reading(best, markers, len(chosen))]
     if best is not None and 2 * best.frames >= len(chosen):
         return []
@@ -74,7 +74,7 @@ def plausible_length(sightings: Sequence[Sighting], markers: Markers) -> str | N
     return f"the markers would be {away} away; is side = {side:g} their length in metres?"
 
 
-def _as_expected(reading: Reading, markers: Markers) -> bool:
+def as_expected(reading: Reading, markers: Markers) -> bool:
     """Tells if the recording's own dictionary has the markers that were read, neither mirrored nor inverted."""
     own, other = markers.opencv, find(reading.dictionary, markers.folder)
     if reading.mirrored or reading.inverted or own.markerSize != other.markerSize:
@@ -88,7 +88,7 @@ def _reading(reading: Reading, markers: Markers, frames: int) -> str:
     shown = ", ".join(map(str, reading.ids[:5])) + (", ..." if len(reading.ids) > 5 else "")
     count, ids = len(reading.ids), "id" if len(reading.ids) == 1 else "ids"
     facts = f"reads {_plural(count, 'marker')} in {reading.frames} of {_plural(frames, 'frame')} ({ids} {shown})"
-    same = _as_expected(reading._replace(mirrored=False, inverted=False), markers)
+    same = as_expected(reading._replace(mirrored=False, inverted=False), markers)
     says = "" if same else f"; the recording says {markers.dictionary}"
     name = markers.dictionary if same else reading.dictionary
     if reading.mirrored and reading.inverted:

@@ -18,7 +18,7 @@ def kernels() -> Kernels:
         (_edges.spread, (table, misfit)),
         (_square_pose.explain, (table, table, table, table, table)),
         (_corners.homography, (table, 4)),
-        (_corners.mixture, (table, np.zeros((2, 3, 3)), np.zeros(2))),
+        (_corners.mixture, (table, np.zeros((2, 6, 6)), np.zeros(2))),
         (_corners.judge, (table, table)),
         (_corners.slopes, (table,)),
         (_corners.to_project, (table, table, table)),

@@ -34,7 +34,8 @@ class Frame(NamedTuple):
     """An image and its time."""
 
     t: float  # s, the middle of the exposure of its middle row, by the clock of the motion's readings
-    image: Image | None  # (height, width) grey or (height, width, 3) BGR; None: it could not be decoded
+    image: Image | None  # (height, width) grey or (height, width, 3) BGR; None: not there, or not decoded
+    found: tuple[list[Sighting], Rejections] | None = None  # by another program; None: to be detected
 
 
 class FrameSightings(NamedTuple):
@@ -63,6 +64,7 @@ class Recording:
     prior: Prior
     max_range: float = 3.0  # m in the robot's plane, from its origin; farther sightings are left out
     max_distance: float = np.inf  # m from the camera, in space, as in the program of ArUco EKF SLAM
+    clock: float = 0.0  # s by which the frames' times are later than their stamps
     notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
     remarks: list[str] = field(default_factory=list[str])  # grows while the frames are read
 
@@ -96,7 +98,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
         if not first <= frame.t <= last:
             counts[f"frames without {recording.motion.readings}"] += 1
             continue
-        if frame.image is None:
+        if frame.image is None and frame.found is None:
             counts["frames that could not be decoded"] += 1
             continue
         odometry = recording.motion.odometry(steps[-1].t, frame.t) if steps else None
@@ -104,7 +106,8 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
         counts.update(seen.rejected)
         twice.update(seen.rejected.twice)
         for one in seen.sightings:
-            misfit.add(one.corners, one.corner_cov, one.error)
+            if np.isfinite(one.error):
+                misfit.add(one.corners, one.corner_cov, one.error)
         counts[f"sightings beyond {recording.reach}"] += int((~seen.kept).sum())
         counts["sightings"] += int(seen.kept.sum())
         if observe is not None:
@@ -166,9 +169,12 @@ def _of_twins(recording: Recording, twice: Mapping[int, int], steps: Sequence[St
 
 
 def see(recording: Recording, frame: Frame) -> FrameSightings:
-    """Detects the markers in one frame, which has an image."""
-    assert frame.image is not None
-    found, rejected = recording.detector.detect(frame.image, camera_motion(recording, frame.t))
+    """Detects the markers in one frame, which has an image, or takes those that another program found in it."""
+    if frame.found is None:
+        assert frame.image is not None
+        found, rejected = recording.detector.detect(frame.image, camera_motion(recording, frame.t))
+    else:
+        found, rejected = frame.found
     z, cov = recording.noise.measure(found, recording.detector.camera.mounting)
     distance = np.linalg.norm([one.centre for one in found], axis=1) if found else np.zeros(0)
     near = (z[:, 0] <= recording.max_range) & (distance <= recording.max_distance)

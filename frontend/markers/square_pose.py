@@ -13,7 +13,7 @@ class SquarePose(NamedTuple):
     """One of the poses that explain a square's corners."""
 
     pose: Array  # (4, 4) T_camera_square
-    centre_cov: Array  # (3, 3) m^2, of the centre in the camera frame
+    cov: Array  # (6, 6) of x, y, z, m, and of a turn about the axes x, y, z of the camera frame, after the pose's, rad
     chi2: float  # of the corners' residuals; 2 degrees of freedom
 
 

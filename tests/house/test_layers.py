@@ -66,7 +66,8 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "bags": {TOP},
         "scans": {TOP, "bags", "formats"},
         "depth": {TOP, "bags"},
-        "recordings": {TOP, "bags", "scans", "depth"},
+        "tags": {TOP, "graphs", "bags", "formats"},
+        "recordings": {TOP, "bags", "scans", "depth", "tags"},
     },
     "bench": {
         "words": set(),

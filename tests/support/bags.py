@@ -20,7 +20,21 @@ TWIST, STAMPED_TWIST = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStampe
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 SCAN = "sensor_msgs/msg/LaserScan"
 ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
+APRILTAG = "apriltag_msgs/msg/AprilTagDetectionArray"
+APRILTAG_ROS = "apriltag_ros/msg/AprilTagDetectionArray"
+ISAAC = "isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray"
 TRANSFORMS, FIRST_TRANSFORMS = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
+
+
+_TAGS = {
+    APRILTAG: "string family\nint32 id\nint32 hamming\nfloat32 goodness\nfloat32 decision_margin\nPoint centre\n"
+    "Point[4] corners\nfloat64[9] homography",
+    APRILTAG_ROS: "int32[] id\nfloat64[] size\ngeometry_msgs/PoseWithCovarianceStamped pose\nint32[2] pix_tl\n"
+    "int32[2] pix_tr\nint32[2] pix_br\nint32[2] pix_bl",
+    ISAAC: "string family\nint32 id\ngeometry_msgs/Point center\ngeometry_msgs/Point[4] corners\n"
+    "geometry_msgs/PoseWithCovarianceStamped pose",
+}
+"""Definitions of single tags, as their packages have them."""
 
 
 class Said(NamedTuple):
@@ -41,6 +55,16 @@ def write(folder: Path, kind: str, messages: Iterable[Said]) -> Path:
     if old:
         for name in (TRANSFORMS, FIRST_TRANSFORMS):
             types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", name))
+    for name, one in _TAGS.items():
+        package = name.split("/")[0]
+        array = "std_msgs/Header header\nAprilTagDetection[] detections"
+        types.register(
+            {
+                **(get_types_from_msg("float64 x\nfloat64 y", f"{package}/msg/Point") if name == APRILTAG else {}),
+                **get_types_from_msg(one, f"{package}/msg/AprilTagDetection"),
+                **get_types_from_msg(array, name),
+            }
+        )
     plugin = StoragePlugin.SQLITE3 if kind == "ros2" else StoragePlugin.MCAP
     path = folder / ("drive.bag" if old else "drive")
     writer: Any = Writer1(path) if old else Writer2(path, version=8, storage_plugin=plugin)
@@ -188,3 +212,48 @@ def camera_info(stamp: int, k: Any, d: Any, topic: str = "/camera_info", model: 
             "roi": new("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False),
         },
     )
+
+
+def tags(stamp: int, kind: str, found: Iterable["Tag"], topic: str = "/tag_detections") -> Said:
+    """Tags as the package of type `kind` publishes them; apriltag_ros in ROS 1, Isaac's in ROS 2."""
+    return Said(topic, kind, stamp, lambda new: {"detections": [_TAG_BUILDERS[kind](new, stamp, one) for one in found]})
+
+
+class Tag(NamedTuple):
+    """A tag of a message: several ids are a bundle."""
+
+    ids: tuple[int, ...]
+    pose: Any  # x, y, z, qx, qy, qz, qw
+    corners: Any  # (4, 2) px
+    cov: Any = np.zeros((6, 6))
+
+
+def _stamped_pose(new: Any, stamp: int, one: Tag, old: bool) -> Any:
+    pose = new("geometry_msgs/msg/Pose", new("geometry_msgs/msg/Point", *one.pose[:3]), _quaternion(new, one.pose[3:]))
+    both = new("geometry_msgs/msg/PoseWithCovariance", pose, np.array(one.cov, float).ravel())
+    return new("geometry_msgs/msg/PoseWithCovarianceStamped", _header(new, old, stamp, "camera"), both)
+
+
+def _apriltag(new: Any, stamp: int, one: Tag) -> Any:
+    corners = [new("apriltag_msgs/msg/Point", *corner) for corner in np.asarray(one.corners, float).tolist()]
+    centre, homography = new("apriltag_msgs/msg/Point", 0.0, 0.0), np.zeros(9)
+    numbers = "36h11", one.ids[0], 0, 0.0, 50.0
+    return new("apriltag_msgs/msg/AprilTagDetection", *numbers, centre, corners, homography)
+
+
+def _apriltag_ros(new: Any, stamp: int, one: Tag) -> Any:
+    ids, sizes = np.array(one.ids, np.int32), np.full(len(one.ids), 0.16)
+    pixels = (np.zeros(2, np.int32) for _ in range(4))
+    return new("apriltag_ros/msg/AprilTagDetection", ids, sizes, _stamped_pose(new, stamp, one, True), *pixels)
+
+
+def _isaac(new: Any, stamp: int, one: Tag) -> Any:
+    point = "geometry_msgs/msg/Point"
+    corners = [new(point, u, v, 0.0) for u, v in np.asarray(one.corners, float).tolist()]
+    name = "isaac_ros_apriltag_interfaces/msg/AprilTagDetection"
+    return new(name, "tag36h11", one.ids[0], new(point, 0.0, 0.0, 0.0), corners, _stamped_pose(new, stamp, one, False))
+
+
+_TAG_BUILDERS: dict[str, Callable[[Any, int, Tag], Any]] = {
+    APRILTAG: _apriltag, APRILTAG_ROS: _apriltag_ros, ISAAC: _isaac,
+}  # fmt: skip

@@ -1,13 +1,15 @@
 """Views of a ChArUco board through a known lens, for tests of calibration."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from slamduel.core.se2 import Array
 from slamduel.datasets.rendering.sensor import Sensor
-from slamduel.frontend.boards.board import Board, View
+from slamduel.frontend.boards.board import Board
+from slamduel.frontend.boards.view import View
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.markers.aruco import Image
 
@@ -16,8 +18,26 @@ _SHARPNESS = 24
 """px per square of the drawing that views are warped from."""
 
 
+class Squares(NamedTuple):
+    """A chessboard of so many squares, drawn as a ChArUco board is; black first."""
+
+    columns: int
+    rows: int
+    square: float  # m
+
+    @property
+    def opencv(self) -> "Squares":
+        return self
+
+    def generateImage(self, size: tuple[int, int]) -> Image:  # noqa: N802 - as OpenCV has it
+        """(height, width) of that `size`, without an edge."""
+        white = np.indices((self.rows, self.columns)).sum(axis=0) % 2
+        sharp = size[0] // self.columns
+        return np.kron(255 * white, np.ones((sharp, sharp))).astype(np.uint8)
+
+
 def poses(
-    count: int, rng: np.random.Generator, tilt: float = 35, distance: float = 0.42, board: Board = BOARD
+    count: int, rng: np.random.Generator, tilt: float = 35, distance: float = 0.42, board: Board | Squares = BOARD
 ) -> list[Array]:
     """(4, 4) T_camera_board each: the board's middle ahead of the camera, tilted every way by up to `tilt` degrees."""
     middle = np.array([board.columns, board.rows, 0]) * board.square / 2
@@ -81,7 +101,7 @@ def sensed(
     return taken
 
 
-def photographs(camera: Camera, places: Sequence[Array], board: Board = BOARD) -> list[Image]:
+def photographs(camera: Camera, places: Sequence[Array], board: Board | Squares = BOARD) -> list[Image]:
     """(height, width) grey from each of `places` (4, 4) T_camera_board, by ray casting to the board."""
     drawn = board.opencv.generateImage((board.columns * _SHARPNESS, board.rows * _SHARPNESS))
     drawn = np.pad(drawn, _SHARPNESS, constant_values=255)

@@ -46,7 +46,7 @@ def sighting(name: int, range_: float, bearing: float, ambiguity: float = 0.01) 
     pose = np.diag([1.0, -1.0, -1.0, 1.0])
     pose[:3, 3] = (-range_ * np.sin(bearing), 0.0, range_ * np.cos(bearing))
     corners = CAMERA.project(square(SIDE) @ pose[:3, :3].T + pose[:3, 3])
-    return Sighting(name, corners, 0.01 * np.eye(8), pose, pose[:3, 3], 1e-4 * np.eye(3), 0.1 + 0.01 * name, ambiguity)
+    return Sighting(name, corners, 0.01 * np.eye(8), pose, pose[:3, 3], 1e-4 * np.eye(6), 0.1 + 0.01 * name, ambiguity)
 
 
 def small_recording(rng: np.random.Generator, frames: int = 60, **changes: Any) -> tuple[Recording, Truth]:

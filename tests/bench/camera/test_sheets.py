@@ -16,6 +16,8 @@ from slamduel.bench.camera.sheets import EDGE, FOOT, PAGES, STRIP, lay_out, shee
 from slamduel.bench.commands import markers as command_markers
 from slamduel.core.errors import InputError
 from slamduel.core.se2 import Array
+from slamduel.frontend.boards.chessboard import Chessboard
+from slamduel.frontend.boards.view import View
 from slamduel.frontend.markers.aruco import Image
 from slamduel.frontend.markers.markers import Markers, find
 from tiers import first_quick
@@ -170,6 +172,18 @@ def test_a_board_is_opencvs(size: tuple[int, int], square: float, marker: float,
     left, top = np.round((seen[0] - expected[0]) / PIXEL).astype(int)
     inside = image[top : top + rows, left : left + columns]
     assert (np.abs(inside.astype(int) - drawn) > 100).mean() < 0.02
+
+
+def test_a_chessboard_is_found_at_its_true_size() -> None:
+    image = picture("A4", paper.chessboard((7, 5), 0.02, "a board", "A4"))
+    found = Chessboard(7, 5, 0.02).find("page", image)
+    assert isinstance(found, View)
+    seen = found.corners.reshape(5, 7, 2) * PIXEL
+    np.testing.assert_allclose(np.abs(np.diff(seen, axis=1))[..., 0], 20, atol=0.1)
+    np.testing.assert_allclose(np.abs(np.diff(seen, axis=0))[..., 1], 20, atol=0.1)
+    assert isinstance(Chessboard(8, 6, 0.02).find("page", image), str)
+    with pytest.raises(InputError, match="the board is 450 x 350 mm and does not fit on A4; --page A1"):
+        paper.chessboard((8, 6), 0.05, "", "A4")
 
 
 def test_what_is_too_large_is_refused() -> None:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from charuco_views import photographs, poses, sensed
+from charuco_views import Squares, photographs, poses, sensed
 from command import run
 from slamduel.bench.commands import calibrate
 from slamduel.core.errors import InputError
@@ -48,6 +48,29 @@ def test_a_folder_becomes_a_calibration(tmp_path: Path, pictures: Path, capsys: 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["calibration.yaml", "coverage.png", "info.yaml"]
     assert found.response is None
     assert "response to light not measured: found 0 usable markers in 0 pictures" in said
+
+
+def test_a_chessboard_becomes_a_calibration_and_another_board_is_named(
+    tmp_path: Path, pictures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, squares = tmp_path / "views", Squares(9, 7, 0.03)
+    folder.mkdir()
+    placed = poses(6, np.random.default_rng(1), board=squares, distance=0.36)
+    for k, image in enumerate([*photographs(CAMERA, placed, squares), np.full((300, 400), 90, np.uint8)]):
+        cv2.imwrite(str(folder / f"{k}.png"), image)
+    out = tmp_path / "calibration.yaml"
+    assert bench(folder, "--board", "chessboard[columns=8,rows=6,square=0.03]", "--out", out) == 0
+    np.testing.assert_allclose(read(out, np.eye(4)).focal, CAMERA.focal, rtol=0.01)
+    said = capsys.readouterr().out
+    assert "Left out 6.png: no whole chessboard of 8 x 6 inner corners" in said
+    assert "response to light not measured: a chessboard has no markers" in said
+    out.unlink()
+    expected = r"^calibration: found a chessboard of 8 x 6 inner corners in 6 of 7 pictures, expected charuco\["
+    with pytest.raises(InputError, match=expected):
+        bench(folder, "--board", BOARD, "--out", out)
+    with pytest.raises(InputError, match=r"^calibration: found markers of the dictionary 4X4_50, as of a ChArUco"):
+        bench(pictures / "view_0.png", "--board", "chessboard", "--out", out)
+    assert not out.exists()
 
 
 def test_the_cameras_response_is_told_and_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

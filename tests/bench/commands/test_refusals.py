@@ -56,6 +56,10 @@ REFUSALS = [
     ("map nowhere --cell 7", "--cell"),
     *((f"compare {words}", "compare") for words in ("a", "a b --least 0", "a b --least much")),
     # files and formats
+    (
+        "detect drive --out log --poses p.txt",
+        "--poses p.txt: found the ending '.txt', expected one of .csv, .jrl",
+    ),
     ("show circle --out x.txt", "--out x.txt: found the ending '.txt', expected one of .png, .svg, .pdf, .html"),
     ("show circle --out no/x.png", "there is no folder no, expected an existing one"),
     ("noise circle --out page.pdf", "--out page.pdf: found the ending '.pdf'"),

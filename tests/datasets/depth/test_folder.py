@@ -10,9 +10,9 @@ from fuzzing import survivors
 from refusals import refusal
 from slamduel.datasets.depth.folder import read_camera_truth
 from slamduel.datasets.depth.open import OpenedDepth, open_depth
-from slamduel.datasets.recordings.write_depth import quaternion
 from slamduel.datasets.rendering.disturbances import raised, rocked
 from slamduel.frontend.camera.calibration import write_opencv
+from slamduel.frontend.camera.quaternions import quaternion
 from slamduel.frontend.depth.recording import DepthFrame
 
 

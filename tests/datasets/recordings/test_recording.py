@@ -367,7 +367,7 @@ def test_more_that_cannot_be_used(tmp_path: Path) -> None:
     (folder / "frames" / "0.200.png").unlink()
     refused(r"a: has ticks\.csv as well as odometry\.csv, expected one of them", open_recording, folder)
     empty = robot_in(tmp_path / "b")
-    refused("b: found none, expected one recording: a folder of frames, a video, or a", open_recording, empty)
+    refused("b: found none, expected one recording: a folder of frames, a video, tags.csv, or a", open_recording, empty)
     (empty / "frames").mkdir()
     refused("frames: has no pictures, expected frames in files such as 000001", open_recording, empty)
     refused("nowhere: there is no such file or folder, expected a recording", open_recording, tmp_path / "nowhere")

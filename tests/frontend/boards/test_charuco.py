@@ -9,8 +9,9 @@ import pytest
 from charuco_views import BOARD, corners, photographs, poses
 from recorded import at_hand
 from refusals import refused
-from slamduel.frontend.boards.board import Board, View, find_corners, read_board
+from slamduel.frontend.boards.board import Board, find_corners, read_board
 from slamduel.frontend.boards.charuco import calibrate
+from slamduel.frontend.boards.view import View
 from slamduel.frontend.camera.camera import Camera
 
 SIZE = (400, 300)
@@ -127,7 +128,9 @@ def test_boards_from_the_command_line() -> None:
     text = "charuco[columns=8, rows=6,square=0.05,marker=0.03,dictionary=4X4_50,legacy=True]"
     assert read_board(text) == Board(8, 6, 0.05, 0.03, "4X4_50", legacy=True)
     assert read_board("charuco") == Board()
-    assert read_board("charuco[dictionary=custom[count=30,size=4,seed=0],rows=5]").dictionary.startswith("custom[count")
+    own = read_board("charuco[dictionary=custom[count=30,size=4,seed=0],rows=5]")
+    assert isinstance(own, Board)
+    assert own.dictionary.startswith("custom[count")
 
 
 @pytest.mark.parametrize(
@@ -153,6 +156,7 @@ def test_what_is_no_board_is_refused(text: str, message: str) -> None:
 
 def test_real_views_give_the_published_focal_length() -> None:
     board = read_board("charuco[columns=5,rows=7,square=0.04,marker=0.02,dictionary=6X6_250]")
+    assert isinstance(board, Board)
     found = []
     for name in ("img_00.jpg", "img_01.jpg", "img_02.jpg", "img_03.jpg"):  # choriginal.jpg is img_01.jpg again
         image = cv2.imread(str(at_hand("aruco") / name), cv2.IMREAD_GRAYSCALE)

@@ -9,9 +9,10 @@ import pytest
 from charuco_views import poses, sensed
 from slamduel.datasets.rendering.sensor import Sensor
 from slamduel.frontend.boards import response_fit
-from slamduel.frontend.boards.board import Board, View, find_corners
+from slamduel.frontend.boards.board import Board, find_corners
 from slamduel.frontend.boards.charuco import Calibration, calibrate
 from slamduel.frontend.boards.response_fit import FEWEST_PICTURES, BoardResponse, Pictures, pooled
+from slamduel.frontend.boards.view import View
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.response import Measured
 from slamduel.frontend.markers.aruco import Image

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -284,3 +285,60 @@ def test_one_of_several_cameras_is_named(tmp_path: Path) -> None:
 def test_what_cannot_be_mapped_is_refused_with_the_reason(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "file.txt").write_text(text)
     refused(f"file.txt.*{message}", read, tmp_path / "file.txt", MOUNTING)
+
+
+ROWS = "525.0 0 319.5\n0 524.0 239.5\n0 0 1\n"
+K = np.array([[525.0, 0, 319.5], [0, 524.0, 239.5], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("K.txt", ROWS),
+        ("K.csv", "# K\n" + ROWS.replace(" ", ", ")),
+        ("K.yaml", "K: [525.0, 0, 319.5, 0, 524.0, 239.5, 0, 0, 1]\n"),
+        ("rows.yaml", "camera_matrix: [[525.0, 0, 319.5], [0, 524.0, 239.5], [0, 0, 1]]\n"),
+        ("K.npy", K),
+        ("K.npz", K),
+    ],
+)
+def test_a_matrix_alone_is_that_of_a_lens_without_distortion(tmp_path: Path, name: str, content: Any) -> None:
+    path = tmp_path / name
+    if isinstance(content, str):
+        path.write_text(content, encoding="utf-8")
+    elif path.suffix == ".npy":
+        np.save(path, content)
+    else:
+        np.savez(path, K=content)
+    camera = read(path, np.eye(4), (640, 480))
+    assert (camera.focal, camera.centre, camera.distorted) == ((525.0, 524.0), (319.5, 239.5), False)
+    refused("found no image_width and image_height, expected the size of its images", read, path, np.eye(4))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("k.txt", "525 525 319.5 239.5\n", "found 1 x 4 of numbers, expected three rows of a matrix: fx 0 cx"),
+        ("k.txt", "525 0 319.5\n0 525\n0 0 1\n", "found 3 uneven rows of numbers"),
+        ("k.txt", "525 9 319.5\n0 525 239.5\n0 0 1\n", "camera_matrix: found .* expected fx 0 cx, 0 fy cy, 0 0 1"),
+        ("k.yaml", "K: [525.0, 0, 319.5, 0, 525, 239.5, 0, 0, 1]\ndistortion: x\n", "distortion: found 'x'"),
+        ("k.yaml", "K: [525.0, 0, 319.5, 0, 525, 239.5, 0, 0, 1]\ndist_5: [1]\n", "found no distortion_coefficients"),
+    ],
+)
+def test_a_matrix_that_is_none_is_refused(tmp_path: Path, name: str, content: str, message: str) -> None:
+    (tmp_path / name).write_text(content, encoding="utf-8")
+    refused(message, read, tmp_path / name, np.eye(4), (640, 480))
+
+
+def test_an_array_that_is_no_matrix_is_refused(tmp_path: Path) -> None:
+    np.save(tmp_path / "k.npy", np.eye(4))
+    refused("found 4 x 4 of numbers, expected three rows of a matrix", read, tmp_path / "k.npy", np.eye(4), (640, 480))
+    np.save(tmp_path / "k.npy", np.array({"K": 1}, dtype=object), allow_pickle=True)
+    refused("k.npy: not an array of numbers", read, tmp_path / "k.npy", np.eye(4), (640, 480))
+
+
+@pytest.mark.parametrize("model", ["omni", "ds", "eucm"])
+def test_kalibrs_other_lenses_are_refused(tmp_path: Path, model: str) -> None:
+    words = f"camera_model: {model}, intrinsics: [1.7, 460, 460, 320, 240], resolution: [640, 480]"
+    (tmp_path / "chain.yaml").write_text(f"cam0: {{{words}}}\n", encoding="utf-8")
+    refused(f"cam0: camera_model: found '{model}', expected pinhole", read, tmp_path / "chain.yaml", np.eye(4))

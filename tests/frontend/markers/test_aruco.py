@@ -99,7 +99,7 @@ def seen_at(point: Array) -> Sighting:
     """A marker whose centre is at `point` (3,) of the camera frame."""
     pose = np.eye(4)
     pose[:3, 3] = point
-    return Sighting(0, np.zeros((4, 2)), np.eye(8), pose, pose[:3, 3], np.eye(3), 0.0, 0.0)
+    return Sighting(0, np.zeros((4, 2)), np.eye(8), pose, pose[:3, 3], np.eye(6), 0.0, 0.0)
 
 
 def test_range_and_bearing_are_of_the_robots_plane() -> None:

@@ -41,12 +41,15 @@ def test_corners_have_their_rays_covariance_and_the_outlines_distance() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_a_mixture_has_the_mean_and_covariance_of_what_is_drawn_from_it(count: int) -> None:
+def test_a_mixture_has_the_mean_centre_of_what_is_drawn_from_it_and_its_mean_square(count: int) -> None:
     rng = np.random.default_rng(2)
-    centres, roots = rng.normal(size=(count, 3)), rng.normal(size=(count, 3, 3))
+    offsets, roots = rng.normal(size=(count, 6)), rng.normal(size=(count, 6, 6))
+    offsets[0, 3:] = 0
     covs, squares = roots @ roots.transpose(0, 2, 1), np.array([3.0, 4.5])[:count]
-    mean, cov = mixture(centres, covs, squares)
+    mean, cov = mixture(offsets, covs, squares)
     weights = np.exp(-squares / 2) / np.exp(-squares / 2).sum()
-    second = np.einsum("k,kij->ij", weights, covs + centres[:, :, None] * centres[:, None, :])
-    np.testing.assert_allclose(mean, weights @ centres, rtol=1e-12)
-    np.testing.assert_allclose(cov, second - np.outer(mean, mean), rtol=1e-9, atol=1e-9)
+    second = np.einsum("k,kij->ij", weights, covs + offsets[:, :, None] * offsets[:, None, :])
+    about = np.append(weights @ offsets[:, :3], np.zeros(3))
+    across = np.outer(about, weights @ offsets)
+    np.testing.assert_allclose(mean, about[:3], rtol=1e-12)
+    np.testing.assert_allclose(cov, second - across - across.T + np.outer(about, about), rtol=1e-9, atol=1e-9)

@@ -183,7 +183,7 @@ def test_blur_is_measured() -> None:
 def sighting(distance: float, index: int = 0) -> Sighting:
     pose = np.eye(4)
     pose[2, 3] = distance
-    return Sighting(index, np.zeros((4, 2)), np.eye(8), pose, pose[:3, 3], np.eye(3), 0.1, 0.5)
+    return Sighting(index, np.zeros((4, 2)), np.eye(8), pose, pose[:3, 3], np.eye(6), 0.1, 0.5)
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ def test_both_solutions_are_least_squares() -> None:
 
 
 def _sd(solution: SquarePose) -> float:
-    return float(np.sqrt(np.linalg.eigvalsh(solution.centre_cov)[-1]))
+    return float(np.sqrt(np.linalg.eigvalsh(solution.cov[:3, :3])[-1]))
 
 
 def _reprojected(parameters: Array) -> Array:
@@ -124,11 +124,35 @@ def test_the_covariance_is_that_of_many_draws() -> None:
     root = np.linalg.cholesky(cov)
     noise = (rng.normal(size=(count, 8)) @ root.T).reshape(-1, 4, 2)
     found = [square_poses(rays_of(pose) + drawn, cov, SIDE)[0] for drawn in noise]
-    whiten = np.linalg.inv(np.linalg.cholesky(exact.centre_cov))
+    whiten = np.linalg.inv(np.linalg.cholesky(exact.cov[:3, :3]))
     seen = whiten @ (np.array([s.pose[:3, 3] for s in found]) - pose[:3, 3]).T
     np.testing.assert_allclose(seen @ seen.T / count, np.eye(3), atol=5 * np.sqrt(2 / count))
     # four corners are eight numbers, and a pose six: chi-square with two degrees of freedom, variance 4
     assert np.mean([s.chi2 for s in found]) == pytest.approx(2, abs=5 * np.sqrt(4 / count))
+
+
+def test_the_covariance_of_the_pose_is_that_of_the_corners_through_its_numerical_jacobian() -> None:
+    """Where exact corners are moved along each of their eight directions, place and turn move so."""
+    rng = np.random.default_rng(9)
+    for _ in range(5):
+        pose, cov, h = any_pose(rng, rng.uniform(0.6, 1.0)), any_cov(rng, 0.1 * PIXEL), 1e-5
+        ends = [
+            [_nearest(rays_of(pose) + way * step.reshape(4, 2), cov, pose) for way in (-h, h)] for step in np.eye(8)
+        ]
+        slope = np.array([(_step(pose, more) - _step(pose, less)) / (2 * h) for less, more in ends]).T
+        stated, numeric = _nearest(rays_of(pose), cov, pose).cov, slope @ cov @ slope.T
+        sd = np.sqrt(np.diag(numeric))
+        np.testing.assert_allclose(stated / np.outer(sd, sd), numeric / np.outer(sd, sd), atol=5e-3)
+
+
+def _nearest(rays: Array, cov: Array, pose: Array) -> SquarePose:
+    return min(square_poses(rays, cov, SIDE), key=lambda one: float(np.abs(one.pose - pose).max()))
+
+
+def _step(pose: Array, found: SquarePose) -> Array:
+    """(6,) from the pose to the one found: of the place, and the turn about the camera's axes."""
+    turn = Rotation.from_matrix(found.pose[:3, :3] @ pose[:3, :3].T).as_rotvec()
+    return np.concatenate((found.pose[:3, 3] - pose[:3, 3], turn))
 
 
 def test_corners_in_the_wrong_order_have_no_pose() -> None:
