@@ -1,7 +1,8 @@
 """Pictures of cost against error beside the best: a small panel for the datasets of each run of the suites."""
 
 import math
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from matplotlib import rcParams
@@ -51,7 +52,7 @@ def cost_panels(name: str, scores: Sequence[Score], purpose: str) -> ReportFigur
     if not panels:
         return None
     look = looks(score.backend for score in scores)
-    called = tags(score.backend for score in scores)
+    called = _brief(score.backend for score in scores)
     across, down = min(ACROSS, len(panels)), -(-len(panels) // ACROSS)
     width, height = max(across * WIDE, 2 * WIDE) + 2 * EDGE, TITLE + down * HIGH + AXIS + EDGE
 
@@ -78,6 +79,14 @@ CAPTION = (
     "Each point is the geometric mean over the datasets of a run. Failing: on half of the logs of one, or more. Dead "
     "reckoning is not drawn."
 )
+
+
+def _brief(backends: Iterable[str]) -> dict[str, str]:
+    """Names for a small panel: of options their values alone, as in ekf[jcbb], where that tells them apart."""
+    full = tags(backends)
+    brief = {label: re.sub(r"\w+=", "", name) for label, name in full.items()}
+    known = [*brief.values()]
+    return {label: name if known.count(name) == 1 else full[label] for label, name in brief.items()}
 
 
 def _panels(scores: Sequence[Score]) -> list[Panel]:

@@ -21,7 +21,7 @@ from .overview import Score
 WIDE, HIGH = 35.0, 15.5  # points of a cell
 NAMES, EDGE = 132.0, 6.0  # points of the names on the left, and around all
 TILTED = 2.8  # points by which a letter of a tilted name makes the picture higher
-LETTER, SMALL = 4.9, 3.85  # points of a letter of a block's name, and of the legend
+LETTER, SMALL = 4.9, 4.25  # points of a letter of a block's name, and of the legend
 APART = 12.0  # points between two blocks of columns
 TITLE = 44.0  # points of the title above all
 BLOCK = 15.0  # points of a block's name
@@ -110,9 +110,10 @@ def matrix(name: str, scores: Sequence[Score], purpose: str) -> ReportFigure | N
 
 
 CAPTION = (
-    "1 is the best backend on the dataset; dead reckoning is the baseline, and not ranked. A number is the typical "
-    "ratio of two errors on the same log. An asterisk stands where an interval and a test, corrected by Holm's "
-    "method, both show a difference from the best."
+    "1 is the best backend on the dataset: of those that none is significantly better than, the one with the lowest "
+    "median error. Dead reckoning is the baseline, and not ranked. A number is the typical ratio of two errors on the "
+    "same log, so that it may be below 1. An asterisk stands where an interval and a test, corrected by Holm's method, "
+    "both show a difference from the best. Covariances without a mark are not clear, or are not there."
 )
 
 
@@ -194,8 +195,8 @@ def _cell(axes: Axes, at: Place, score: Score, wide: float = WIDE) -> None:
     axes.text(x + 21, middle, star, color=ink, fontsize=7.5, ha="left", va="center")
     if score.consistency in MARKS:
         (mark, size), fill = MARKS[score.consistency], "none" if score.consistency == "cautious" else ink
-        at = [x + wide - 5.5], [middle]
-        axes.plot(*at, mark, color=ink, markersize=size, markeredgewidth=0.8, markerfacecolor=fill)
+        where = [x + wide - 5.5], [middle]
+        axes.plot(*where, mark, color=ink, markersize=size, markeredgewidth=0.8, markerfacecolor=fill)
     if score.named:
         frame = Rectangle((x + 1, y + 1), wide - 2, HIGH - 2, fill=False, edgecolor=FRAME, linewidth=1.5, zorder=3)
         axes.add_patch(frame)
@@ -249,7 +250,7 @@ def _key(scores: Sequence[Score]) -> Key:
         *((SAMPLE._replace(times=times), "") for times in TICKS[:-1]),
         (SAMPLE._replace(times=TICKS[-1]), "times its error, or more"),
         *[(SAMPLE._replace(times=math.inf), "mostly failed")] * any(math.isinf(score.times) for score in scores),
-        (blank._replace(named=1), "the one to use"),
+        (blank._replace(named=1), "recommended"),
         (SAMPLE._replace(times=1.34, standing="worse"), "a significant difference from the best (Holm)"),
         *((blank._replace(consistency=word), words) for word, words in said.items() if word in found),
         (None, "not run, or no truth to compare with"),

@@ -80,21 +80,21 @@ class Made(NamedTuple):
     state: str  # MADE, SKIPPED or NOT_RUN
     why: str  # it was skipped
     command: str
-    version: str
-    revision: str
-    date: str  # YYYY-MM-DD
-    processor: str
-    cores: int
-    memory_gb: float
-    datasets: int
-    logs: int
-    clusters: int  # independent units that the logs are of: as many as logs where none is stated
-    cells: int  # the suite's own
-    failed: int  # of these
-    planned: int
-    workers: int  # cells at once
-    load_low: float  # the system's load average while cells were timed; NaN where it is not known
-    load_high: float
+    version: str = ""
+    revision: str = ""
+    date: str = ""  # YYYY-MM-DD
+    processor: str = ""
+    cores: int = 0
+    memory_gb: float = NAN
+    datasets: int = 0
+    logs: int = 0
+    clusters: int = 0  # independent units that the logs are of: as many as logs where none is stated
+    cells: int = 0  # the suite's own
+    failed: int = 0  # of these
+    planned: int = 0
+    workers: int = 0  # cells at once
+    load_low: float = NAN  # the system's load average while cells were timed; NaN where it is not known
+    load_high: float = NAN
 
 
 class Past(NamedTuple):
@@ -169,7 +169,8 @@ def _against_the_best(ranked: Ranking) -> dict[str, tuple[str, Comparison | None
     best, *others = ranked.lines
     pairs = [ranked.between(best, line) for line in others]
     pairs += [c for c in ranked.baseline if c.first == best.backend]
-    return {best.backend: ("best", None)} | {c.second: (_from_the_best(c), c) for c in pairs}
+    against: dict[str, tuple[str, Comparison | None]] = {c.second: (_from_the_best(c), c) for c in pairs}
+    return {best.backend: ("best", None), **against}
 
 
 def _from_the_best(c: Comparison) -> str:
@@ -183,25 +184,30 @@ def _score(
 ) -> Score:
     purpose, values = place[-1], line.values
     error = typical(line, column) if column in values else None
-    times = (1.0, NAN, NAN, NAN) if kind == "best" else (math.inf, NAN, NAN, NAN)
+    times, low, high, adjusted = 1.0 if kind == "best" else math.inf, NAN, NAN, NAN
     if c is not None:
-        times = (c.ratio, c.low, c.high, c.adjusted)
+        times, low, high, adjusted = c.ratio, c.low, c.high, c.adjusted
     cost = COST[purpose]
     us = values[cost].median if cost in values else NAN
     if cost != "step_us_p50":
         us = 1e6 * us / values["steps"].median if "steps" in values else NAN
     return Score(
         *place,
-        line.backend,
-        int(line.backend == use != BASELINE),
-        kind,
-        *map(_short, times),
-        *map(_short, (NAN,) * 3 if error is None else error[:3]),
-        belief_word(line, BELIEF[purpose]) if BELIEF[purpose] in values else "",
-        _short(us),
-        int(line.alone),
-        line.done,
-        len(line.rows),
+        backend=line.backend,
+        named=int(line.backend == use != BASELINE),
+        standing=kind,
+        times=_short(times),
+        times_low=_short(low),
+        times_high=_short(high),
+        adjusted=_short(adjusted),
+        error_m=NAN if error is None else _short(error.value),
+        error_low=NAN if error is None else _short(error.low),
+        error_high=NAN if error is None else _short(error.high),
+        consistency=belief_word(line, BELIEF[purpose]) if BELIEF[purpose] in values else "",
+        cost_us=_short(us),
+        alone=int(line.alone),
+        done=line.done,
+        cells=len(line.rows),
     )
 
 
@@ -243,7 +249,7 @@ def _not_run(there: set[str], where: str) -> Iterator[Made]:
 
 
 def _unmade(about: tuple[str, str, str, str], run: str, state: str, why: str, command: str) -> Made:
-    return Made(*about, run, state, why, command, "", "", "", "", 0, NAN, *(0,) * 7, NAN, NAN)
+    return Made(*about, run, state, why, command)
 
 
 def _history(one: SuiteResults) -> Iterator[Past]:

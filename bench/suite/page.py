@@ -140,7 +140,7 @@ def _missing(runs: Sequence[Made]) -> Iterator[str]:
         elif one.state == NOT_RUN:
             yield f"{one.title}, {one.run}: not run yet, `{one.suite_command}`."
         else:
-            yield f"{one.title}, {one.run}: {one.why} Then `{one.suite_command}`."
+            yield f"{one.title}: {one.why} Then `{one.suite_command}`."
 
 
 def _suite(runs: Sequence[Made], named: Sequence[Named]) -> dict[str, Any]:

@@ -136,7 +136,7 @@ def test_the_page_begins_with_pictures_and_has_every_name_with_its_numbers(page:
 
 def test_what_is_missing_is_said_with_the_command_that_brings_it(page: Path, found: Overview) -> None:
     text = page.read_text(encoding="utf-8")
-    assert "absent: dlr is not on this machine: bench fetch dlr gets it" in text
+    assert "Small: dlr is not on this machine: bench fetch dlr gets it" in text
     assert re.search(r"\*\*Real robots\*\*: not run yet, `bench suite real --out \S+`\.", text)
     states = {(one.suite, one.run): one.state for one in found.runs}
     assert states["small", "report"] == MADE
