@@ -20,6 +20,7 @@ from slamduel.bench.cli import COMMANDS
 from slamduel.bench.plan.spec import backend_variants, dataset_variants
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.run.terminal import tables
+from slamduel.bench.suite import file as suite_file
 from slamduel.bench.suite.best import UNCLEAR
 from slamduel.bench.verdict.summary import lines
 from slamduel.bench.words.console import WIDE
@@ -107,6 +108,15 @@ def test_the_tables_of_the_results_agree_with_each_other() -> None:
     assert frames == {}
     made = {(row["suite"], row["run"]) for row in runs if row["state"] == "made"}
     assert {(row["suite"], row["run"]) for row in backends} <= made
+
+
+def test_the_results_are_those_of_the_suites_of_today() -> None:
+    runs = csv_rows(ROOT / "docs/standing/runs.csv")
+    assert {row["suite"] for row in runs} == set(suite_file.packaged())
+    for row in (row for row in runs if row["state"] == "made"):
+        commands = {run.name: run.command for run in suite_file.read(row["suite"]).runs}
+        again = f"bench suite {row['suite']}, then bench suite --standing docs/standing.md"
+        assert row["command"] == commands.get(row["run"]), again
 
 
 def test_the_headings_of_the_table_are_the_terminals() -> None:
