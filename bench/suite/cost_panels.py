@@ -22,7 +22,7 @@ from .matrix import TITLES
 from .overview import Score
 
 ACROSS = 4  # panels beside each other
-WIDE, HIGH = 186.0, 144.0  # points of a panel with its margins
+WIDE, HIGH = 217.0, 148.0  # points of a panel with its margins
 LEFT, RIGHT, TOP, BOTTOM = 30.0, 6.0, 30.0, 22.0  # points of its margins
 TITLE, EDGE = 38.0, 6.0  # points of the title above all, and around it
 AXIS = 14.0  # points of the axis' name below all
@@ -124,7 +124,7 @@ def _ticks(long: float) -> Sequence[float]:
 
 def _draw(figure: Figure, axes: Axes, panel: Panel, look: Mapping[str, Look], called: Mapping[str, str]) -> None:
     times, us = [dot.times for dot in panel.dots], [dot.us for dot in panel.dots]
-    logarithmic("x", axes, min(us), max(us))
+    logarithmic("x", axes, min(us) / 1.6, max(us) * 1.1)  # names need room, most of all on the left
     low, high = min(*times, 1.0), max(*times, LEAST)
     room = (high / low) ** MARGIN
     low, high = low / room, high * room
@@ -145,7 +145,7 @@ def _draw(figure: Figure, axes: Axes, panel: Panel, look: Mapping[str, Look], ca
         said = f"failing: {listed([called[backend] for backend in panel.off])}"
         axes.annotate(said, (0, 1), (0, 3), xycoords="axes fraction", textcoords="offset points", fontsize=7)
     points = [Point(dot.us, dot.times, called[dot.backend], of(look[dot.backend])) for dot in panel.dots]
-    name_points(figure, axes, points)
+    name_points(figure, axes, points, apart=10)
     for text in axes.texts:
         if text.get_text():
             text.set_zorder(2.1)  # under the axes' lines

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.textpath import TextPath
 
 from ..drawing.axes import short
 from ..drawing.figure import ReportFigure
@@ -19,9 +20,10 @@ from ..words.styles import BASELINE
 from .overview import Score
 
 WIDE, HIGH = 35.0, 15.5  # points of a cell
+SMALL = 7.5  # points of the letters of cells and legend
 NAMES, EDGE = 132.0, 6.0  # points of the names on the left, and around all
 TILTED = 2.8  # points by which a letter of a tilted name makes the picture higher
-LETTER, SMALL = 4.9, 4.25  # points of a letter of a block's name, and of the legend
+LETTER = 4.9  # points of a letter of a block's name
 APART = 12.0  # points between two blocks of columns
 TITLE = 44.0  # points of the title above all
 BLOCK = 15.0  # points of a block's name
@@ -178,7 +180,7 @@ def _draw(
                     _cell(axes, (x + k * WIDE, first + j * HIGH), score)
             place = x + (k + 0.5) * WIDE + 3, last + 4
             tilted: dict[str, Any] = {"rotation": 38, "rotation_mode": "anchor", "ha": "right", "va": "top"}
-            axes.text(*place, short(column.name, LONGEST_COLUMN), fontsize=7.5, **tilted)
+            axes.text(*place, short(column.name, LONGEST_COLUMN), fontsize=SMALL, **tilted)
         x += _width(suite, columns) + APART
 
 
@@ -191,8 +193,8 @@ def _cell(axes: Axes, at: Place, score: Score, wide: float = WIDE) -> None:
     star = "*" * (score.standing in DIFFERENT)
     bold = "bold" if score.standing == "best" else "normal"
     middle = y + HIGH / 2
-    axes.text(x + 21, middle, written(score), color=ink, fontsize=7.5, fontweight=bold, ha="right", va="center")
-    axes.text(x + 21, middle, star, color=ink, fontsize=7.5, ha="left", va="center")
+    axes.text(x + 21, middle, written(score), color=ink, fontsize=SMALL, fontweight=bold, ha="right", va="center")
+    axes.text(x + 21, middle, star, color=ink, fontsize=SMALL, ha="left", va="center")
     if score.consistency in MARKS:
         (mark, size), fill = MARKS[score.consistency], "none" if score.consistency == "cautious" else ink
         where = [x + wide - 5.5], [middle]
@@ -258,16 +260,26 @@ def _key(scores: Sequence[Score]) -> Key:
 
 
 def _legend_places(key: Key, width: float) -> list[Place]:
-    """The upper left corners of the legend's cells in a picture that wide, points; rows break where they are full."""
+    """The upper left corners of the legend's cells in a picture that wide, points; rows break where they are full.
+
+    Marks of covariances begin a row.
+    """
     places: list[Place] = []
-    x, y = EDGE, 0.0
-    for _, words in key:
-        wide = WIDE + bool(words) * (4 + SMALL * len(words) + 10)
-        if x + wide > width - EDGE:
+    x, y, marks = EDGE, 0.0, False
+    for sample, words in key:
+        wide = WIDE + (4 + _long(words) + 12 if words else 0)
+        first = sample is not None and sample.consistency and not marks
+        marks = marks or first
+        if first or x + wide > width - EDGE:
             x, y = EDGE, y + HIGH + 3
         places.append((x, y))
         x += wide
     return places
+
+
+def _long(words: str) -> float:
+    """The width of words of the legend, points."""
+    return float(TextPath((0, 0), words, size=SMALL).get_extents().width)
 
 
 def _legend(axes: Axes, key: Key, places: Sequence[Place], top: float) -> None:
@@ -279,4 +291,4 @@ def _legend(axes: Axes, key: Key, places: Sequence[Place], top: float) -> None:
             axes.add_patch(empty)
         else:
             _cell(axes, at, sample)
-        axes.text(x + WIDE + 4, at[1] + HIGH / 2, words, fontsize=7.5, va="center")
+        axes.text(x + WIDE + 4, at[1] + HIGH / 2, words, fontsize=SMALL, va="center")
