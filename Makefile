@@ -6,7 +6,7 @@
 # make test-newest          the quick tests with the newest numba, in an environment of their own
 # make coverage             the quick tests, and how much of the Python that is not compiled they run
 # make docs                the documentation as a site, build/docs/index.html; its notebook runs
-# make docs-tables          the tables of docs/backends.md and docs/datasets.md, from the registries
+# make docs-tables          the tables of docs/backends.md and docs/datasets.md, from the registries, and docs/standing.md from its own
 # make gallery              the classic studies in their quick size, and one page with all their answers
 # make study-city           an EKF with 10,000 landmarks
 # make study-statistics     how often the verdict is right: 10,000 simulated comparisons

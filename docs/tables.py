@@ -1,9 +1,9 @@
-"""Writes the tables of backends.md, datasets.md and standing.md, and the format in studies.md: `make docs-tables`.
+"""Writes the tables of backends.md and datasets.md, and the format in studies.md: `make docs-tables`.
 
-Each file keeps its text; what stands between the lines BEGIN and END is replaced.
+Each file keeps its text; what stands between the lines BEGIN and END is replaced. standing.md and its pictures are
+written whole, from the tables beside it, which `bench suite --standing` writes from runs.
 """
 
-import csv
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,9 +13,7 @@ from slamduel.backends import registry as backends
 from slamduel.bench.plan.many import LIST
 from slamduel.bench.plan.spec import describe
 from slamduel.bench.study.file import FORMAT
-from slamduel.bench.suite.best import NONE_APART
-from slamduel.bench.suite.file import read
-from slamduel.bench.words.styles import BASELINE
+from slamduel.bench.suite.page import files
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.redrawn import Drawn
 
@@ -49,9 +47,9 @@ def pages() -> dict[Path, str]:
         "backends.md": _tables(("backend", "implementation", "summary"), list(_backends())),
         "datasets.md": _tables(("dataset", "logs", "summary"), list(_datasets())),
         "studies.md": ["", FORMAT.strip("\n")],
-        "standing.md": _standing(FOLDER / "standing.csv"),
     }
-    return {FOLDER / name: _page(FOLDER / name, "\n".join(lines)) for name, lines in written.items()}
+    parts = {FOLDER / name: _page(FOLDER / name, "\n".join(lines)) for name, lines in written.items()}
+    return parts | files(FOLDER / "standing.md")
 
 
 def _page(path: Path, text: str) -> str:
@@ -97,31 +95,6 @@ def _tables(headings: tuple[str, ...], entries: list[Entry]) -> Iterator[str]:
         if own:
             yield f"\n{'Further options' if len(own) < len(entry.options) else 'Options'} of `{entry.name}`:\n"
             yield from _options(own)
-
-
-def _standing(path: Path) -> Iterator[str]:
-    """A table for each suite of an overview.csv, as `bench suite` writes it beside its site."""
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    for name in dict.fromkeys(row["suite"] for row in rows):
-        suite, mine = read(name), [row for row in rows if row["suite"] == name]
-        yield f"\n## {suite.title}\n\n{suite.question} `bench suite {name}`\n"
-        datasets = dict.fromkeys((row["dataset"], row["basis"]) for row in mine)
-        found = {(row["dataset"], row["purpose"]): _named(row) for row in mine}
-        yield from _table(
-            ("dataset", "online", "the path afterwards"),
-            [(f"`{one}`, {basis}", found[one, "online"], found[one, "final"]) for one, basis in datasets],
-        )
-
-
-def _named(row: dict[str, str]) -> str:
-    """The backend that an overview names, or why it names none."""
-    if row["backend"] == BASELINE:  # in a table of an earlier version
-        return NONE_APART
-    if not row["backend"]:
-        return row["why"]
-    consistency = row["consistency"] and f", {row['consistency']}"
-    return f"**{row['backend']}** {row['error']} ({row['ends']}){consistency}, {row['cost']}"
 
 
 def _options(options: list[Option]) -> Iterator[str]:

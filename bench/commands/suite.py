@@ -15,8 +15,10 @@ from ..run.terminal import complain, conclude, status
 from ..suite import file as suite_file
 from ..suite.file import Suite, SuiteRun
 from ..suite.history import keep, summarise
+from ..suite.page import write_page
+from ..suite.results import DEFAULT
 from ..suite.runs import run_suite
-from ..suite.site import DEFAULT, write_site
+from ..suite.site import write_site
 from ..suite.site_folder import suites
 from ..suite.submission import enter
 from ..verify.again import SAMPLE
@@ -49,6 +51,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     does.add_argument("--add", type=Path, metavar="RESULTS", help="verify such a folder, and enter it into the site")
     does.add_argument("--site", action="store_true", help="write the site again; nothing is run")
+    does.add_argument(
+        "--standing",
+        type=Path,
+        metavar="FILE.md",
+        help="write the results of the site's suites as one page of Markdown, with FILE.csv and the folder FILE of "
+        "pictures and tables beside it; nothing is run",
+    )
     add("--out", type=Path, metavar="FOLDER", default=DEFAULT, help=f"the site's folder (default {DEFAULT})")
     add(
         "--sample",
@@ -70,6 +79,10 @@ def main(namespace: argparse.Namespace) -> int:
         return _verify(namespace, console)
     if namespace.site:
         return _site(namespace.out, console)
+    if namespace.standing is not None:
+        write_page(namespace.out, namespace.standing)
+        tell(console, f"page: {namespace.standing}")
+        return 0
     if namespace.list or not namespace.suites:
         _list(console)
         return 0
@@ -78,7 +91,7 @@ def main(namespace: argparse.Namespace) -> int:
 
 def _refuse(namespace: argparse.Namespace) -> None:
     """Raises InputError for options that do not go together."""
-    asked = [f"--{name}" for name in ("list", "verify", "add", "site") if getattr(namespace, name)]
+    asked = [f"--{name}" for name in ("list", "verify", "add", "site", "standing") if getattr(namespace, name)]
     if asked and namespace.suites:
         raise InputError(f"{asked[0]}: found {namespace.suites[0]} beside it, expected no name of a suite.")
     checks = namespace.verify is not None or namespace.add is not None

@@ -35,8 +35,13 @@ def name_points(
     points: Sequence[Point],
     bars: Sequence[tuple[float, float, float]] = (),
     others: Sequence[Point] = (),
+    *,
+    apart: float = 1.0,
 ) -> None:
-    """Writes the names, not over `others` and `bars` (x, low, high), once the axes' limits and labels are final."""
+    """Writes the names, not over `others` and `bars` (x, low, high), once the axes' limits and labels are final.
+
+    With a larger `apart` a name is rather far from its point than over something.
+    """
     lay_out(figure)  # so that the axes stand where they will
     scale = 72 / figure.dpi
     at = axes.transData.transform([(point.x, point.y) for point in (*points, *others)]) * scale
@@ -56,7 +61,7 @@ def name_points(
         own = at[k]
         boxes = [(own[0] + dx, own[1] + dy, own[0] + dx + wide, own[1] + dy + high) for dx, dy in _offsets(wide, high)]
         rest = np.delete(at, k, axis=0)
-        bad = [_bad(box, taken, frame) + NEARER * _nearer(box, own, rest) for box in boxes]
+        bad = [apart * _bad(box, taken, frame) + NEARER * _nearer(box, own, rest) for box in boxes]
         best = min(range(len(boxes)), key=lambda i: (round(bad[i], 1), i))
         taken.append(boxes[best])
         _put(axes, text, boxes[best], own)

@@ -81,7 +81,12 @@ def _figure(width: float, height: float, draw: Draw, more: dict[str, Any]) -> Ge
 
 
 def lay_out(figure: Figure) -> None:
-    """Gives the figure's only axes all the room that labels and legend leave, in a third of matplotlib's time."""
+    """Gives the figure's only axes all the room that labels and legend leave, in a third of matplotlib's time.
+
+    Several axes stay where they are.
+    """
+    if len(figure.axes) > 1:
+        return
     (axes,) = figure.axes
     room = figure.bbox.padded(-EDGE * figure.dpi / 72)
     top = sum(legend.get_window_extent().height for legend in figure.legends)

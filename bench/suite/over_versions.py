@@ -23,6 +23,7 @@ class Trend(NamedTuple):
     column: str
     heading: str
     now: str  # with its unit
+    values: Sequence[float]  # one per version that is drawn; NaN where it has none
     points: str  # of a polyline; "" where fewer than two versions have it
     words: str  # by how much it changed since the version before
     verdict: str
@@ -79,7 +80,7 @@ def _trend(line: Line, column: str, shown: Sequence[Summary], run: str, change: 
     kind = about(column).kind
     now = f"{number(values[-1])} {kind.unit}".strip()
     words, verdict = ("", "") if change is None else (by_how_much(change) or change.verdict, change.verdict)
-    return Trend(column, about(column).heading, now, points(values), words, _mark(verdict))
+    return Trend(column, about(column).heading, now, values, points(values), words, _mark(verdict))
 
 
 def _mark(verdict: str) -> str:

@@ -1,6 +1,5 @@
 """Writes the site: an index of all suites and a page for each, without script or network; tables as CSV beside them."""
 
-import shlex
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -8,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ...core.errors import InputError
 from ...core.files import write_whole
 from ..drawing.figure import ReportFigure, write_figures
 from ..drawing.page import rendered
@@ -18,48 +16,42 @@ from ..verdict.summary import representative
 from ..words.styles import Look, looks
 from .best import bests
 from .figures import costs, gaps
-from .file import packaged, read
-from .history import Summary, summaries
-from .over_versions import OverVersions, over_versions
-from .site_folder import SuiteFolder, suites
-from .standing import Standing, named_apart, standings
+from .overview import Overview, overview
+from .pictures import pictures
+from .results import SuiteResults, results, where
+from .site_folder import SuiteFolder
+from .standing import Standing
 from .submission import Submission, submissions
-from .tables import history_csv, overview_csv, pairs_csv, ranking_csv
+from .tables import history_csv, overview_csv, overview_tables, pairs_csv, ranking_csv
 
 DATA, FIGURES = "data", "figures"
-DEFAULT = Path("results/suite")  # where a site is unless --out says otherwise
 
 
 @np.errstate(all="ignore")  # a record's numbers may have any size
 def write_site(site: Path, forms: Sequence[str] = ()) -> Path:
     """Writes pages, tables and figures again, these also in `forms`; returns the index. InputError without a suite."""
-    found, entered = suites(site), submissions(site)
-    if not any(one.runs or one.skipped for one in found.values()):
-        raise InputError(f"{site}: holds no run of a suite; bench suite NAME --out {site} makes one.")
-    order = [*[name for name in packaged() if name in found], *sorted(set(found) - set(packaged()))]
-    parts = [_part(found[name], entered, summaries(site, name), _where(site)) for name in order]
+    entered = submissions(site)
+    found = results(site, entered)
+    whole = overview(found, where(site))
+    parts = [_part(one, where(site)) for one in found]
     for part in parts:
-        _write_tables(site / DATA, part)
+        _write_tables(site / DATA, part, whole)
         write_figures(site / FIGURES, part["figures"], forms)
         write_whole(site / f"{part['name']}.html", rendered("suite.html.jinja", part))
-    rows = [(part["name"], one["standing"]) for part in parts for one in part["datasets"]]
     (site / DATA).mkdir(exist_ok=True)
-    write_whole(site / DATA / "overview.csv", overview_csv(rows))
+    for name, text in overview_tables(whole).items():
+        write_whole(site / DATA / f"{'overview' if name == 'named' else name}.csv", text)
+    drawn = pictures(whole)
+    write_figures(site / FIGURES, drawn, forms)
     index = site / "index.html"
-    write_whole(index, rendered("suite_index.html.jinja", _index(site, parts, entered, [*found])))
+    write_whole(index, rendered("suite_index.html.jinja", _index(parts, entered, whole, drawn, where(site))))
     return index
 
 
-def _where(site: Path) -> str:
-    """The option that names the site; "" for the usual place."""
-    return "" if site == DEFAULT else f" --out {shlex.quote(str(site))}"
-
-
-def _part(folder: SuiteFolder, entered: Sequence[Submission], kept: Sequence[Summary], where: str) -> dict[str, Any]:
+def _part(one: SuiteResults, place: str) -> dict[str, Any]:
     """Collects the values of a suite's page."""
-    suite = folder.suite
+    folder, found, suite = one.folder, one.found, one.folder.suite
     commands = {run.name: run.command for run in suite.runs}
-    found = named_apart([one for name, place in folder.runs.items() for one in standings(name, place, entered)])
     look = looks(line.backend for one in found for line in sorted(one.lines, key=lambda line: line.done == 0))
     figures = [
         gaps(f"{suite.name}-online", found, look, "online"),
@@ -68,12 +60,11 @@ def _part(folder: SuiteFolder, entered: Sequence[Submission], kept: Sequence[Sum
     ]
     drawn = [figure for figure in figures if figure is not None]
     datasets = [_dataset(suite.name, folder, one, look, commands[one.run]) for one in found]
-    history: OverVersions | None = over_versions(kept) if len(kept) > 1 else None
     return {
         "name": suite.name,
         "suite": suite,
-        "command": f"bench suite {shlex.quote(suite.name)}{where}",
-        "where": where,
+        "command": one.command,
+        "where": place,
         "datasets": datasets,
         "purposes_shown": [
             purpose
@@ -84,8 +75,8 @@ def _part(folder: SuiteFolder, entered: Sequence[Submission], kept: Sequence[Sum
         "wide": drawn,
         "figures": [*drawn, *(one["figure"] for one in datasets if one["figure"] is not None)],
         "missing": [(run, why) for run, why in folder.skipped.items() if run not in folder.runs],
-        "kept": kept,
-        "history": history,
+        "kept": one.kept,
+        "history": one.history,
         "facts": found[0].facts if found else None,
         "started": max((datetime.fromtimestamp(one.facts["started"], UTC) for one in found), default=None),
         "submitted": {backend: one for standing in found for backend, one in standing.submitted.items()},
@@ -112,19 +103,22 @@ def _dataset(
     }
 
 
-def _write_tables(folder: Path, part: Mapping[str, Any]) -> None:
+def _write_tables(folder: Path, part: Mapping[str, Any], whole: Overview) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for one in part["datasets"]:
         write_whole(folder / f"{one['slug']}-ranking.csv", ranking_csv(one["standing"]))
         write_whole(folder / f"{one['slug']}-pairs.csv", pairs_csv(one["standing"]))
-    write_whole(
-        folder / f"{part['name']}-overview.csv", overview_csv((part["name"], d["standing"]) for d in part["datasets"])
-    )
+    mine = [one for one in whole.named if one.suite == part["name"]]
+    write_whole(folder / f"{part['name']}-overview.csv", overview_csv(mine))
     write_whole(folder / f"{part['name']}-history.csv", history_csv(part["kept"]))
 
 
 def _index(
-    site: Path, parts: Sequence[Mapping[str, Any]], entered: Sequence[Submission], known: Sequence[str]
+    parts: Sequence[Mapping[str, Any]],
+    entered: Sequence[Submission],
+    whole: Overview,
+    drawn: Sequence[ReportFigure],
+    place: str,
 ) -> dict[str, Any]:
     """Collects the values of the index."""
     found = [one["standing"] for part in parts for one in part["datasets"]]
@@ -137,11 +131,12 @@ def _index(
         "datasets": len(found),
         "backends": len({line.backend for one in found for line in one.lines}),
         "cells": sum(line.done for one in found for line in one.lines),
-        "not_run": [read(name) for name in packaged() if name not in known],
+        "pictures": drawn,
+        "not_run": [one for one in whole.runs if not one.run],
         "missing": [(part["name"], run, why) for part in parts for run, why in part["missing"]],
         "entered": [(one, _places(one, parts)) for one in entered],
         "machines": list(machines.values()),
-        "where": _where(site),
+        "where": place,
         "example": parts[0]["suite"].runs[0].datasets,
         "looks": looks(line.backend for one in found for line in one.lines),
         "purposes_shown": [p for p in ("online", "final", "map") if any(p in part["purposes_shown"] for part in parts)],

@@ -1,15 +1,18 @@
 """The site's tables as CSV, for other programs: rankings, pairs, the overview, and the history."""
 
+import csv
 import math
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, get_type_hints
 
+from ...core.errors import InputError
 from ...core.files import csv_text
 from ..verdict.consistency import belief_word
 from ..verdict.ranking import ordered, standing
 from ..verdict.summary import typical
-from .best import bests
 from .history import Summary
+from .overview import Made, Named, Overview, Past, Score
 from .standing import Standing
 
 RANKED = (
@@ -28,7 +31,15 @@ PAIRS = (
     "effect",
 )  # fmt: skip
 
-OVERVIEW = ("suite", "dataset", "basis", "purpose", "backend", "error", "ends", "consistency", "cost", "why")
+TABLES = {"named": Named, "backends": Score, "runs": Made, "changes": Past}
+"""The tables of an overview, and their rows."""
+
+CASTS: Mapping[type, Callable[[str], Any]] = {
+    str: str,
+    int: int,
+    float: lambda text: float(text) if text else math.nan,
+}
+"""Reads a value of a table."""
 
 HISTORY = (
     "suite", "version", "revision", "date", "machine", "processor", "run", "dataset", "backend", "done", "cells",
@@ -74,16 +85,29 @@ def pairs_csv(found: Standing) -> str:
     )  # fmt: skip
 
 
-def overview_csv(found: Iterable[tuple[str, Standing]]) -> str:
+def overview_csv(found: Iterable[Named]) -> str:
     """Writes what is recommended on each dataset, by suite."""
-    return _csv(
-        OVERVIEW,
-        (
-            [suite, one.dataset, one.verdict.basis, b.purpose, b.backend, b.error, b.ends, b.consistency, b.cost, b.why]
-            for suite, one in found
-            for b in bests(one)
-        ),
-    )
+    return _csv(Named._fields, found)
+
+
+def overview_tables(found: Overview) -> dict[str, str]:
+    """Writes the tables of an overview, by their names."""
+    return {name: _csv(kind._fields, getattr(found, name)) for name, kind in TABLES.items()}
+
+
+def read_overview(tables: Mapping[str, Path]) -> Overview:
+    """Reads an overview from such tables, by their names. InputError for a file that is not one."""
+    return Overview(**{name: _read(tables[name], kind) for name, kind in TABLES.items()})
+
+
+def _read(path: Path, kind: Any) -> list[Any]:
+    casts = {name: CASTS[hint] for name, hint in get_type_hints(kind).items()}
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        return [kind(**{name: cast(row[name]) for name, cast in casts.items()}) for row in rows]
+    except (OSError, KeyError, ValueError, TypeError):
+        raise InputError(f"{path}: is no table with {', '.join(casts)}; bench suite --standing writes it.") from None
 
 
 def history_csv(found: Sequence[Summary]) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from csv_rows import csv_rows
 from docs_pages import PAGES, blocks
 from places import ROOT
 from random_logs import random_log
@@ -21,9 +22,13 @@ from slamduel.bench.cli import COMMANDS, main
 from slamduel.bench.plan.spec import backend_variants, dataset_variants
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
 from slamduel.bench.run.terminal import tables
+from slamduel.bench.suite import file as suite_file
+from slamduel.bench.suite.best import UNCLEAR
 from slamduel.bench.verdict.summary import lines
 from slamduel.bench.words.console import WIDE
+from slamduel.bench.words.numerals import number
 from slamduel.datasets.formats import log_folder
+from svg_texts import texts
 
 README = PAGES["README.md"]
 BESIDE = {"CONTRIBUTING.md": (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")}
@@ -78,9 +83,42 @@ def test_every_page_is_linked_from_the_first() -> None:
 
 def test_the_generated_parts_are_as_make_docs_tables_writes_them() -> None:
     written: dict[Path, str] = runpy.run_path(str(ROOT / "docs" / "tables.py"))["pages"]()
-    assert {path.name for path in written} == {"backends.md", "datasets.md", "standing.md", "studies.md"}
+    assert {path.name for path in written} == {
+        "backends.md", "datasets.md", "studies.md", "standing.md",
+        "online.svg", "online-cost.svg", "afterwards.svg", "afterwards-cost.svg",
+    }  # fmt: skip
     for path, text in written.items():
-        assert path.read_text(encoding="utf-8") == text, "make docs-tables writes it anew"
+        found = path.read_text(encoding="utf-8")
+        if path.suffix == ".svg":  # their places depend on the fonts that are here
+            assert texts(found) == texts(text), "make docs-tables draws it anew"
+        else:
+            assert found == text, "make docs-tables writes it anew"
+
+
+def test_the_tables_of_the_results_agree_with_each_other() -> None:
+    folder = ROOT / "docs" / "standing"
+    named, backends, runs = map(csv_rows, (ROOT / "docs/standing.csv", folder / "backends.csv", folder / "runs.csv"))
+    frames = {(row["suite"], row["dataset"], row["purpose"]): row for row in backends if row["named"] == "1"}
+    for row in named:
+        frame = frames.pop((row["suite"], row["dataset"], row["purpose"]), None)
+        if frame is None:
+            assert not row["backend"] or row["purpose"] == "map"
+            continue
+        assert frame["backend"] == row["backend"]
+        assert row["error"] == f"{number(float(frame['error_m']))} m"
+        assert row["consistency"] in (frame["consistency"], UNCLEAR, "")
+    assert frames == {}
+    made = {(row["suite"], row["run"]) for row in runs if row["state"] == "made"}
+    assert {(row["suite"], row["run"]) for row in backends} <= made
+
+
+def test_the_results_are_those_of_the_suites_of_today() -> None:
+    runs = csv_rows(ROOT / "docs/standing/runs.csv")
+    assert {row["suite"] for row in runs} == set(suite_file.packaged())
+    for row in (row for row in runs if row["state"] == "made"):
+        commands = {run.name: run.command for run in suite_file.read(row["suite"]).runs}
+        again = f"bench suite {row['suite']}, then bench suite --standing docs/standing.md"
+        assert row["command"] == commands.get(row["run"]), again
 
 
 def test_the_headings_of_the_table_are_the_terminals() -> None:
