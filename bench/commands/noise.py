@@ -10,10 +10,11 @@ from rich.table import Table
 from ...core.errors import InputError
 from ...core.factors import Dataset
 from ...datasets.formats import log_folder
-from ..noise.apply import backends, stated, unstated
+from ...datasets.noise.model import Model
+from ...datasets.noise.noise_file import noted, read_noise, write_noise
+from ...datasets.noise.stated import stated
 from ..noise.measured import Noise, measured
-from ..noise.model import Model
-from ..noise.noise_file import noted, read_noise, write_noise
+from ..noise.recommended import backends, unstated
 from ..noise.words import rows, sentences
 from ..plan.load import made
 from ..plan.spec import dataset_variants
@@ -63,7 +64,7 @@ def main(namespace: argparse.Namespace) -> int:
     if model is None:
         names = called([log.dataset.label for log in logs])
         with announced("measuring the noise", screen_console(quiet=namespace.quiet, aside=True).print):
-            noise = measured(datasets, [names[log.dataset.label] for log in logs])
+            noise = measured(datasets, [log.name or names[log.dataset.label] for log in logs])
         model = noise.model
         _written(noise, namespace)
         _print(console, noise, namespace)

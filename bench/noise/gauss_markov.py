@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from ...core.se2 import Array
 from ...datasets._information import FIRST, kept
+from ...datasets.noise.model import SightingModel
 from ..systematic.estimated import Estimated
 from ._gauss_markov import innovations, sum_variance
 from .likelihood import TWO_SIDED, Maximum, maximum
-from .model import SightingModel
 
 Mask = NDArray[np.bool_]
 

@@ -12,11 +12,11 @@ from ...core.errors import InputError
 from ...core.factors import Dataset, Log
 from ...core.se2 import Array
 from ...core.truth_errors import difference, named, rows_of
+from ...datasets.noise.model import SightingModel
+from ...datasets.noise.stated import scaled
 from ..plan.reference import reference
 from ..systematic.estimated import Estimated
 from .likelihood import maximum
-from .model import SightingModel
-from .motions import scaled
 from .sightings import Sighted, sighted
 
 LONGEST = 1500  # steps that are looked at, from the log's first one

@@ -10,15 +10,15 @@ from ...core.factors import Dataset, Log, Truth
 from ...core.se2 import Array
 from ...core.truth_doubts import judges
 from ...core.truth_errors import named
+from ...datasets.noise.model import Model, SightingModel
+from ...datasets.noise.systematic import Systematic, corrected
 from ..plan.reference import reference
-from ..systematic.errors import Systematic, corrected
 from ..systematic.estimated import Estimated
 from ..systematic.fit import SystematicFit, fitted, of_estimate, of_truth
 from ..systematic.places import places_of
 from .gauss_markov import Chains, Fitted
 from .gauss_markov import fitted as fitted_chains
 from .innovations import Innovations, by_innovations
-from .model import Model, SightingModel
 from .motions import Motions, fitted_motions
 from .sightings import Sighted, sighted
 from .together import together

@@ -71,11 +71,6 @@ def fitted_motions(datasets: Sequence[Dataset], matters: float) -> Motions | Non
     return Motions(horizons, scales, matters, single.errors / stated, np.cumsum(single.seconds))
 
 
-def scaled(cov: Array, scales: Array) -> Array:
-    """Covariances (n, 3, 3) with the standard deviations of their axes times `scales` (3,)."""
-    return cov * np.outer(scales, scales)
-
-
 def _told(horizons: Sequence[Horizon], axis: int, matters: float) -> Estimated:
     """The factor of the longest horizon that tells it, up to about `matters` s."""
     best = horizons[0].scales[axis]

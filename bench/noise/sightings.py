@@ -7,6 +7,7 @@ import numpy as np
 from ...core.factors import Log, Truth
 from ...core.se2 import Array, Ints
 from ...core.truth_errors import named, sighting_errors
+from ...datasets.noise.chains import gaps, in_chains
 from ..measure.landmark_places import comparable
 from .gauss_markov import Chains
 
@@ -41,15 +42,3 @@ def sighted(log: Log, truth: Truth) -> Sighted:
     stated = np.sqrt(np.stack((log.z_cov[row, 0, 0], log.z_cov[row, 1, 1]), axis=-1))
     reach = np.maximum(log.z[row, 0] - error[:, 0], NEAREST)
     return Sighted(row, t - log.t[0], ids[order], log.sighting_step[row], error, stated, reach, gaps(ids[order], t))
-
-
-def in_chains(ids: Ints, step: Ints) -> Ints:
-    """The order of sightings by landmark, then by step."""
-    return np.lexsort((step, ids))
-
-
-def gaps(ids: Ints, t: Array) -> Array:
-    """Seconds (n,) since the sighting before, of the same landmark, of sightings in that order; inf for the first."""
-    gap = np.diff(t, prepend=np.nan)
-    gap[np.diff(ids, prepend=ids[:1] - 1) != 0] = np.inf
-    return gap

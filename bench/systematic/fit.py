@@ -16,8 +16,8 @@ from ...core.factors import Log, Map, Truth
 from ...core.se2 import Array, act, compose
 from ...core.truth_doubts import judges
 from ...core.truth_errors import named, rows_of
+from ...datasets.noise.systematic import NAMES, Systematic
 from ..measure.accuracy import align
-from .errors import NAMES, Systematic
 from .estimated import Estimated
 from .reduced import Linear, Reduced
 from .system import System

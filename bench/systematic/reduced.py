@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse.linalg import splu
 
 from ...core.se2 import Array, Ints
-from .errors import NAMES, Systematic
+from ...datasets.noise.systematic import NAMES, Systematic
 from .system import System
 
 STRETCHES = 24

@@ -12,7 +12,7 @@ from ...core.factors import Log, Map
 from ...core.mounting import before
 from ...core.se2 import Array, Ints, between, compose, compose_jacobians, inverse, wrap
 from ...core.truth_errors import rows_of
-from .errors import NAMES, SENSOR, Systematic, measured_motions, measured_sightings, true_motions
+from ...datasets.noise.systematic import NAMES, SENSOR, Systematic, measured_motions, measured_sightings, true_motions
 
 WINDOW, FEWEST = 3.0, 10
 """s, and steps at least, over which motions along a known path are added up, axis by axis, and what tells of wheels is

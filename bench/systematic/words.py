@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from .errors import NAMES
+from ...datasets.noise.systematic import NAMES
 from .estimated import Estimated
 from .fit import SystematicFit
 

@@ -26,6 +26,8 @@ from ...core.se2 import Array, Ints, wrap
 from ...core.table import Table
 from ...frontend.wheels.encoder import Floors, compose, roll
 from ..hidden_ids import HiddenIds
+from ..noise.noise_file import read_noise
+from ..noise.stated import stated
 from ..registry import Member, Source
 from .catalogue import fetched, place
 from .mrclam_files import NOBODY, Recorded, read_files, since
@@ -36,6 +38,10 @@ Flags = NDArray[np.bool_]
 
 GAP = 0.15
 """s. Steps in longer gaps between truth samples have no ground truth; usually samples are 0.01 to 0.03 s apart."""
+
+OTHERS = "others"
+MEASURED = Path(__file__).parent / "noise"
+"""What `make mrclam-noise` measures on the robots of set 6, on all five and without each of them."""
 
 ALL = "all"  # stands for every dataset, or every robot, in options
 LONGEST = 1e5  # s; dataset 6 lasts a quarter of an hour, and every second is a step
@@ -77,6 +83,11 @@ class Options(HiddenIds):
     lateral: float = option(0.01, "motion noise across the body, m per root second", minimum=1e-6)
     turn: float = option(0.05, "noise of the turn, rad per root second", minimum=1e-6)
     rest: float = option(0.05, "share of the motion noise while commanded to stand", minimum=1e-6)
+    noise: str | None = option(
+        None,
+        "a file of bench noise --save, which is stated; others: as measured on other robots, those of set 6, without "
+        "the log's own",
+    )
 
 
 @dataclass(frozen=True)
@@ -204,7 +215,16 @@ def read(of: RecordedSet, options: Options) -> Dataset:
         notes=_notes(of, options, recorded, start, seen),
     )
     judged = {"noise by the truth": noise(log, truth)} if len(truth.t) else {}
-    return Dataset(replace(log, notes={**log.notes, **judged}), truth)
+    log = replace(log, notes={**log.notes, **judged})
+    return Dataset(log if options.noise is None else stated(log, read_noise(_noise_file(of, options))), truth)
+
+
+def _noise_file(of: RecordedSet, options: Options) -> Path:
+    """The noise to state: a given file, or that of the other robots of the set with which it was measured."""
+    if options.noise != OTHERS:
+        return Path(str(options.noise))
+    without = f"-without-{options.robot}" if of.number == USUAL else ""
+    return MEASURED / f"mrclam-{USUAL}{without}.toml"
 
 
 def _span(odometry: Table, truth: Table | None) -> tuple[float, float]:

@@ -3,10 +3,10 @@
 import numpy as np
 
 from slamduel.bench.plan.reference import reference
-from slamduel.bench.systematic.errors import Systematic, measured_motions, measured_sightings
 from slamduel.bench.systematic.fit import SystematicFit, fitted, of_estimate, of_truth
 from slamduel.core.factors import Dataset, Log, Map, Prior, Truth
 from slamduel.core.se2 import Array, act, between, compose, inverse, summed, wrap
+from slamduel.datasets.noise.systematic import Systematic, measured_motions, measured_sightings
 
 DT = 0.1
 

@@ -9,9 +9,9 @@ import pytest
 
 from noisy_logs import Slow, noisy
 from slamduel.bench.cli import main
-from slamduel.bench.noise.noise_file import read_noise
 from slamduel.bench.plan.load import load
 from slamduel.datasets.formats import log_folder
+from slamduel.datasets.noise.noise_file import read_noise
 
 DATA = Path(os.environ.get("SLAMDUEL_DATA", "nowhere")) / "mrclam"
 

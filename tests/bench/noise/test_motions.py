@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from noisy_logs import noisy
-from slamduel.bench.noise.motions import fitted_motions, scaled
+from slamduel.bench.noise.motions import fitted_motions
+from slamduel.datasets.noise.stated import scaled
 from slamduel.core.factors import Dataset, Log, Prior, Truth
 from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.recordings.robot import USUAL

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from planted_errors import drive, fit_of
-from slamduel.bench.systematic.errors import NAMES, Systematic
 from slamduel.bench.systematic.fit import fitted, of_truth
 from slamduel.bench.systematic.words import rows, sentences
 from slamduel.datasets.cache import generator
+from slamduel.datasets.noise.systematic import NAMES, Systematic
 from slamduel.datasets.registry import find
 
 PLANTED = Systematic(x=0.2, y=0.05, yaw=0.1, delay=0.1, turn_scale=-0.04, drift=0.02)

@@ -4,9 +4,9 @@ import numpy as np
 
 from planted_errors import drive
 from slamduel.bench.plan.reference import reference
-from slamduel.bench.systematic.errors import Systematic
 from slamduel.bench.systematic.places import places_of
 from slamduel.core.factors import Map
+from slamduel.datasets.noise.systematic import Systematic
 
 
 def test_exchanged_places_are_put_right_and_one_far_off_is_left_out() -> None:

@@ -5,10 +5,10 @@ import pytest
 
 from planted_errors import drive
 from slamduel.bench.systematic import reduced, system
-from slamduel.bench.systematic.errors import NAMES, SENSOR, Systematic
 from slamduel.bench.systematic.fit import of_estimate, of_truth
 from slamduel.bench.systematic.reduced import Linear
 from slamduel.bench.systematic.system import System
+from slamduel.datasets.noise.systematic import NAMES, SENSOR, Systematic
 
 HERE = Systematic(0.1, -0.05, 0.1, 0.02, -0.03, 0.01, 0.01, 0.02, -0.02, 0.01, 0.03)
 

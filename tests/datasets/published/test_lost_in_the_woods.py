@@ -10,10 +10,10 @@ from scipy.io import savemat
 from planted_errors import fit_of
 from recorded import at_hand
 from refusals import refused
-from slamduel.bench.systematic.errors import Systematic
 from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
 from slamduel.core.se2 import act, between
+from slamduel.datasets.noise.systematic import Systematic
 from slamduel.datasets.published.lost_in_the_woods import Options, read
 
 AHEAD = 0.3

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from refusals import refusal
-from slamduel.bench.noise.model import Model, SightingModel
-from slamduel.bench.noise.noise_file import read_noise, write_noise
-from slamduel.bench.systematic.errors import Systematic
 from slamduel.core.errors import InputError
+from slamduel.datasets.noise.model import Model, SightingModel
+from slamduel.datasets.noise.noise_file import read_noise, write_noise
+from slamduel.datasets.noise.systematic import Systematic
 
 RANGE = SightingModel(1.2, 0.5, 3.3, 0.01, 0.9, 4.0, 0.2)
 TEXT = """\

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from planted_errors import drive, way
-from slamduel.bench.systematic.errors import NAMES, Systematic, corrected, measured_motions, true_motions
 from slamduel.core.se2 import between, wrap
+from slamduel.datasets.noise.systematic import NAMES, Systematic, corrected, measured_motions, true_motions
 
 ALL = Systematic(0.2, -0.1, 0.15, 0.07, -0.05, 0.02, 0.01, 0.03, -0.05, 0.02, 0.04)
 SINGLE = [Systematic(**{name: getattr(ALL, name)}) for name in NAMES]

@@ -9,8 +9,8 @@ import tomli_w
 from ...core.errors import InputError
 from ...core.files import write_whole
 from ...core.toml.table import TomlTable
-from ..systematic.errors import NAMES, Systematic
 from .model import Model, SightingModel
+from .systematic import NAMES, Systematic
 
 MOTIONS = ("forward", "sideways", "turn")
 

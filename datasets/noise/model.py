@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from ...core.se2 import Array
-from ..systematic.errors import Systematic
+from .systematic import Systematic
 
 
 class SightingModel(NamedTuple):

@@ -7,11 +7,12 @@ import pytest
 
 from noisy_logs import Slow, noisy
 from slamduel.bench.measure.nees import nees
-from slamduel.bench.noise.apply import backends, factors, stated
 from slamduel.bench.noise.measured import measured
-from slamduel.bench.noise.model import Model, SightingModel
+from slamduel.bench.noise.recommended import backends
 from slamduel.bench.plan.spec import backend_variants
 from slamduel.core.factors import UNKNOWN, Dataset
+from slamduel.datasets.noise.model import Model, SightingModel
+from slamduel.datasets.noise.stated import factors, stated
 
 PLAIN = SightingModel(1.0, 0.0, 3.0, 0.0, 0.0, 1.0, 0.0)
 SLOW = Slow(scale=1.5, share=0.95, time=20.0)
