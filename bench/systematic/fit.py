@@ -34,9 +34,9 @@ LEAST = 1e-9
 """Of standard errors, in their units: those of exact logs are 0."""
 
 CERTAIN, ALONE, LIKELY = 4.0, 5.0, 2.5
-"""Standard errors that an error is from 0 where it is said to be one: by chance once in 1,500; and without a true path,
-where what neither noise nor errors explain of the motion looks like an error of the sensor. One that is likely is
-estimated beside those, as they would take its part."""
+"""Standard errors that an error is from 0 where it is said to be one: by chance once in 1,500; and where
+neither a true path nor known places tell, as what nothing explains of the motion looks like an error of the sensor. One
+that is likely is estimated beside those, as they would take its part."""
 
 ENTANGLED, INVOLVED = 20.0, 5.0
 """Times that others make the variance of an error larger, from which on it is not told apart from them, and from which
@@ -149,7 +149,7 @@ class _Fit:
             return None
         joint = self._reduced()
         found = _estimates(self.errors, joint, likely)
-        certain = likely if by_truth else _sure(self.errors, joint, likely, ALONE)
+        certain = likely if by_truth else _sure(self.errors, joint, likely, CERTAIN if scaled else ALONE)
         errors = Systematic(**{name: getattr(self.errors, name) for name in certain})
         return SystematicFit(errors, every | found, by_truth, scaled)
 

@@ -145,7 +145,7 @@ def many(options: Options) -> list[Member]:
         )
         for one in _sets(options)
         for robot in _robots(options)
-        if not options.path or robot in one.robots
+        if robot in one.robots or not (options.path or one.folder.is_dir())
     ]
     if not found:
         expected = f"a set, such as MRCLAM_Dataset{USUAL} with {MARK}, Robot1_Odometry.dat and so on"
@@ -154,8 +154,11 @@ def many(options: Options) -> list[Member]:
 
 
 def absent(options: Options) -> list[str]:
-    """Names the sets and robots that options with an `all` stand for and that are not in the given folder."""
-    if not options.path or ALL not in (options.dataset, options.robot):
+    """Names the sets and robots that options with an `all` stand for and that are not there.
+
+    They are in the given folder or, without one, fetched.
+    """
+    if ALL not in (options.dataset, options.robot) or not (options.path or _fetched(options)):
         return []
     found = _sets(options)
     numbers = {one.number for one in found}
@@ -166,12 +169,20 @@ def absent(options: Options) -> list[str]:
 
 
 def _sets(options: Options) -> list[RecordedSet]:
-    """The sets that options ask for: all, or one."""
+    """The sets that options ask for: all, or one. Without a path those that were fetched, or else all of them."""
     if not options.path:
-        numbers = range(1, SETS + 1) if isinstance(options.dataset, str) else [options.dataset or USUAL]
-        return [RecordedSet(number, place(f"mrclam-{number}")) for number in numbers]
+        return _fetched(options) or _numbered(options)
     path = Path(options.path)
     return sets_in(path) if isinstance(options.dataset, str) else [set_in(path, options.dataset)]
+
+
+def _fetched(options: Options) -> list[RecordedSet]:
+    return [one for one in _numbered(options) if one.folder.is_dir()]
+
+
+def _numbered(options: Options) -> list[RecordedSet]:
+    numbers = range(1, SETS + 1) if isinstance(options.dataset, str) else [options.dataset or USUAL]
+    return [RecordedSet(number, place(f"mrclam-{number}")) for number in numbers]
 
 
 def _robots(options: Options) -> Sequence[int]:
@@ -299,7 +310,7 @@ def _sightings(recorded: Recorded, start: float, end: float, keep_robots: bool) 
 
 def _notes(of: RecordedSet, options: Options, recorded: Recorded, start: float, seen: Sightings) -> dict[str, Any]:
     settings = asdict(options) | {"dataset": of.number}
-    del settings["path"], settings["ids"]
+    del settings["path"], settings["ids"], settings["noise"]  # a stated noise has notes of its own
     path = {"truth": f"interpolated between samples up to {GAP} s apart"}
     if recorded.truth is None:
         path = {

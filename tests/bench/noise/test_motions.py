@@ -8,9 +8,9 @@ import pytest
 
 from noisy_logs import noisy
 from slamduel.bench.noise.motions import fitted_motions
-from slamduel.datasets.noise.stated import scaled
 from slamduel.core.factors import Dataset, Log, Prior, Truth
 from slamduel.core.se2 import Array, wrap
+from slamduel.datasets.noise.stated import scaled
 from slamduel.datasets.recordings.robot import USUAL
 from slamduel.datasets.worlds.wheeled_robot import count
 from slamduel.frontend.wheels.encoder import Encoder, Floors

@@ -12,13 +12,18 @@ import slamduel
 from driven import final
 from recorded import at_hand
 from refusals import refused
+from slamduel.bench.cli import main
 from slamduel.bench.measure.accuracy import own_map_rmse
 from slamduel.bench.plan.plan import Plan
 from slamduel.bench.plan.spec import dataset_variants
 from slamduel.bench.run.benchmark import DEFAULTS
 from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
+from slamduel.datasets.noise.noise_file import read_noise
+from slamduel.datasets.noise.stated import stated
 from slamduel.datasets.published.catalogue import place
+from slamduel.datasets.published.mrclam import MEASURED
+from slamduel.datasets.published.mrclam_sets import LAST_ROBOT, USUAL
 from small_mrclam import HEADER, rows
 from tiers import first_quick
 
@@ -286,3 +291,52 @@ def test_a_microsecond_in_the_files_times_changes_nothing_of_note(six_sets: Path
     np.testing.assert_array_equal(after.log.ids, before.log.ids)
     assert abs(len(after.log) - len(before.log)) <= 5  # sightings on a full second are on both sides of it
     assert map_error(after) == pytest.approx(map_error(before), abs=1e-4)
+
+
+# Noise
+
+
+def test_noise_of_others_is_that_measured_without_the_robot_or_on_all_of_set_six(nine_sets: Path) -> None:
+    """Sightings' values stay but for errors that stay; covariances are the files'."""
+    for number, robot, file in ((6, 2, "mrclam-6-without-2.toml"), (3, 2, "mrclam-6.toml")):
+        text = f"mrclam[dataset={number},robot={robot},path={nine_sets}"
+        plain = slamduel.load(f"{text}]").log
+        expected = stated(plain, read_noise(MEASURED / file))
+        assert slamduel.load(f"{text},noise=others]").log.digest == expected.digest
+        assert slamduel.load(f'{text},noise="{MEASURED / file}"]').log.digest == expected.digest
+        assert expected.digest != plain.digest
+    assert len(names(f"mrclam-all[path={nine_sets},noise=others]")) == 45
+
+
+def test_the_noise_of_others_knows_nothing_of_the_robot() -> None:
+    for robot in range(1, LAST_ROBOT + 1):
+        fitted_on = read_noise(MEASURED / f"mrclam-{USUAL}-without-{robot}.toml").fitted_on
+        assert len(fitted_on) == LAST_ROBOT - 1
+        assert ("mrclam" if robot == 1 else f"mrclam[robot={robot}]") not in fitted_on
+
+
+def test_a_noise_file_that_is_not_there_is_named(nine_sets: Path, tmp_path: Path) -> None:
+    refused("nowhere.toml", slamduel.load, f"mrclam[path={nine_sets},noise={tmp_path / 'nowhere.toml'}]")
+
+
+@pytest.mark.slow
+def test_it_is_what_bench_noise_measures(tmp_path: Path) -> None:
+    """On the robots of set 6 without the first, to 1 %: optimisers end where rounding has them."""
+    folder = at_hand("mrclam/MRCLAM_Dataset6")
+    others = [f"mrclam[robot={k},path={folder}]" for k in range(2, LAST_ROBOT + 1)]
+    assert main(["noise", *others, "--quiet", "--save", str(tmp_path / "noise.toml")]) == 0
+    found, kept = (read_noise(path) for path in (tmp_path / "noise.toml", MEASURED / "mrclam-6-without-1.toml"))
+    assert found.systematic == pytest.approx(kept.systematic, rel=0.01, abs=1e-5)
+    for one, other in ((found.range, kept.range), (found.bearing, kept.bearing)):
+        assert one == pytest.approx(other, rel=0.01, abs=1e-5)
+    assert found.odometry == pytest.approx(kept.odometry, rel=0.01)
+
+
+def test_all_of_the_fetched_sets_are_those_that_are_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SLAMDUEL_CACHE", str(tmp_path))
+    assert len(names("mrclam-all")) == 45
+    assert remarks("mrclam-all") == ""  # nothing is there, and the run says what to fetch
+    write_set(place("mrclam-6"), 6, robots=2)
+    write_set(place("mrclam-9"), 9, robots=5)
+    assert len(names("mrclam-all")) == 7
+    assert remarks("mrclam-all").startswith("mrclam-all: not there, and left out: set 1, set 2,")
