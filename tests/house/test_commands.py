@@ -152,8 +152,15 @@ def rover(folder: Path) -> None:
     assert (folder / "rover").is_dir()
 
 
+def mbot(folder: Path) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", PAGES["docs/own_map.md"], re.DOTALL)
+    exec(code, {"log": str(at_hand("mbot"))})
+    assert (folder / "mbot").is_dir()
+
+
 FURNISHED = {
     "rover/": rover,
+    "mbot/": mbot,
     "manhattan[": pose_graph,
     "drives": drives,
     "path/to/my_log": lambda folder: written_log(folder / "path/to/my_log"),
