@@ -67,7 +67,8 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None, *, command
     image = None if topics.tags else choose(path, listed, topics.image, "[topics] image", (IMAGE, COMPRESSED))
     tags = None if image is not None else choose(path, listed, topics.tags, "[topics] tags", TYPES)
     if tags is not None:
-        return _of_tags(bag, listed, tags, topics, counter_bits, remarks)
+        readings = _readings(bag, listed, topics, counter_bits, remarks, commands=commands)
+        return _of_tags(bag, listed, tags, topics, readings, remarks)
     if image is None:
         raise InputError(
             f"{path}: has no topic with images ({plain(IMAGE)} or CompressedImage) or tags ({plain(TYPES[0])} and the "
@@ -89,7 +90,7 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None, *, command
 
 
 def _of_tags(
-    bag: Bag, listed: Sequence[Topic], tags: Topic, topics: Topics, counter_bits: int | None, remarks: list[str]
+    bag: Bag, listed: Sequence[Topic], tags: Topic, topics: Topics, readings: Readings | None, remarks: list[str]
 ) -> Streams:
     """The recording whose frames are tags that were found when it was made."""
     info = info_beside(bag.path, listed, topics.camera_info, "[topics] camera_info", tags)
@@ -98,7 +99,7 @@ def _of_tags(
     return Streams(
         frames=(),
         length=len(found),
-        readings=_readings(bag, listed, topics, counter_bits, remarks),
+        readings=readings,
         camera=recorded.camera,
         lacking=recorded.lacking,
         topic=tags.name,
