@@ -18,7 +18,7 @@ from ..words.styles import BASELINE
 from .best import bests
 from .file import packaged, read
 from .history import Summary
-from .results import SuiteResults
+from .results import SuiteResults, command
 from .standing import Standing
 
 PURPOSES = ("online", "final")  # those of a path
@@ -122,8 +122,8 @@ class Overview(NamedTuple):
     changes: Sequence[Past]
 
 
-def overview(found: Sequence[SuiteResults], where: str) -> Overview:
-    """Collects the overview of a site; `where` is the option that names it."""
+def overview(found: Sequence[SuiteResults]) -> Overview:
+    """Collects the overview of a site. Its commands are those of the usual place: others read it in one of theirs."""
     named = [
         Named(one.name, on.dataset, on.verdict.basis, b.purpose, b.backend, b.error, b.ends, b.consistency, b.cost,
               b.why)
@@ -134,7 +134,7 @@ def overview(found: Sequence[SuiteResults], where: str) -> Overview:
     gives = _gives(line for one in found for on in one.found for line in on.lines)
     scores = [score for one in found for on in one.found for score in _scores(one.name, on, gives)]
     there = {one.name for one in found}
-    runs = [*(made for one in found for made in _runs(one)), *_not_run(there, where)]
+    runs = [*(made for one in found for made in _runs(one)), *_not_run(there)]
     return Overview(named, scores, runs, [past for one in found for past in _history(one)])
 
 
@@ -214,7 +214,7 @@ def _score(
 def _runs(one: SuiteResults) -> Iterator[Made]:
     """The runs of a suite: those that were made, were skipped, or are to be made yet."""
     suite, places = one.folder.suite, one.folder.runs
-    about = (suite.name, suite.title, suite.question, one.command)
+    about = (suite.name, suite.title, suite.question, command(suite.name))
     for run in suite.runs:
         of = [on for on in one.found if on.run == run.name]
         if run.name not in places or not of:
@@ -240,12 +240,12 @@ def _runs(one: SuiteResults) -> Iterator[Made]:
         )  # fmt: skip
 
 
-def _not_run(there: set[str], where: str) -> Iterator[Made]:
+def _not_run(there: set[str]) -> Iterator[Made]:
     """The packaged suites that were not run."""
     for name in packaged():
         if name not in there:
             suite = read(name)
-            yield _unmade((name, suite.title, suite.question, f"bench suite {name}{where}"), "", NOT_RUN, "", "")
+            yield _unmade((name, suite.title, suite.question, command(name)), "", NOT_RUN, "", "")
 
 
 def _unmade(about: tuple[str, str, str, str], run: str, state: str, why: str, command: str) -> Made:

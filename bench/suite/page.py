@@ -16,7 +16,7 @@ from ..words.columns import about
 from ..words.numerals import counted, listed, number
 from .overview import MADE, NOT_RUN, Made, Named, Overview, Past, overview
 from .pictures import pictures
-from .results import results, where
+from .results import results
 from .submission import submissions
 from .tables import TABLES, overview_tables, read_overview
 
@@ -30,7 +30,7 @@ def write_page(site: Path, page: Path) -> None:
     """Writes a site's overview to `page`, FILE.md, with FILE.csv and the folder FILE beside it."""
     if page.suffix != ENDING:
         raise InputError(f"--standing {page}: found no {ENDING} at its end, expected the name of a page of Markdown.")
-    tables = overview_tables(overview(results(site, submissions(site)), where(site)))
+    tables = overview_tables(overview(results(site, submissions(site))))
     try:
         page.with_suffix("").mkdir(parents=True, exist_ok=True)
         for name, path in tables_of(page).items():

@@ -43,7 +43,12 @@ def results(site: Path, entered: Sequence[Submission]) -> list[SuiteResults]:
 def _results(folder: SuiteFolder, entered: Sequence[Submission], kept: Sequence[Summary], place: str) -> SuiteResults:
     found = named_apart([one for name, run in folder.runs.items() for one in standings(name, run, entered)])
     history = over_versions(kept) if len(kept) > 1 else None
-    return SuiteResults(folder, f"bench suite {shlex.quote(folder.suite.name)}{place}", found, kept, history)
+    return SuiteResults(folder, command(folder.suite.name) + place, found, kept, history)
+
+
+def command(suite: str) -> str:
+    """The command that runs a suite, into the usual place."""
+    return f"bench suite {shlex.quote(suite)}"
 
 
 def where(site: Path) -> str:

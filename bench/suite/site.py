@@ -32,7 +32,7 @@ def write_site(site: Path, forms: Sequence[str] = ()) -> Path:
     """Writes pages, tables and figures again, these also in `forms`; returns the index. InputError without a suite."""
     entered = submissions(site)
     found = results(site, entered)
-    whole = overview(found, where(site))
+    whole = overview(found)
     parts = [_part(one, where(site)) for one in found]
     for part in parts:
         _write_tables(site / DATA, part, whole)
