@@ -3,7 +3,6 @@
 import math
 import re
 import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -46,16 +45,9 @@ SCORE = Score("s", "r", "d", "d", "online", "ekf", 0, "open", 1.0, NAN, NAN, NAN
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A site of one small suite, on a machine without published logs."""
-    place = tmp_path_factory.mktemp("made")
-    (place / "small.toml").write_text(TEXT)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SLAMDUEL_CACHE", str(place / "cache"))
-        pages.left_out(patch)
-        words = [str(place / "small.toml"), "--out", str(place / "site"), "--executor", "here", "--quiet"]
-        assert main(["suite", *words]) == 0
-        yield place / "site"
+    return pages.site_of(tmp_path_factory.mktemp("made"), TEXT)
 
 
 @pytest.fixture(scope="module")

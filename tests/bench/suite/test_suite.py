@@ -4,7 +4,6 @@ import json
 import re
 import shutil
 import sqlite3
-from collections.abc import Iterator
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
@@ -48,16 +47,9 @@ DATASET = "circle[steps=50]"
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A site of one suite, on a machine without published logs; reports of runs are left out."""
-    place = tmp_path_factory.mktemp("made")
-    (place / "small.toml").write_text(TEXT)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("SLAMDUEL_CACHE", str(place / "cache"))
-        pages.left_out(patch)
-        words = [str(place / "small.toml"), "--out", str(place / "site"), "--executor", "here", "--quiet"]
-        assert main(["suite", *words]) == 0
-        yield place / "site"
+    return pages.site_of(tmp_path_factory.mktemp("made"), TEXT)
 
 
 @pytest.fixture

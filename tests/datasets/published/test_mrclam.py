@@ -14,7 +14,7 @@ from slamduel.core.factors import UNKNOWN, Dataset
 from slamduel.core.se2 import Array
 from slamduel.datasets.published import mrclam
 from slamduel.datasets.published.catalogue import place
-from slamduel.datasets.published.mrclam import Options
+from slamduel.datasets.published.mrclam_log import Options
 from small_mrclam import EPOCH, FILES, HEADER, SPEED, TURN, rows
 from tiers import first_quick
 

@@ -22,7 +22,7 @@ from slamduel.core.factors import Dataset
 from slamduel.datasets.noise.noise_file import read_noise
 from slamduel.datasets.noise.stated import stated
 from slamduel.datasets.published.catalogue import place
-from slamduel.datasets.published.mrclam import MEASURED
+from slamduel.datasets.published.mrclam_log import MEASURED
 from slamduel.datasets.published.mrclam_sets import LAST_ROBOT, USUAL
 from small_mrclam import HEADER, rows
 from tiers import first_quick
