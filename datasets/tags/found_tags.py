@@ -44,6 +44,7 @@ class Known(NamedTuple):
     corner_sd: float  # px, of a corner along each axis
     needs_cov: bool  # the noise model asks for a pose's covariance
     where: str  # the file, and what in it
+    table: str  # of the camera in robot.toml
 
 
 def sightings(frame: TagFrame, known: Known) -> tuple[list[Sighting], Rejections]:
@@ -83,8 +84,8 @@ def _sighting(tag: FoundTag, known: Known) -> Sighting | str:
     if cov is None and known.needs_cov:
         raise InputError(
             f"{known.where}: the pose of tag {tag.id} at {_place(tag.pose)} m has no covariance, which [noise] model = "
-            '"propagated" needs; expected one, or [camera] calibration, by which [markers] corner_sd tells it, or '
-            'model = "proportional".'
+            f'"propagated" needs; expected one, or {known.table} calibration, by which [markers] corner_sd tells it, '
+            'or model = "proportional".'
         )
     unknown = np.full((6, 6), np.nan)
     return Sighting(

@@ -19,7 +19,8 @@ from slamduel.core.factors import Map, Truth
 from slamduel.core.se2 import Array
 from slamduel.datasets.recordings import live, recording, write
 from slamduel.datasets.recordings.recording import build, open_recording
-from slamduel.datasets.recordings.robot import FrameSource, Robot, read_robot, write_robot
+from slamduel.datasets.recordings.robot import Robot, read_robot, write_robot
+from slamduel.datasets.recordings.robot_camera import FrameSource
 from slamduel.datasets.truth import sample, write_truth
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting

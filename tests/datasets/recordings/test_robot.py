@@ -9,7 +9,8 @@ import pytest
 from refusals import refusal, refused
 from slamduel.core.factors import Prior
 from slamduel.datasets.depth.robot import read_depth_robot
-from slamduel.datasets.recordings.robot import FrameSource, Robot, read_robot, write_robot
+from slamduel.datasets.recordings.robot import Robot, read_robot, write_robot
+from slamduel.datasets.recordings.robot_camera import FrameSource
 from slamduel.datasets.recordings.rosbag import Topics
 from slamduel.datasets.robot_limits import LIMITS
 from slamduel.datasets.scans.robot import read_laser_robot

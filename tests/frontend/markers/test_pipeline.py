@@ -217,7 +217,7 @@ NARROW = Detector(Markers("4X4_50", 0.1), replace(CAMERA, readout=0.4))
 
 def test_a_rolling_shutters_motion_is_the_mean_of_the_readings_around_the_frame() -> None:
     made = recording(blank(0.5), detector=ROLLING)
-    motion = camera_motion(made, 0.53)
+    motion = camera_motion(made.motion, made.detector.camera, 0.53)
     delta, cov = made.motion.odometry(0.43, 0.63)
     expected = carried(Odometry(delta, cov), 0.2, CAMERA.mounting)
     np.testing.assert_allclose(motion.rates, expected.rates, atol=1e-12)
@@ -230,7 +230,7 @@ def test_a_rolling_shutters_motion_is_the_mean_of_the_readings_around_the_frame(
 
 def test_a_readout_longer_than_that_is_the_time_of_the_mean() -> None:
     made = recording(blank(0.5), detector=NARROW)
-    motion = camera_motion(made, 0.5)
+    motion = camera_motion(made.motion, made.detector.camera, 0.5)
     expected = carried(made.motion.odometry(0.3, 0.7), 0.4, CAMERA.mounting)
     np.testing.assert_allclose(motion.rates, expected.rates, atol=1e-12)
 
@@ -238,15 +238,15 @@ def test_a_readout_longer_than_that_is_the_time_of_the_mean() -> None:
 @pytest.mark.parametrize(("t", "start", "end"), [(0.0, 0.0, 0.1), (0.95, 0.85, 1.0)])
 def test_where_readings_begin_or_end_it_is_the_mean_of_those_there_are(t: float, start: float, end: float) -> None:
     made = recording(blank(0.5), detector=ROLLING)
-    motion = camera_motion(made, t)
+    motion = camera_motion(made.motion, made.detector.camera, t)
     expected = carried(made.motion.odometry(start, end), end - start, CAMERA.mounting)
     np.testing.assert_allclose(motion.rates, expected.rates, atol=1e-12)
 
 
 def test_without_a_rolling_shutter_or_time_between_readings_there_is_no_motion() -> None:
-    assert camera_motion(recording(blank(0.5)), 0.5) is None
+    assert camera_motion(recording(blank(0.5)).motion, CAMERA, 0.5) is None
     once = Wheels(Ticks(np.array([0.5]), np.zeros((1, 2))), ENCODER)
-    assert camera_motion(recording(blank(0.5), detector=ROLLING, motion=once), 0.5) is None
+    assert camera_motion(once, ROLLING.camera, 0.5) is None
 
 
 def test_a_robot_that_may_drift_unmeasured_leaves_its_sightings_uncertain() -> None:
