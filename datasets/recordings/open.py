@@ -62,7 +62,7 @@ def _of_several(path: Path, robot: Robot) -> dict[str, Streams]:
 
 
 def _read(found: Path, home: Path, robot: Robot, camera: str = "", *, motion: bool = True) -> Streams:
-    """What `found` tells, the files at `home` saying when; of several cameras of the one called `camera`.
+    """Reads what `found` tells, the files at `home` saying when; of several cameras of the one called `camera`.
 
     `motion`: with the readings of a bag.
     """

@@ -137,7 +137,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
 
 
 def _told(key: str, views: Mapping[str, Robot]) -> Any:
-    """What robot.toml says of a camera, or of each by name."""
+    """A setting of the only camera, or of each by name."""
     told = {name: getattr(view, key) for name, view in views.items()}
     return told.get("", told)
 

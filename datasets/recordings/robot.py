@@ -45,8 +45,8 @@ from ...frontend.wheels.motion import Drift, TrackNoise
 from ..prior import read_prior
 from ..robot_files import CALIBRATION, file_of
 from ..robot_limits import check_limits
-from ..robot_tables import TRACK, floors_in, names_of, numbers_in, track_noise, without_none
-from .robot_camera import CAMERA, TOPICS, FrameSource, cameras_in, frames_in, of_camera
+from ..robot_tables import TRACK, cameras_in, floors_in, names_of, numbers_in, track_noise, without_none
+from .robot_camera import CAMERA, TOPICS, FrameSource, frames_in, of_camera
 from .rosbag import Topics
 
 NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated": PropagatedNoise}
@@ -103,7 +103,7 @@ def read_robot(path: Path) -> Robot:
     if file.has("depth"):
         raise file.refused("depth", "is of a robot with a depth camera, expected [markers], for one with a camera.")
     camera = file.table("camera")
-    names = cameras_in(camera)
+    names = cameras_in(camera, CAMERA)
     if not names:
         camera.only(CAMERA)
     markers = file.table("markers").only(

@@ -1,10 +1,8 @@
 """The tables of a robot's cameras in robot.toml: [camera] of an only one, or [camera.left] and the like of several."""
 
-import re
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ...core.errors import nearest
 from ...core.toml.table import TomlTable
 from ..robot_tables import calibrated, pose_in
 
@@ -29,25 +27,8 @@ def table_of(name: str) -> str:
     return f"[camera.{name}]" if name else "[camera]"
 
 
-def cameras_in(camera: TomlTable) -> tuple[str, ...]:
-    """The names of several cameras, each with a table of its own in [camera]; none for an only camera.
-
-    InputError for a name that is no part of a file's, and for keys beside such tables.
-    """
-    names = tuple(key for key, value in camera.entries.items() if isinstance(value, dict) and key != "mounting")
-    beside = next((key for key in camera.entries if key not in names), None)
-    for name in names:
-        if beside is not None:
-            several = f"is one of several cameras beside {beside}, expected that key in the table of each."
-            meant = nearest(name, CAMERA)
-            raise camera.refused(name, f"there is no such key; {meant}" if meant.startswith("did") else several)
-        if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
-            raise camera.refused(name, f"found a camera called {name!r}, expected letters, digits, _ and - alone.")
-    return names
-
-
 def of_camera(camera: TomlTable, name: str = "") -> dict[str, Any]:
-    """What the table of a camera says, as arguments of a Robot; `name` is that of one of several."""
+    """The table of a camera as arguments of a Robot; `name` is that of one of several."""
     placed, readout = pose_in(camera, "mounting"), camera.number("readout", 0.0, least=0)
     lens = calibrated(camera, placed)
     return {

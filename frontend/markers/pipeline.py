@@ -31,8 +31,8 @@ makes the mean differ from the velocity in the middle by 8 mm/s.
 
 MOST_NAMED = 5  # ids in a remark
 
-JOINED = "sightings of a marker that another camera saw at the same time: one of the mean of both is in the log"
-"""What is counted of a marker in two frames of one step."""
+JOINED = "sightings of markers that another camera saw at once: the log has the mean of both"
+"""The reason for which a marker in two frames of one step is in the log once."""
 
 
 class Frame(NamedTuple):
@@ -137,7 +137,8 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
             before, measured = measured, together(measured, new)
             both = len(before.rocking) + len(new.rocking) - len(measured.rocking)
             counts["sightings"] += len(new.rocking) - both
-            counts[JOINED] += both
+            if both:
+                counts[JOINED] += both
             steps[-1] = steps[-1]._replace(sightings=measured.sightings)
             continue
         odometry = recording.motion.odometry(steps[-1].t, frame.t) if steps else None
