@@ -68,6 +68,14 @@ class MarkerFindings(Findings):
         """Lists the markers in the log."""
         return list(markers(in_log(self.sightings), self.t))
 
+    @property
+    def printed(self) -> str:
+        """Describes the markers as far as that is known."""
+        told = self.log.notes["markers"]
+        named = [f"dictionary {told['dictionary']}"] if "dictionary" in told else []
+        named += [f"side {told['side']:g} m"] if "side" in told else []
+        return ", ".join(named) or "markers of poses alone"
+
     def headline(self) -> list[str]:
         """Summarises in sentences: detections first, then their quality."""
         kept, frames = in_log(self.sightings), counted(len(self.t), "frame")

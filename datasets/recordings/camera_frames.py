@@ -57,6 +57,9 @@ def of_camera(path: Path, robot: Robot, streams: Streams, motion: Motion, name: 
             f"{where}: the camera's calibration is unknown{lacking}, expected {ROBOT} to name its file: "
             f'{table} calibration = "calibration.yaml".'
         )
+    for key in _needed(streams, camera, robot):
+        if key in robot.lacks:
+            raise InputError(robot.lacks[key])
     detector = Detector(robot.markers, camera)
     frames = streams.frames
     if streams.tags is not None:
@@ -64,6 +67,15 @@ def of_camera(path: Path, robot: Robot, streams: Streams, motion: Motion, name: 
         frames = (Frame(one.t, None, sightings(one, known)) for one in streams.tags)
     clock = robot.time_offset + (robot.exposure + robot.readout) / 2
     return CameraFrames(_FramesOnClock(frames, motion, clock, camera, where, table), detector)
+
+
+def _needed(streams: Streams, camera: Camera, robot: Robot) -> tuple[str, ...]:
+    """The keys of [markers] without which markers cannot be found, or tags tell too little."""
+    if streams.tags is None:
+        return "dictionary", "side"
+    told = camera.known and isinstance(robot.noise, PropagatedNoise)  # by its corners where a pose has no covariance
+    tags = (tag for frame in streams.tags for tag in frame.tags)
+    return ("side",) if any(tag.pose is None or (told and tag.cov is None) for tag in tags) else ()
 
 
 def _of_tags(camera: Camera | None, robot: Robot, streams: Streams, where: str, table: str, name: str) -> Camera | None:

@@ -121,6 +121,13 @@ def _frames_in(path: Path, source: str | None, table: str) -> Path:
         for one in path.iterdir()
         if is_bag(one) or one.suffix.lower() in VIDEOS or (one.is_dir() and one.name == "frames") or one.name == TAGS
     )
+    shown = pictures(path) if source is None and [one.name for one in found] == [TAGS] else []
+    if shown:
+        several = f"{shown[0].name} and {len(shown) - 1:,} more pictures" if shown[1:] else shown[0].name
+        raise InputError(
+            f"{path}: has {several} as well as {TAGS}, expected one of them, or [{table}] source in {ROBOT} to select: "
+            f'"." is the pictures.'
+        )
     if is_whole(path, source) and ((path / "metadata.yaml").is_file() or all(is_bag(one) for one in found)):
         return path
     if not found and pictures(path) and (source is None or not (path / source).exists()):

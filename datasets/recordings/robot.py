@@ -14,9 +14,9 @@
     [topics]     image, encoder, odometry, commands, camera_info, tags
     [frames]     source, fps, start
 
-Only [markers] is required. With several cameras, each named in a table of its own, [frames] and the topics of frames
-are in these. [laser] in its place is read by `scans`, [depth] by `depth`. Lengths are in m, angles in
-rad, times in s.
+Only [markers] dictionary and side are required, and not of tags whose poses another program found. With several
+cameras, each named in a table of its own, [frames] and the topics of frames are in these. [laser] in its place is read
+by `scans`, [depth] by `depth`. Lengths are in m, angles in rad, times in s.
 """
 
 import shutil
@@ -90,6 +90,8 @@ class Robot:
     frames: FrameSource = field(default_factory=FrameSource)
     views: Mapping[str, "Robot"] = field(default_factory=dict[str, "Robot"])  # name of a camera -> with that one alone
     lens: Callable[[int, int], Camera] | None = None  # by the images' size, px, where the calibration lacks it
+    # keys of [markers] that robot.toml lacks -> the sentence that asks for them where they are needed
+    lacks: Mapping[str, str] = field(default_factory=dict[str, str])
     # remarks on numbers that were not given, by the table that would have them; those of "" on the whole
     assumed: Mapping[str, str] = field(default_factory=dict[str, str])
 
@@ -130,6 +132,11 @@ def read_robot(path: Path) -> Robot:
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
         topics=Topics(**{key: topics.text(key) for key in topics.entries}),
         frames=frames_in(frames),
+        lacks={
+            key: str(markers.lacks(key, expected))
+            for key, expected in (("dictionary", "a text in quotes"), ("side", "a number above 0"))
+            if not markers.has(key)
+        },
         assumed=_assumed(encoder, commands),
         **({} if names else of_camera(camera)),
     )
@@ -191,8 +198,8 @@ def write_robot(path: Path, robot: Robot) -> None:
         "name": robot.name,
         "camera": cameras or _words(robot),
         "markers": {
-            "dictionary": dictionary.name if dictionary.is_file() else robot.markers.dictionary,
-            "side": robot.markers.side,
+            "dictionary": dictionary.name if dictionary.is_file() else robot.markers.dictionary or None,
+            "side": None if np.isnan(robot.markers.side) else robot.markers.side,
             "sides": sides or None,
             "max_range": robot.max_range if np.isfinite(robot.max_range) else None,
             "max_distance": robot.max_distance if np.isfinite(robot.max_distance) else None,
@@ -225,16 +232,17 @@ def _markers(markers: TomlTable) -> Markers:
         if not (key.isascii() and key.isdigit()):
             raise sides.refused(key, "is not a marker's id, expected a whole number.")
     known = Markers(
-        markers.text("dictionary"),
-        markers.number("side", above=0),
+        markers.text_or_none("dictionary") or "",
+        markers.number("side", above=0) if markers.has("side") else np.nan,
         {int(key): sides.number(key, above=0) for key in sides.entries},
         Path(markers.file).parent,
         markers.wholes("ignore") if markers.has("ignore") else (),
     )
-    try:
-        _ = known.opencv
-    except InputError as error:
-        raise InputError(f"{markers.where('dictionary')}: {error}") from None
+    if known.dictionary:
+        try:
+            _ = known.opencv
+        except InputError as error:
+            raise InputError(f"{markers.where('dictionary')}: {error}") from None
     known.check(markers.where())
     return known
 

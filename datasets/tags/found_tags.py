@@ -75,8 +75,9 @@ def _sighting(tag: FoundTag, known: Known) -> Sighting | str:
         return BEHIND
     camera, cov = known.detector.camera, tag.cov
     corners = np.full((4, 2), np.nan)
-    if camera.known:
-        outline = square(known.detector.markers.side_of(tag.id))
+    side = known.detector.markers.side_of(tag.id)
+    if camera.known and not np.isnan(side):
+        outline = square(side)
         corners = _clockwise(camera.project(outline @ tag.pose[:3, :3].T + tag.pose[:3, 3]))
         if cov is None and np.isfinite(corners).all():
             seen = known.detector.at_corners(tag.id, corners, known.corner_sd)

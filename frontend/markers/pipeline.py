@@ -241,8 +241,8 @@ def _settings(recording: Recording) -> dict[str, Any]:
         "noise": recording.noise.settings,
         "camera": cameras.get("", cameras),
         "markers": {
-            "dictionary": markers.dictionary,
-            "side": markers.side,
+            **({"dictionary": markers.dictionary} if markers.dictionary else {}),
+            **({} if np.isnan(markers.side) else {"side": markers.side}),
             **sizes,
             **({"ignore": list(markers.ignore)} if markers.ignore else {}),
             **{
