@@ -55,6 +55,9 @@ NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated
 USUAL = 0.02
 """m, default standard deviation of a wheel that rolls 1 m: twice the document's k, as tyres and floors differ."""
 
+ANY_SIDE = 0.1
+"""m, in place of one that is not given, where only the rest of the markers is checked."""
+
 NOT_MEASURED = "nothing was measured of {of}: stated as {words} by default; bench noise measures it"
 
 
@@ -243,7 +246,7 @@ def _markers(markers: TomlTable) -> Markers:
             _ = known.opencv
         except InputError as error:
             raise InputError(f"{markers.where('dictionary')}: {error}") from None
-    known.check(markers.where())
+    (known if markers.has("side") else replace(known, side=ANY_SIDE)).check(markers.where())
     return known
 
 

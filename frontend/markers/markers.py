@@ -42,8 +42,7 @@ class Markers:
 
     def check(self, where: str) -> None:
         """Raises InputError, beginning with `where`, for an invalid side or an id that is not in the dictionary."""
-        if not math.isnan(self.side):
-            _check_side(self.side, f"{where}: side")
+        _check_side(self.side, f"{where}: side")
         count = len(self.opencv.bytesList) if self.dictionary else math.inf
         for key, names in (("sides", self.sides), ("ignore", self.ignore)):
             for name in names:
