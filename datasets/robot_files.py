@@ -25,6 +25,11 @@ def is_settings(path: Path) -> bool:
     return path.suffix.lower() in (".yaml", ".yml")
 
 
+def file_of(path: Path, name: str) -> Path:
+    """The file of one of several cameras beside those of the others: poses.csv is poses-left.csv of the left one."""
+    return path.with_stem(f"{path.stem}-{name}") if name else path
+
+
 def recording_in(path: Path, table: str, source: str | None, inside: Sequence[Path], kinds: str) -> Path:
     """The recording in a folder that the table's `source` names, else the only one `inside`.
 

@@ -1,6 +1,6 @@
 """The values that a robot.toml may have: those beyond are of no robot, but of another unit."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from ..core.plausible import DEGREES, LENGTHS, SECONDS, Measure, of_units
@@ -82,18 +82,25 @@ LIMITS: Mapping[str, list[Measure]] = {
 }
 """Dotted keys of numbers -> their measure; of lists, that of all or of each number in them."""
 
+OF_CAMERAS = ("camera", "frames")
+"""Tables whose keys are those of each of several cameras."""
 
-def check_limits(file: TomlTable) -> None:
-    """Raises InputError for the first number of a robot.toml, already read, that no robot has."""
+
+def check_limits(file: TomlTable, cameras: Collection[str] = ()) -> None:
+    """Raises InputError for the first number of a robot.toml, already read, that no robot has.
+
+    `cameras` are the names of several, whose tables in [camera] have the keys of [frames] as well.
+    """
     for dotted, measures in LIMITS.items():
-        *path, key = dotted.split(".")
-        table = file
-        for name in path:
-            table = table.table(name)
-        numbers = list(_numbers(table.entries.get(key)))
-        for measure, value in zip(measures * (len(numbers) if len(measures) == 1 else 1), numbers, strict=False):
-            if (odd := measure.odd(value)) is not None:
-                raise table.refused(key, f"{odd}.")
+        head, *path, key = dotted.split(".")
+        for place in [("camera", name) for name in cameras] if cameras and head in OF_CAMERAS else [(head,)]:
+            table = file
+            for name in (*place, *path):
+                table = table.table(name)
+            numbers = list(_numbers(table.entries.get(key)))
+            for measure, value in zip(measures * (len(numbers) if len(measures) == 1 else 1), numbers, strict=False):
+                if (odd := measure.odd(value)) is not None:
+                    raise table.refused(key, f"{odd}.")
 
 
 def _numbers(value: Any) -> Iterator[float]:

@@ -1,11 +1,12 @@
 """Tables that the robot.toml of robots of every kind has: a camera, its mounting, odometry's noise, settings."""
 
+import re
 from collections.abc import Collection
 from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import InputError
+from ..core.errors import InputError, nearest
 from ..core.se2 import Array
 from ..core.toml.table import TomlTable
 from ..frontend.camera.calibration import read
@@ -33,6 +34,24 @@ def robot_of(path: Path, front_end: str, tables: Collection[str]) -> TomlTable |
         if other != front_end and file.has(other):
             raise file.refused(front_end, f"is given beside [{other}], expected one robot.toml for each front end.")
     return file.only(("name", front_end, "prior", *tables))
+
+
+def cameras_in(camera: TomlTable, known: Collection[str]) -> tuple[str, ...]:
+    """The names of several cameras, each with a table of its own in [camera]; none for an only camera,
+    whose keys are `known`.
+
+    InputError for a name that is no part of a file's, and for keys beside such tables.
+    """
+    names = tuple(key for key, value in camera.entries.items() if isinstance(value, dict) and key != "mounting")
+    beside = next((key for key in camera.entries if key not in names), None)
+    for name in names:
+        if beside is not None:
+            several = f"is one of several cameras beside {beside}, expected that key in the table of each."
+            meant = nearest(name, known)
+            raise camera.refused(name, f"there is no such key; {meant}" if meant.startswith("did") else several)
+        if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
+            raise camera.refused(name, f"found a camera called {name!r}, expected letters, digits, _ and - alone.")
+    return names
 
 
 def pose_in(camera: TomlTable, key: str) -> Array:

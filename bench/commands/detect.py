@@ -86,8 +86,8 @@ def main(namespace: argparse.Namespace) -> int:
         say(_noise_table(f.calibration.bins))
         say(plain(toml(f.calibration).rstrip()))
     say(f"report: {plain(str(out / PAGE))}", soft_wrap=True)
-    if n.poses is not None:
-        say(f"poses:  {plain(str(n.poses))}", soft_wrap=True)
+    for path in f.poses if isinstance(f, markers.MarkerFindings) else ():
+        say(f"poses:  {plain(str(path))}", soft_wrap=True)
     if len(f.log.ids) or f.log.scans is not None or f.log.clouds is not None:  # there is something to run backends on
         say(f"next:   bench run --dataset {plain(shlex.quote(str(out)))}", soft_wrap=True)
     return 0

@@ -76,7 +76,7 @@ def _markers(variant: DatasetVariant, number: int, places: Mapping[Path, str], c
     from ...datasets.worlds.aruco_room import record
 
     recording, truth = record(variant.options, generator(variant.name, number))
-    with ProgressBar(console, "rendering", len(truth.t)) as bar:
+    with ProgressBar(console, "rendering", len(truth.t) * len(recording.detectors)) as bar:
         write(places, replace(recording, frames=_watched(recording.frames, bar)), truth)
 
 

@@ -25,6 +25,7 @@ class Picture(NamedTuple):
     far: int  # too far away for it
     rejected: int
     image: Image  # (h, w, 3) BGR
+    camera: str = ""  # its name, of several
 
 
 @dataclass
@@ -50,7 +51,8 @@ class ContactSheet:
                 self._length *= 2
             self._stretches.append([])
         kept = int(seen.kept.sum())
-        new = Picture(self._frames, seen.frame.t, kept, len(seen.kept) - kept, seen.rejected.total(), _NOT_DRAWN)
+        counts = kept, len(seen.kept) - kept, seen.rejected.total()
+        new = Picture(self._frames, seen.frame.t, *counts, _NOT_DRAWN, seen.frame.camera)
         best = _best([*self._stretches[-1], new])
         self._stretches[-1] = [
             one._replace(image=annotated(seen, WIDTH)) if one.image is _NOT_DRAWN else one for one in best

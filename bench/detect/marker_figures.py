@@ -26,7 +26,7 @@ def figures(f: MarkerFindings) -> list[ReportFigure]:
     """Draws all for which there are sightings, and the path by odometry."""
     made = list[ReportFigure]()
     if len(f.sightings.ids):
-        made += [_ranges(f), _raster(f.sightings, f.log.t), _places(f)]
+        made += [_ranges(f), _raster(f), _places(f)]
         made += [] if np.isnan(f.sightings.error).all() else [_fit(f.sightings)]
     if f.true is not None and f.bins:
         made += _true_figures(f.sightings, f.true)
@@ -52,10 +52,11 @@ def _ranges(f: MarkerFindings) -> ReportFigure:
     return drawn("Ranges of the markers", f"Bars are {plain(float(edges[1]))} m wide.", draw, HEIGHT)
 
 
-def _raster(sightings: Sightings, t: Array) -> ReportFigure:
+def _raster(f: MarkerFindings) -> ReportFigure:
+    sightings, t = f.sightings, f.t
     names = np.unique(sightings.ids)
     start = t[0]
-    gap = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    gap = float(np.median(np.diff(f.log.t))) if len(f.log) > 1 else 1.0
     height = float(np.clip(60 + 8 * len(names), HEIGHT, 2 * HEIGHT))
 
     def draw(figure: Figure) -> None:
@@ -63,7 +64,7 @@ def _raster(sightings: Sightings, t: Array) -> ReportFigure:
         thick = float(np.clip(0.6 * 0.75 * height / len(names), 0.8, 6))
         for row, name in enumerate(names):
             for kept, colour in ((sightings.kept, KEPT), (~sightings.kept, FAR)):
-                runs = _runs(sightings.frame[(sightings.ids == name) & kept])
+                runs = _runs(np.unique(sightings.frame[(sightings.ids == name) & kept]), len(f.cameras))
                 bars = [((t[a] - start - gap / 2, row), (t[b] - start + gap / 2, row)) for a, b in runs]
                 axes.add_collection(LineCollection(bars, colors=colour, linewidths=thick, capstyle="butt"))
         axes.set_xlim(-gap, t[-1] - start + gap)
@@ -76,11 +77,11 @@ def _raster(sightings: Sightings, t: Array) -> ReportFigure:
     return drawn("When each marker was seen", caption, draw, height)
 
 
-def _runs(frames: Ints) -> list[tuple[int, int]]:
-    """Returns the first and last of each run of consecutive numbers in `frames`."""
+def _runs(frames: Ints, cameras: int) -> list[tuple[int, int]]:
+    """Returns the first and last of each run of consecutive numbers in `frames` of each of `cameras` in turn."""
     if not len(frames):
         return []
-    cuts = np.flatnonzero(np.diff(frames) > 1)
+    cuts = np.flatnonzero(np.diff(frames) > cameras)
     return list(zip(frames[np.r_[0, cuts + 1]].tolist(), frames[np.r_[cuts, len(frames) - 1]].tolist(), strict=True))
 
 

@@ -29,7 +29,7 @@ def annotated(seen: FrameSightings, width: int | None = None) -> Image:
         corners = (sighting.corners + 0.5) * scale - 0.5
         _outline(picture, corners, colour, size)
         _words(picture, f"{sighting.id}: {z[0]:.2f} m", corners, size)
-    said = f"{seen.frame.t:.2f} s"
+    said = f"{seen.frame.t:.2f} s  {seen.frame.camera}".rstrip()
     if seen.rejected.total():
         said += f"  {seen.rejected.total()} rejected"
     write(picture, said, (round(6 * size), picture.shape[0] - round(8 * size)), 0.5 * size)

@@ -10,13 +10,14 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.factors import Truth
+from ...core.se2 import Array
 from ...core.truth_doubts import headings_known
 from ...datasets.truth import with_truth
 from ...frontend.markers.aruco import Sighting
 from ...frontend.markers.diagnosis import diagnose, plausible_length
 from ...frontend.markers.pipeline import Frame, FrameSightings, Recording, build_log
 from ..drawing.figure import ReportFigure
-from ..words.numerals import counted, number
+from ..words.numerals import counted, listed, number
 from .findings import Findings, told
 from .folder import Request, written
 from .kept_frames import ContactSheet, EmptyFrames, Picture, sheet
@@ -24,7 +25,7 @@ from .marker_frames import annotated
 from .noise_calibration import CONSISTENT, CORNERS, Calibration, RangeBin, calibrate, errors_by_range, toml
 from .page import NOISE, SHEET
 from .pictures import encoded
-from .sightings import Detection, Marker, Sightings, TrueErrors, in_log, markers, per_frame, true_errors
+from .sightings import Detection, Marker, OfCamera, Sightings, TrueErrors, in_log, markers, per_frame, true_errors
 from .tag_files import TagFile
 
 JUDGED = 1000  # number of first sightings by which the markers' stated side is checked
@@ -40,13 +41,15 @@ class MarkerFindings(Findings):
 
     max_range: float  # m; infinite: none
     reach: str  # from where on a sighting is too far, in words
-    size: tuple[int, int]  # px, width and height of a frame
+    t: Array  # (n,) s, of the frames
+    cameras: Mapping[str, OfCamera]  # by name; "": the only one
     sightings: Sightings
     true: TrueErrors | None
     bins: Sequence[RangeBin]  # of the sightings with known errors
     calibration: Calibration | None
     causes: Sequence[str]  # why so little was detected, and what else looks wrong
     pictures: Sequence[Picture]
+    poses: Sequence[Path] = ()  # the files of the tags' poses
 
     @property
     def tested(self) -> Sequence[RangeBin]:
@@ -63,20 +66,35 @@ class MarkerFindings(Findings):
     @property
     def markers(self) -> list[Marker]:
         """Lists the markers in the log."""
-        return list(markers(in_log(self.sightings), self.log.t))
+        return list(markers(in_log(self.sightings), self.t))
+
+    @property
+    def printed(self) -> str:
+        """Describes the markers as far as that is known."""
+        told = self.log.notes["markers"]
+        named = [f"dictionary {told['dictionary']}"] if "dictionary" in told else []
+        named += [f"side {told['side']:g} m"] if "side" in told else []
+        return ", ".join(named) or "markers of poses alone"
 
     def headline(self) -> list[str]:
         """Summarises in sentences: detections first, then their quality."""
-        kept, frames = in_log(self.sightings), counted(len(self.log), "frame")
+        kept, frames = in_log(self.sightings), counted(len(self.t), "frame")
         if not len(kept.ids):
             return [f"No marker that can be used was found in {frames}."]
         found = f"{counted(len(kept.ids), 'sighting')} of {counted(len(np.unique(kept.ids)), 'marker')}"
-        counts = per_frame(kept, len(self.log))
+        counts = per_frame(kept, len(self.t))
         none, mean = int((counts == 0).sum()), number(float(counts.mean()))
         fit = float(np.sqrt((kept.error**2).mean()))
         said = [f"{found} in {frames}, {mean} a frame; {none:,} saw none."]
+        said += [self.by_camera()] if len(self.cameras) > 1 else []
         said += [] if np.isnan(fit) else [f"Corners fit to {number(fit)} px."]
         return [*said, _truthfulness(self.bins)] if self.bins else said
+
+    def by_camera(self) -> str:
+        """Counts the frames and sightings of each of several cameras."""
+        cameras = self.cameras.items()
+        of = [f"{counted(one.kept, 'sighting')} in {counted(one.frames, 'frame')} of {name}" for name, one in cameras]
+        return f"Those are {listed(of)}."
 
     def refused(self) -> str:
         """Lists what is left out of the log in a line."""
@@ -89,11 +107,14 @@ class MarkerFindings(Findings):
 
     def numbers(self) -> dict[str, Any]:
         """Returns the counts of frames, sightings and markers."""
+        width, height = next(iter(self.cameras.values())).size
+        several = {name: _numbers(one) for name, one in self.cameras.items()} if len(self.cameras) > 1 else {}
         return {
-            "frames": len(self.log),
+            "frames": len(self.t),
             "seconds": self.seconds,
-            "width": self.size[0],
-            "height": self.size[1],
+            "width": width,
+            "height": height,
+            **({"cameras": several} if several else {}),
             "sightings": int(self.sightings.kept.sum()),
             "markers": [one._asdict() for one in self.markers],
             "left_out": dict(self.left_out),
@@ -155,18 +176,21 @@ def detect(
             f"{request.source}: has no truth for --calibrate-noise, expected the robot's poses (truth.tum) and the "
             "markers' places (landmarks.csv) in its folder."
         )
-    camera, markers = recording.detector.camera, recording.detector.markers
+    markers = recording.detector.markers
+    cameras = {name: one.camera for name, one in recording.detectors.items()}
     first: list[Sighting] = []
-    tags = None if request.poses is None else TagFile(request.poses, recording.clock)
-    detection, contact, empty = Detection(CORNERS if request.calibrate_noise else None), ContactSheet(), EmptyFrames()
+    tags = None if request.poses is None else TagFile(request.poses)
+    detection, contact = Detection(CORNERS if request.calibrate_noise else None), ContactSheet()
+    empty = {name: EmptyFrames() for name in cameras}
 
     def observe(seen: FrameSightings) -> None:
-        detection.observe(seen, camera.mounting)
+        name = seen.frame.camera
+        detection.observe(seen, cameras[name].mounting)
         contact.observe(seen)
-        empty.observe(seen)
+        empty[name].observe(seen)
         first.extend(seen.sightings[: JUDGED - len(first)])
-        if request.preview is not None:
-            request.preview.add(seen.frame.t, annotated(seen))
+        if request.preview is not None and seen.frame.image is not None:
+            request.preview.add(seen.frame.t, annotated(seen), name)
         if tags is not None:
             tags.observe(seen)
 
@@ -179,16 +203,20 @@ def detect(
         log, known = with_truth(build_log(replace(recording, frames=frames()), observe), truth, 0, start_given)
     sightings = detection.sightings()
     causes = [plausible_length(first, markers)]
-    if (per_frame(sightings, len(log)) > 0).sum() < HARDLY * len(log):
-        causes += diagnose(empty.images, markers, camera)
-    true = None if known is None or not headings_known(log, known) else true_errors(sightings, log.t, known)
+    for name, one in detection.cameras.items():
+        if one.seeing < HARDLY * one.frames:
+            found = diagnose(empty[name].images, markers, cameras[name])
+            causes += [f"camera {name}: {cause}" if name else cause for cause in found]
+    t = np.array(detection.times)
+    true = None if known is None or not headings_known(log, known) else true_errors(sightings, t, known)
     findings = MarkerFindings(
         log,
         known,
         float(log.t[-1] - log.t[0]),
         max_range=recording.max_range,
         reach=recording.reach,
-        size=detection.size,
+        t=t,
+        cameras={name: detection.cameras.get(name, OfCamera()) for name in cameras},
         sightings=sightings,
         true=true,
         bins=[] if true is None else errors_by_range(sightings, true),
@@ -197,9 +225,14 @@ def detect(
         pictures=contact.pictures(),
     )
     written(request, findings)
-    if tags is not None:
-        tags.write(log, camera.mounting)
-    return findings
+    if tags is None:
+        return findings
+    return replace(findings, poses=tags.write(log, {name: one.mounting for name, one in cameras.items()}))
+
+
+def _numbers(camera: OfCamera) -> dict[str, int]:
+    width, height = camera.size
+    return {"frames": camera.frames, "width": width, "height": height, "sightings": camera.kept}
 
 
 def _truthfulness(bins: Sequence[RangeBin]) -> str:

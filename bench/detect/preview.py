@@ -1,13 +1,16 @@
-"""Writes an annotated video, frame by frame beside its place, and moves it there when complete."""
+"""Writes annotated videos, frame by frame beside their places, and moves them there when complete."""
 
 import os
+from contextlib import ExitStack
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import cv2
 import numpy as np
 
 from ...core.errors import InputError
+from ...datasets.robot_files import file_of
 from ...frontend.markers.aruco import Image
 
 CODECS = {".mp4": "mp4v", ".mkv": "mp4v", ".avi": "MJPG", ".webm": "VP80"}
@@ -17,6 +20,32 @@ _TIMED = 8  # frames whose times settle the frame rate
 
 
 class Preview:
+    """A context manager; the video is there at the end unless an exception is raised.
+
+    Each of several cameras has one: film-left.mp4 for film.mp4, and so on.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._films = dict[str, _Film]()
+        self._open = ExitStack()
+
+    def add(self, t: float, image: Image, camera: str = "") -> None:
+        """Writes a frame of the time `t`, s, of a `camera`, of several; InputError where a video cannot be written."""
+        if camera not in self._films:
+            self._films[camera] = self._open.enter_context(_Film(file_of(self._path, camera)))
+        self._films[camera].add(t, image)
+
+    def __enter__(self) -> "Preview":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._open.__exit__(kind, error, trace)
+
+
+class _Film:
     """A context manager; the video is there at the end unless an exception is raised."""
 
     def __init__(self, path: Path) -> None:
@@ -27,13 +56,13 @@ class Preview:
         self._writer: Any = None
 
     def add(self, t: float, image: Image) -> None:
-        """Writes a frame of the time `t`, s; InputError where the video cannot be written."""
+        """Writes a frame of the time `t`, s."""
         self._times.append(t)
         self._waiting.append(image)
         if self._writer is not None or len(self._times) == _TIMED:
             self._flush()
 
-    def __enter__(self) -> "Preview":
+    def __enter__(self) -> "_Film":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from ...core.factors import Truth
 from ...core.se2 import Array, Ints
 from ...core.truth_errors import difference, rows_of, sighted_from
-from ...frontend.markers.aruco import on_robot
 from ...frontend.markers.noise import Noise
 from ...frontend.markers.pipeline import FrameSightings
 
@@ -22,7 +21,7 @@ Mask = NDArray[np.bool_]
 class Sightings(NamedTuple):
     """All detections, those too far away as well, in the order of the frames."""
 
-    frame: Ints  # (s,) number of the frame among those used: the step of the log
+    frame: Ints  # (s,) number of the frame among those used
     ids: Ints  # (s,)
     z: Array  # (s, 2) range (m), bearing (rad)
     cov: Array  # (s, 2, 2)
@@ -53,21 +52,33 @@ _NONE = Sightings(
 )  # fmt: skip
 
 
+class OfCamera(NamedTuple):
+    """The frames of a camera that were used."""
+
+    frames: int = 0
+    seeing: int = 0  # frames with a marker
+    kept: int = 0  # sightings in the log
+    size: tuple[int, int] = (0, 0)  # px, width and height of a frame; 0: without images
+
+
 @dataclass
 class Detection:
     """Collects the detections of `build_log`; a frame costs a kilobyte, its image is not kept."""
 
     corner_model: Noise | None = None  # where given, its covariances are kept as well
-    size: tuple[int, int] = (0, 0)  # px, width and height of the frames; 0: without images
     found: int = 0  # detections so far
+    cameras: dict[str, OfCamera] = field(default_factory=dict[str, OfCamera])  # by name; "": the only one
+    times: list[float] = field(default_factory=list[float])  # s, of the frames
     _frames: list[Sightings] = field(default_factory=list[Sightings])
 
     def observe(self, seen: FrameSightings, mounting: Array) -> None:
         """Takes in a frame; `mounting` is T_robot_camera."""
-        if seen.frame.image is not None:
-            height, width = seen.frame.image.shape[:2]
-            self.size = (width, height)
         found, k = seen.sightings, len(seen.sightings)
+        camera, image = self.cameras.get(seen.frame.camera, OfCamera()), seen.frame.image
+        size = camera.size if image is None else (image.shape[1], image.shape[0])
+        kept = camera.kept + int(seen.kept.sum())
+        self.cameras[seen.frame.camera] = OfCamera(camera.frames + 1, camera.seeing + (k > 0), kept, size)
+        self.times.append(seen.frame.t)
         model, covs = self.corner_model, np.array([one.corner_cov for one in found]).reshape(k, 8, 8)
         self.found += k
         self._frames.append(
@@ -77,7 +88,7 @@ class Detection:
                 seen.z,
                 seen.cov,
                 np.full_like(seen.cov, np.nan) if model is None else model.measure(found, mounting)[1],
-                on_robot(found, mounting)[:, 2],
+                seen.height,
                 np.sqrt(np.diagonal(covs, axis1=1, axis2=2).mean(axis=1)),
                 np.array([one.error for one in found], float),
                 np.array([one.ambiguity for one in found], float),

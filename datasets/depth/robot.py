@@ -37,10 +37,22 @@ from ..bags.odometry import FRAME
 from ..prior import read_prior
 from ..robot_files import CALIBRATION, ROBOT
 from ..robot_limits import check_limits
-from ..robot_tables import TRACK, calibrated, names_of, pose_in, robot_of, settings_in, track_noise, without_none
+from ..robot_tables import (
+    TRACK,
+    calibrated,
+    cameras_in,
+    names_of,
+    pose_in,
+    robot_of,
+    settings_in,
+    track_noise,
+    without_none,
+)
 from .frames import WITHIN
 
 FLOORS = ("floor", "turn_floor", "floor_share")
+
+CAMERA = ("calibration", "size", "mounting", "time_offset", "exposure")
 
 _OWN = ("source", "units", "within", "calibration", "size", "pose", "registered", "odom_frame", "truth_frame")
 
@@ -85,7 +97,10 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
     file = robot_of(path, "depth", ("camera", "odometry", "topics"))
     if file is None:
         return None
-    camera = file.table("camera").only(("calibration", "size", "mounting", "time_offset", "exposure"))
+    camera = file.table("camera")
+    for name in cameras_in(camera, CAMERA):
+        raise camera.refused(name, "is one of several cameras, expected the one whose images have depth, as [camera].")
+    camera.only(CAMERA)
     depth = file.table("depth").only((*_OWN, *names_of(RecordedSettings)))
     odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))
     topics = file.table("topics").only(DepthTopics._fields)

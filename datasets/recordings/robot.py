@@ -2,6 +2,7 @@
 
     name = "my robot"
     [camera]     calibration, size, mounting = {xyz, rpy} or {matrix}, time_offset, exposure, readout, rectified
+    [camera.left]  the same and source, fps, start, topic, camera_info, of each of several cameras
     [markers]    dictionary, side, sides, max_range, max_distance, ignore, corner_sd
     [encoder]    left, right, base, k, noise, interval, curve, floors, counter_bits, max_speed
     [odometry]   forward, turning, turning_by_turn, floors, max_speed
@@ -13,12 +14,13 @@
     [topics]     image, encoder, odometry, commands, camera_info, tags
     [frames]     source, fps, start
 
-Only [markers] is required. [laser] in its place is read by `scans`, [depth] by `depth`. Lengths are in m, angles in
-rad, times in s.
+Only [markers] dictionary and side are required, and not of tags whose poses another program found. With several
+cameras, each named in a table of its own, [frames] and the topics of frames are in these. [laser] in its place is read
+by `scans`, [depth] by `depth`. Lengths are in m, angles in rad, times in s.
 """
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -41,9 +43,10 @@ from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Drift, TrackNoise
 from ..prior import read_prior
-from ..robot_files import CALIBRATION
+from ..robot_files import CALIBRATION, file_of
 from ..robot_limits import check_limits
-from ..robot_tables import TRACK, calibrated, floors_in, names_of, numbers_in, pose_in, track_noise, without_none
+from ..robot_tables import TRACK, cameras_in, floors_in, names_of, numbers_in, track_noise, without_none
+from .robot_camera import CAMERA, TOPICS, FrameSource, frames_in, of_camera
 from .rosbag import Topics
 
 NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated": PropagatedNoise}
@@ -52,20 +55,14 @@ NOISES: dict[str, type[Noise]] = {"proportional": ProportionalNoise, "propagated
 USUAL = 0.02
 """m, default standard deviation of a wheel that rolls 1 m: twice the document's k, as tyres and floors differ."""
 
+ANY_SIDE = 0.1
+"""m, in place of one that is not given, where only the rest of the markers is checked."""
+
 NOT_MEASURED = "nothing was measured of {of}: stated as {words} by default; bench noise measures it"
 
 
 CORNER_SD = 0.3
 """px, of an unrefined corner, as AprilTag's and OpenCV's detectors give it."""
-
-
-@dataclass(frozen=True)
-class FrameSource:
-    """Location and times of the frames, unless frames.csv has them."""
-
-    source: str | None = None  # the recording, relative to the folder of robot.toml; None: the only one there
-    fps: float | None = None  # frames per second
-    start: float = 0.0  # s, the time of the first frame, with `fps`
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +91,10 @@ class Robot:
     prior: Prior | None = None  # None: nobody gave the start
     topics: Topics = field(default_factory=Topics)
     frames: FrameSource = field(default_factory=FrameSource)
+    views: Mapping[str, "Robot"] = field(default_factory=dict[str, "Robot"])  # name of a camera -> with that one alone
     lens: Callable[[int, int], Camera] | None = None  # by the images' size, px, where the calibration lacks it
+    # keys of [markers] that robot.toml lacks -> the sentence that asks for them where they are needed
+    lacks: Mapping[str, str] = field(default_factory=dict[str, str])
     # remarks on numbers that were not given, by the table that would have them; those of "" on the whole
     assumed: Mapping[str, str] = field(default_factory=dict[str, str])
 
@@ -107,9 +107,10 @@ def read_robot(path: Path) -> Robot:
         raise file.refused("laser", "is of a robot with a scanner, expected [markers], for one with a camera.")
     if file.has("depth"):
         raise file.refused("depth", "is of a robot with a depth camera, expected [markers], for one with a camera.")
-    camera = file.table("camera").only(
-        ("calibration", "size", "mounting", "time_offset", "exposure", "readout", "rectified")
-    )
+    camera = file.table("camera")
+    names = cameras_in(camera, CAMERA)
+    if not names:
+        camera.only(CAMERA)
     markers = file.table("markers").only(
         ("dictionary", "side", "sides", "max_range", "max_distance", "ignore", "corner_sd")
     )
@@ -118,17 +119,9 @@ def read_robot(path: Path) -> Robot:
     commands = file.table("commands").only(("full", "base", "delay", *TRACK, "floors", "max_speed"))
     frames = file.table("frames").only(names_of(FrameSource))
     topics = file.table("topics").only(Topics._fields)
-    placed, readout = pose_in(camera, "mounting"), camera.number("readout", 0.0, least=0)
-    lens = calibrated(camera, placed)
     robot = Robot(
         name=file.text_or_none("name") or path.absolute().parent.name,
         markers=_markers(markers),
-        camera=None if lens is None else replace(lens, readout=readout),
-        mounting=placed,
-        time_offset=camera.number("time_offset", 0.0),
-        exposure=camera.number("exposure", 0.0, least=0),
-        readout=readout,
-        rectified=camera.switch("rectified", False) if camera.has("rectified") else None,
         max_range=markers.number("max_range", np.inf if markers.has("max_distance") else 3.0, above=0),
         max_distance=markers.number("max_distance", np.inf, above=0),
         corner_sd=markers.number("corner_sd", CORNER_SD, above=0),
@@ -141,15 +134,49 @@ def read_robot(path: Path) -> Robot:
         noise=_noise(file.table("noise")),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
         topics=Topics(**{key: topics.text(key) for key in topics.entries}),
-        frames=FrameSource(
-            source=frames.text_or_none("source"),
-            fps=frames.number("fps", above=0) if frames.has("fps") else None,
-            start=frames.number("start", 0.0),
-        ),
+        frames=frames_in(frames),
+        lacks={
+            key: str(markers.lacks(key, expected))
+            for key, expected in (("dictionary", "a text in quotes"), ("side", "a number above 0"))
+            if not markers.has(key)
+        },
         assumed=_assumed(encoder, commands),
+        **({} if names else of_camera(camera)),
     )
-    check_limits(file)
-    return robot
+    check_limits(file, names)
+    return replace(robot, views=_views(robot, camera, names, file)) if names else robot
+
+
+def _views(robot: Robot, cameras: TomlTable, names: Collection[str], file: TomlTable) -> dict[str, Robot]:
+    """The robot with each of several cameras alone. InputError where the frames of one are not named, or for all."""
+    for key, others in (("frames", names_of(FrameSource)), ("topics", ("image", "tags", "camera_info"))):
+        for one in others:
+            if file.table(key).has(one):
+                place = f"[camera.{next(iter(names))}]"
+                raise file.table(key).refused(one, f"is of an only camera, expected {place} and others to say theirs.")
+    views = dict[str, Robot]()
+    for name in names:
+        table = cameras.table(name).only((*CAMERA, *names_of(FrameSource), *TOPICS))
+        if not (table.has("source") or table.has("topic")):
+            raise table.lacks("source", "the folder, video, tags.csv or bag of its frames, or a topic in the bag")
+        topics = robot.topics._replace(**{TOPICS[key]: table.text(key) for key in TOPICS if table.has(key)})
+        views[name] = replace(robot, frames=frames_in(table), topics=topics, **of_camera(table, name))
+    return views
+
+
+def _words(robot: Robot, name: str = "") -> dict[str, Any]:
+    """The table of an only camera, or of the one called `name`, with its frames."""
+    words = {
+        "calibration": None if robot.camera is None else str(file_of(Path(CALIBRATION), name)),
+        "mounting": {"matrix": robot.mounting.tolist()},
+        "time_offset": robot.time_offset,
+        "exposure": robot.exposure,
+        "readout": robot.readout,
+        "rectified": robot.rectified,
+    }
+    topics = {key: getattr(robot.topics, topic) for key, topic in TOPICS.items()}
+    frames = {"source": robot.frames.source} if robot.frames.fps is None else asdict(robot.frames)
+    return words | frames | topics if name else words
 
 
 def _prior(prior: Prior) -> dict[str, list[float]]:
@@ -169,19 +196,13 @@ def write_robot(path: Path, robot: Robot) -> None:
     commands |= commands.pop("noise", {})
     (odometry if robot.encoder is None else encoder)["max_speed"] = robot.max_speed
     dictionary = (robot.markers.folder or Path()) / robot.markers.dictionary
+    cameras = {name: _words(view, name) for name, view in robot.views.items()}
     words: dict[str, Any] = {
         "name": robot.name,
-        "camera": {
-            "calibration": None if robot.camera is None else CALIBRATION,
-            "mounting": {"matrix": robot.mounting.tolist()},
-            "time_offset": robot.time_offset,
-            "exposure": robot.exposure,
-            "readout": robot.readout,
-            "rectified": robot.rectified,
-        },
+        "camera": cameras or _words(robot),
         "markers": {
-            "dictionary": dictionary.name if dictionary.is_file() else robot.markers.dictionary,
-            "side": robot.markers.side,
+            "dictionary": dictionary.name if dictionary.is_file() else robot.markers.dictionary or None,
+            "side": None if np.isnan(robot.markers.side) else robot.markers.side,
             "sides": sides or None,
             "max_range": robot.max_range if np.isfinite(robot.max_range) else None,
             "max_distance": robot.max_distance if np.isfinite(robot.max_distance) else None,
@@ -198,8 +219,9 @@ def write_robot(path: Path, robot: Robot) -> None:
         "frames": {} if robot.frames == FrameSource() else asdict(robot.frames),
     }
     try:
-        if robot.camera is not None:
-            write_opencv(path.with_name(CALIBRATION), robot.camera)
+        for name, one in (robot.views or {"": robot}).items():
+            if one.camera is not None:
+                write_opencv(path.with_name(file_of(Path(CALIBRATION), name).name), one.camera)
         if dictionary.is_file() and not path.with_name(dictionary.name).exists():
             shutil.copyfile(dictionary, path.with_name(dictionary.name))
         write_whole(path, tomli_w.dumps(without_none(words)))
@@ -213,17 +235,18 @@ def _markers(markers: TomlTable) -> Markers:
         if not (key.isascii() and key.isdigit()):
             raise sides.refused(key, "is not a marker's id, expected a whole number.")
     known = Markers(
-        markers.text("dictionary"),
-        markers.number("side", above=0),
+        markers.text_or_none("dictionary") or "",
+        markers.number("side", above=0) if markers.has("side") else np.nan,
         {int(key): sides.number(key, above=0) for key in sides.entries},
         Path(markers.file).parent,
         markers.wholes("ignore") if markers.has("ignore") else (),
     )
-    try:
-        _ = known.opencv
-    except InputError as error:
-        raise InputError(f"{markers.where('dictionary')}: {error}") from None
-    known.check(markers.where())
+    if known.dictionary:
+        try:
+            _ = known.opencv
+        except InputError as error:
+            raise InputError(f"{markers.where('dictionary')}: {error}") from None
+    (known if markers.has("side") else replace(known, side=ANY_SIDE)).check(markers.where())
     return known
 
 

@@ -49,13 +49,22 @@ class Topics(NamedTuple):
     tags: str | None = None  # used in place of images
 
 
-def read(path: Path, topics: Topics, counter_bits: int | None = None, *, commands: bool = False) -> Streams:
+def read(
+    path: Path,
+    topics: Topics,
+    counter_bits: int | None = None,
+    *,
+    commands: bool = False,
+    camera: str = "",
+    motion: bool = True,
+) -> Streams:
     """The recording in the bag at `path`; its frames are read on demand.
 
-    Counters `counter_bits` wide are unwrapped before those of one side are averaged. `commands` count where nothing
-    of the motion was measured, or where `topics` names them. InputError for a bag that is
-    invalid, empty or damaged, a topic that is missing or ambiguous, and for messages with implausible contents; for
-    images, as they are read.
+    Of several cameras it is that of the one called `camera`, whose topic may have tags as well as images. `motion`:
+    with the readings. Counters `counter_bits` wide are unwrapped before those of one side are averaged. `commands`
+    count where nothing of the motion was measured, or where `topics` names them. InputError for a bag that is invalid,
+    empty or damaged, a topic that is missing or ambiguous, and for messages with implausible contents; for images, as
+    they are read.
     """
     bag = Bag(path)
     listed = bag.listed()
@@ -64,48 +73,32 @@ def read(path: Path, topics: Topics, counter_bits: int | None = None, *, command
     if topics.image is not None and topics.tags is not None:
         raise InputError(f"{path}: [topics] names both image and tags, expected the one to use.")
     remarks = bag.remarks()
-    image = None if topics.tags else choose(path, listed, topics.image, "[topics] image", (IMAGE, COMPRESSED))
-    tags = None if image is not None else choose(path, listed, topics.tags, "[topics] tags", TYPES)
-    if tags is not None:
-        readings = _readings(bag, listed, topics, counter_bits, remarks, commands=commands)
-        return _of_tags(bag, listed, tags, topics, readings, remarks)
-    if image is None:
+    table, images = "[topics]", (IMAGE, COMPRESSED)
+    if camera:
+        table = f"[camera.{camera}]"
+        frames = choose(path, listed, topics.image, f"{table} topic", (*images, *TYPES))
+    else:
+        frames = None if topics.tags else choose(path, listed, topics.image, "[topics] image", images)
+        frames = frames or choose(path, listed, topics.tags, "[topics] tags", TYPES)
+    if frames is None:
         raise InputError(
             f"{path}: has no topic with images ({plain(IMAGE)} or CompressedImage) or tags ({plain(TYPES[0])} and the "
             f"like); {found(listed)}"
         )
-    info = info_beside(path, listed, topics.camera_info, "[topics] camera_info", image)
-    recorded = Recorded(None) if info is None else camera_of(bag, info, image, remarks)
+    info = info_beside(path, listed, topics.camera_info, f"{table} camera_info", frames)
+    recorded = Recorded(None) if info is None else camera_of(bag, info, frames, remarks)
+    tags = read_tag_messages(bag, frames, remarks) if frames.type in TYPES else None
     return Streams(
-        frames=_Images(bag, image, remarks),
-        length=image.messages,
-        readings=_readings(bag, listed, topics, counter_bits, remarks, commands=commands),
+        frames=_Images(bag, frames, remarks) if tags is None else (),
+        length=frames.messages if tags is None else len(tags),
+        readings=_readings(bag, listed, topics, counter_bits, remarks, commands=commands) if motion else None,
         camera=recorded.camera,
         lacking=recorded.lacking,
-        topic=image.name,
+        topic=frames.name,
         truth=None,
         remarks=remarks,
-        window=None if info is None else window_of(bag, info, image),
-    )
-
-
-def _of_tags(
-    bag: Bag, listed: Sequence[Topic], tags: Topic, topics: Topics, readings: Readings | None, remarks: list[str]
-) -> Streams:
-    """The recording whose frames are tags that were found when it was made."""
-    info = info_beside(bag.path, listed, topics.camera_info, "[topics] camera_info", tags)
-    recorded = Recorded(None) if info is None else camera_of(bag, info, tags, remarks)
-    found = read_tag_messages(bag, tags, remarks)
-    return Streams(
-        frames=(),
-        length=len(found),
-        readings=readings,
-        camera=recorded.camera,
-        lacking=recorded.lacking,
-        topic=tags.name,
-        truth=None,
-        remarks=remarks,
-        tags=found,
+        window=None if info is None or tags is not None else window_of(bag, info, frames),
+        tags=tags,
     )
 
 

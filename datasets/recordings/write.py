@@ -1,19 +1,23 @@
 """Writes a drive as the kinds of recording that `recording` reads, each a folder with robot.toml.
 
-PNG files, the video with the FFV1 codec and the bags preserve every pixel; MP4 does not. Known ground truth is written
-beside it, to truth.tum and landmarks.csv. Frames without an image are left out.
+With several cameras each has a folder of its own, or in a bag topics of its own. PNG files, the video with the FFV1
+codec and the bags preserve every pixel; MP4 does not. Known ground truth is written beside it, to truth.tum and
+landmarks.csv. Frames without an image are left out.
 """
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 from ...core.errors import InputError
 from ...core.factors import Truth
+from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Recording
 from ...frontend.wheels.motion import Drift, Track, Wheels
@@ -21,7 +25,9 @@ from ..robot_files import ROBOT
 from ..truth import write_truth
 from .new_folders import new_folders
 from .robot import Robot, write_robot
-from .write_bag import BagWriter, Kind
+from .robot_camera import FrameSource
+from .rosbag import Topics
+from .write_bag import NAMES, BagWriter, Kind, topics_of
 
 FORMATS = {
     "frames": "PNG files",
@@ -33,7 +39,7 @@ FORMATS = {
 }
 """Formats of a drive."""
 
-_Add = Callable[[float, Image], None]  # writes the next frame, at its time (s)
+_Add = Callable[[float, Image, str], None]  # writes the next frame, at its time (s), of the camera of that name
 
 
 def write(places: Mapping[Path, str], recording: Recording, truth: Truth | None) -> None:
@@ -44,38 +50,56 @@ def write(places: Mapping[Path, str], recording: Recording, truth: Truth | None)
     """
     with new_folders(places) as beside, ExitStack() as stack:
         writers = [stack.enter_context(_writer(beside[folder], kind, recording)) for folder, kind in places.items()]
-        latest = -np.inf
+        latest = dict.fromkeys(recording.detectors, -np.inf)
         for number, frame in enumerate(recording.frames):
             if frame.image is None:
                 continue
-            if not frame.t > latest:
-                raise InputError(f"{recording.name}: frame {number} is at {frame.t} s, expected later than {latest} s.")
-            latest = frame.t
+            before = latest[frame.camera]
+            if not frame.t > before:
+                raise InputError(f"{recording.name}: frame {number} is at {frame.t} s, expected later than {before} s.")
+            latest[frame.camera] = frame.t
             for add in writers:
-                add(frame.t, frame.image)
-        if latest == -np.inf:
+                add(frame.t, frame.image, frame.camera)
+        if max(latest.values()) == -np.inf:
             raise InputError(f"{recording.name}: found no frame with an image, expected at least one.")
         stack.close()
         for place in places:
-            _write_words(beside[place], recording, truth)
+            _write_words(beside[place], recording, truth, places[place])
 
 
 def _writer(folder: Path, kind: str, recording: Recording) -> AbstractContextManager[_Add]:
     match kind:
         case "frames":
-            return _files(folder, recording)
+            return _of_cameras(folder, recording, _files)
         case "video":
-            return _video(folder, recording, "drive.mkv", "FFV1")
+            return _of_cameras(folder, recording, partial(_video, name="drive.mkv", codec="FFV1"))
         case "mp4":
-            return _video(folder, recording, "drive.mp4", "mp4v")
+            return _of_cameras(folder, recording, partial(_video, name="drive.mp4", codec="mp4v"))
         case "ros1" | "ros2" | "mcap":
             return _bag(folder, recording, kind)
         case _:
             raise InputError(f"format: found {kind!r}, expected one of {', '.join(FORMATS)}.")
 
 
+_Next = Callable[[float, Image], None]  # as _Add, of one camera
+
+
 @contextmanager
-def _files(folder: Path, recording: Recording) -> Generator[_Add]:
+def _of_cameras(
+    folder: Path, recording: Recording, writer: Callable[[Path], AbstractContextManager[_Next]]
+) -> Generator[_Add]:
+    """The frames of an only camera in `folder`, those of several in a folder for each, and the motion beside them."""
+    with ExitStack() as stack:
+        writers = dict[str, _Next]()
+        for name in recording.detectors:
+            (folder / name).mkdir(exist_ok=True)
+            writers[name] = stack.enter_context(writer(folder / name))
+        yield lambda t, image, camera: writers[camera](t, image)
+    _write_motion(folder, recording)
+
+
+@contextmanager
+def _files(folder: Path) -> Generator[_Next]:
     """One picture per frame, with its tables."""
     times = list[tuple[str, float]]()
 
@@ -87,11 +111,11 @@ def _files(folder: Path, recording: Recording) -> Generator[_Add]:
 
     (folder / "frames").mkdir()
     yield add
-    _write_tables(folder, times, recording)
+    _write_times(folder, times)
 
 
 @contextmanager
-def _video(folder: Path, recording: Recording, name: str, codec: str) -> Generator[_Add]:
+def _video(folder: Path, name: str, codec: str) -> Generator[_Next]:
     """One file for all frames, with its tables."""
     times = list[tuple[int, float]]()
     first = list[Image]()  # held back until the second one determines the frame rate
@@ -121,27 +145,31 @@ def _video(folder: Path, recording: Recording, name: str, codec: str) -> Generat
             start(1.0)
     finally:
         video.release()
-    _write_tables(folder, times, recording)
+    _write_times(folder, times)
 
 
 @contextmanager
 def _bag(folder: Path, recording: Recording, kind: Kind) -> Generator[_Add]:
     """A bag, with readings and frames in order of time."""
-    camera = recording.detector.camera
+    topics = {name: topics_of(name) for name in recording.detectors}
     with BagWriter(folder, kind, recording.motion) as bag:
 
-        def add(t: float, image: Image) -> None:
+        def add(t: float, image: Image, camera: str) -> None:
             bag.readings(t)
-            bag.camera_info(t, camera)
-            bag.image(t, image)
+            bag.camera_info(t, recording.detectors[camera].camera, topics[camera].camera_info)
+            bag.image(t, image, topics[camera].image)
 
         yield add
         bag.readings(np.inf)
 
 
-def _write_tables(folder: Path, times: Sequence[tuple[object, float]], recording: Recording) -> None:
-    """frames.csv, and ticks.csv or odometry.csv."""
+def _write_times(folder: Path, times: Sequence[tuple[object, float]]) -> None:
+    """frames.csv."""
     write_rows(folder / "frames.csv", "frame,t", times)
+
+
+def _write_motion(folder: Path, recording: Recording) -> None:
+    """ticks.csv or odometry.csv."""
     motion = recording.motion
     if isinstance(motion, Wheels):
         rows = zip(motion.t.tolist(), *motion.ticks.counts.T.tolist(), strict=True)
@@ -156,23 +184,43 @@ def write_track(folder: Path, track: Track) -> None:
     write_rows(folder / "odometry.csv", "t,x,y,heading", rows)
 
 
-def _write_words(folder: Path, recording: Recording, truth: Truth | None) -> None:
+def _write_words(folder: Path, recording: Recording, truth: Truth | None, kind: str) -> None:
     """robot.toml, calibration.yaml, and the ground truth if known."""
-    write_robot(folder / ROBOT, _robot(recording))
+    robot = _robot(recording)
+    if len(recording.detectors) > 1:
+        cameras = {name: one.camera for name, one in recording.detectors.items()}
+        robot = replace(robot, views={name: _view(robot, camera, kind) for name, camera in cameras.items()})
+    write_robot(folder / ROBOT, robot)
     if truth is not None:
         write_truth(folder, truth)
 
 
+def _view(robot: Robot, camera: Camera, kind: str) -> Robot:
+    """The robot with one of its cameras."""
+    own = replace(robot, **_seen_by(camera))
+    if kind in NAMES:
+        topics = topics_of(camera.name)
+        return replace(own, topics=Topics(image=topics.image, camera_info=topics.camera_info))
+    return replace(own, frames=FrameSource(camera.name))
+
+
+def _seen_by(camera: Camera) -> dict[str, Any]:
+    """A camera as a robot has it: its frames are at the middle of their rows' exposures, on the motion's clock."""
+    return {
+        "camera": camera,
+        "mounting": camera.mounting,
+        "time_offset": -camera.readout / 2,
+        "readout": camera.readout,
+    }
+
+
 def _robot(recording: Recording) -> Robot:
-    """robot.toml of the recording: frames are at the middle of their rows' exposures, on the motion's clock."""
-    camera, motion = recording.detector.camera, recording.motion
+    """robot.toml of the recording, with its only, or first, camera."""
+    motion = recording.motion
     robot = Robot(
         name=recording.name,
         markers=recording.detector.markers,
-        camera=camera,
-        mounting=camera.mounting,
-        time_offset=-camera.readout / 2,
-        readout=camera.readout,
+        **_seen_by(recording.detector.camera),
         max_range=recording.max_range,
         max_distance=recording.max_distance,
         noise=recording.noise,

@@ -29,6 +29,13 @@ NAMES: dict[Kind, str] = {"ros1": "drive.bag", "ros2": "drive", "mcap": "drive.m
 TOPICS = Topics(image="/camera/image_raw", encoder="/encoder", odometry="/odom", camera_info="/camera/camera_info")
 
 
+def topics_of(camera: str) -> Topics:
+    """The topics of an only camera, or of the one of several that is called `camera`."""
+    if not camera:
+        return TOPICS
+    return TOPICS._replace(image=f"/{camera}/image_raw", camera_info=f"/{camera}/camera_info")
+
+
 DEPTH, DEPTH_INFO = "/camera/depth_registered/image_raw", "/camera/depth_registered/camera_info"
 """Topics of depth images and their camera."""
 
@@ -70,9 +77,9 @@ class BagWriter:
             (inside / NAMES["mcap"]).replace(self._folder / NAMES["mcap"])
             shutil.rmtree(inside)
 
-    def image(self, t: float, image: Image) -> None:
+    def image(self, t: float, image: Image, topic: str | None = TOPICS.image) -> None:
         """A frame, grey or BGR."""
-        self._image(t, TOPICS.image, image, "mono8" if image.ndim == 2 else "bgr8")
+        self._image(t, topic, image, "mono8" if image.ndim == 2 else "bgr8")
 
     def depth(self, t: float, depth: NDArray[np.float32], encoding: Encoding) -> None:
         """A depth image (h, w), m; as integers, in whole mm."""

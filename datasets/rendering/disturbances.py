@@ -1,6 +1,6 @@
 """Disturbances that vary between frames: rocking, motion blur, brightness, shadows, occlusion."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -29,24 +29,31 @@ class Disturbances:
 
 
 def take(
-    renderer: Renderer, path: Callable[[Array], Array], t: Array, disturbances: Disturbances, rng: np.random.Generator
+    renderers: Sequence[Renderer],
+    path: Callable[[Array], Array],
+    t: Array,
+    disturbances: Disturbances,
+    rng: np.random.Generator,
 ) -> Iterator[Frame]:
-    """Yields the frames at `t` (n,), s, the middles of their exposures.
+    """Yields the frames at `t` (n,), s, the middles of their exposures, of each of the cameras on a robot in turn.
 
     `path` gives the robot's poses (m, 3) at any times (m,). The same seed gives the same grain, shadows and occluders
-    whatever the other settings.
+    whatever the other settings, and the first camera the same frames whatever the others are.
     """
     sensor, light, covers, floor = rng.spawn(4)
-    phases = light.uniform(0, 2 * np.pi, len(BEATS))
+    streams = [(sensor, light, covers), *(tuple(rng.spawn(3)) for _ in renderers[1:])]
+    phases = [of.uniform(0, 2 * np.pi, len(BEATS)) for _, of, _ in streams]
     for time, pose in zip(t.tolist(), raised(path(t)), strict=True):
-        mounting = rocked(*floor.normal(0, 1, 2) * disturbances.sway) @ renderer.camera.mounting
-        shade = _shadow(renderer, disturbances.shadow, light)
-        cover = _cover(renderer, disturbances.occlusion, covers)
-        swing = np.sqrt(2 / len(BEATS)) * np.sin(2 * np.pi * time / BEATS + phases).sum()
-        conditions = Conditions(shade * np.float32(np.exp(disturbances.gain_drift * swing)), cover)
-        moving = renderer.sensor.exposure or renderer.sensor.readout
-        poses = views(renderer, path, time, mounting) if moving else pose @ mounting
-        yield Frame(time, renderer.frame(poses, sensor, conditions))
+        body = rocked(*floor.normal(0, 1, 2) * disturbances.sway)
+        for renderer, (grain, shading, covering), phase in zip(renderers, streams, phases, strict=True):
+            mounting = body @ renderer.camera.mounting
+            shade = _shadow(renderer, disturbances.shadow, shading)
+            cover = _cover(renderer, disturbances.occlusion, covering)
+            swing = np.sqrt(2 / len(BEATS)) * np.sin(2 * np.pi * time / BEATS + phase).sum()
+            conditions = Conditions(shade * np.float32(np.exp(disturbances.gain_drift * swing)), cover)
+            moving = renderer.sensor.exposure or renderer.sensor.readout
+            poses = views(renderer, path, time, mounting) if moving else pose @ mounting
+            yield Frame(time, renderer.frame(poses, grain, conditions), camera=renderer.camera.name)
 
 
 def views(renderer: Renderer, path: Callable[[Array], Array], t: float, mounting: Array) -> Array:

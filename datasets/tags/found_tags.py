@@ -44,6 +44,7 @@ class Known(NamedTuple):
     corner_sd: float  # px, of a corner along each axis
     needs_cov: bool  # the noise model asks for a pose's covariance
     where: str  # the file, and what in it
+    table: str  # of the camera in robot.toml
 
 
 def sightings(frame: TagFrame, known: Known) -> tuple[list[Sighting], Rejections]:
@@ -74,8 +75,9 @@ def _sighting(tag: FoundTag, known: Known) -> Sighting | str:
         return BEHIND
     camera, cov = known.detector.camera, tag.cov
     corners = np.full((4, 2), np.nan)
-    if camera.known:
-        outline = square(known.detector.markers.side_of(tag.id))
+    side = known.detector.markers.side_of(tag.id)
+    if camera.known and not np.isnan(side):
+        outline = square(side)
         corners = _clockwise(camera.project(outline @ tag.pose[:3, :3].T + tag.pose[:3, 3]))
         if cov is None and np.isfinite(corners).all():
             seen = known.detector.at_corners(tag.id, corners, known.corner_sd)
@@ -83,8 +85,8 @@ def _sighting(tag: FoundTag, known: Known) -> Sighting | str:
     if cov is None and known.needs_cov:
         raise InputError(
             f"{known.where}: the pose of tag {tag.id} at {_place(tag.pose)} m has no covariance, which [noise] model = "
-            '"propagated" needs; expected one, or [camera] calibration, by which [markers] corner_sd tells it, or '
-            'model = "proportional".'
+            f'"propagated" needs; expected one, or {known.table} calibration, by which [markers] corner_sd tells it, '
+            'or model = "proportional".'
         )
     unknown = np.full((6, 6), np.nan)
     return Sighting(

@@ -36,7 +36,7 @@ class TagGraph(NamedTuple):
 
 
 def graph_of(found: TagPoses, mounting: Array, times: Array, path: Array) -> TagGraph:
-    """The factors of tags seen by a camera at `mounting`, (4, 4) T_robot_camera, on a robot.
+    """The factors of tags seen by cameras at `mounting`, (n, 4, 4) T_robot_camera for each tag, on a robot.
 
     Initial poses are those of its planar `path` (m, 3) at `times` (m,), s, and of each tag where its first frame has
     it.

@@ -12,6 +12,7 @@ from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Dataset, Log, Prior, Truth
 from ...core.options import option
 from ...core.se2 import Ints
+from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.markers import Markers, find
 from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
@@ -22,7 +23,7 @@ from ..hidden_ids import HiddenIds
 from ..on_map import OnMap
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
-from ..rendering.disturbances import Disturbances, take
+from ..rendering.disturbances import Disturbances, raised, take
 from ..rendering.render import Renderer
 from ..rendering.room import furnish, furnish_with_boxes
 from ..rendering.scrambled import scrambled
@@ -50,6 +51,9 @@ LOOP = ClosedPath(
 
 PROPORTIONAL = ProportionalNoise(k_range=0.002, k_bearing=0.002, floor_range=0.008, floor_bearing=0.003)
 """Eq. (10) with constants for this camera, and floors for a rocking body."""
+
+AROUND = {"front": 0.0, "back": 180.0, "left": 90.0, "right": -90.0}
+"""Names of several cameras, and by how many degrees they are turned about the robot's axis from the one ahead."""
 
 BERTH = 0.3  # m, least distance of the robot's middle from a box
 
@@ -82,6 +86,10 @@ class Options(HiddenIds, OnMap, WheelFaults, CameraOptions):
     )  # fmt: skip
     boxes: int = option(0, "boxes in the room, a third of the markers on them", minimum=0, maximum=8)
     camera: str = option("pinhole", "lens of the camera; calibrations are in cameras.py", choices=tuple(CAMERAS))
+    cameras: int = option(
+        1, "cameras on the robot, all alike: one ahead, then behind, to the left, to the right",
+        minimum=1, maximum=len(AROUND),
+    )  # fmt: skip
     blur: float = option(0.6, "defocus, standard deviation in px", minimum=0.0, maximum=8.0)
     vignetting: float = option(0.4, "darkness of the corners, 1 being cos^4", minimum=0.0, maximum=1.0)
     sway: float = option(
@@ -141,29 +149,46 @@ def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth
     encoder = replace(ENCODER, left=1 / options.counts_per_metre, right=1 / options.counts_per_metre)
     ticks = count(*drive(LOOP, options.speed, tick_times), tick_times, encoder, wheels, options.slip)
     motion = Wheels(_with_faults(ticks, encoder, options, wheels), encoder)
-    camera = CAMERAS[options.camera]
-    renderer = Renderer(
-        room,
-        camera,
-        DICTIONARY,
-        paint(room, decoration),
-        blur=options.blur,
-        sensor=seen_by,
-        vignetting=options.vignetting,
-        printed=scrambled(find(DICTIONARY), unreadable, chance),
-        prints=options.prints,
+    cameras = _cameras(CAMERAS[options.camera], options.cameras)
+    painted, printed = paint(room, decoration), scrambled(find(DICTIONARY), unreadable, chance)
+    renderers = [
+        Renderer(
+            room,
+            camera,
+            DICTIONARY,
+            painted,
+            blur=options.blur,
+            sensor=seen_by,
+            vignetting=options.vignetting,
+            printed=printed,
+            prints=options.prints,
+        )
+        for camera in cameras
+    ]
+    detector, *others = (
+        Detector(Markers(DICTIONARY, SIDE), options.known(camera), unread=options.unreadable > 0) for camera in cameras
     )
     disturbances = Disturbances(options.sway, options.gain_drift, options.shadow, options.occlusion)
     recording = Recording(
         name="aruco-room",
-        frames=take(renderer, lambda t: drive(LOOP, options.speed, t)[0], frame_times, disturbances, sensor),
+        frames=take(renderers, lambda t: drive(LOOP, options.speed, t)[0], frame_times, disturbances, sensor),
         motion=replace(motion, max_speed=np.inf) if options.has_wheel_faults else motion,
-        detector=Detector(Markers(DICTIONARY, SIDE), options.known(camera), unread=options.unreadable > 0),
+        detector=detector,
+        others=others,
         noise=_noise(options),
         prior=Prior(poses[0], START_SD**2 * np.eye(3)),
         notes={"source": SOURCE},
     )
     return recording, Truth(frame_times, poses, room.landmarks, None, "truth")
+
+
+def _cameras(ahead: Camera, count: int) -> list[Camera]:
+    """The camera that looks ahead, or that many on one robot, each with a name."""
+    if count == 1:
+        return [ahead]
+    turns = raised(np.deg2rad([[0.0, 0.0, degrees] for degrees in AROUND.values()]))
+    named = list(zip(AROUND, turns, strict=True))[:count]
+    return [replace(ahead, mounting=turn @ ahead.mounting, name=name) for name, turn in named]
 
 
 def _with_faults(ticks: Ticks, encoder: Encoder, faults: WheelFaults, rng: np.random.Generator) -> Ticks:

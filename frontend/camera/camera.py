@@ -50,6 +50,7 @@ class Camera:
     response: Response | None = None  # None: not calibrated
     readout: float = 0.0  # s from the first row's exposure to the last's: a rolling shutter; 0: a global one
     projection: tuple[float, float, float, float] | None = None  # fx, fy, cx, cy, px, of its rectified images, if known
+    name: str = ""  # of one of several on a robot
 
     @classmethod
     def unknown(cls, mounting: Array) -> "Camera":

@@ -59,9 +59,9 @@ def diagnose(images: Sequence[Image], markers: Markers, camera: Camera) -> list[
 def plausible_length(sightings: Sequence[Sighting], markers: Markers) -> str | None:
     """Returns a sentence if the markers would be too near or too far to be seen: the side is not in metres.
 
-    The median distance of all `sightings` from the camera decides; None where it is plausible.
+    The median distance of all `sightings` from the camera decides; None where it is plausible, or the side unknown.
     """
-    if not sightings:
+    if not sightings or np.isnan(markers.side):
         return None
     distance = float(np.median([np.linalg.norm(sighting.pose[:3, 3]) for sighting in sightings]))
     if NEAR <= distance <= FAR:

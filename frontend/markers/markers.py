@@ -1,6 +1,7 @@
 """The square markers of a recording: their dictionary and printed sizes."""
 
 import difflib
+import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -24,8 +25,8 @@ CUSTOM = "write a custom one as custom[count=30,size=4,seed=0] or custom[base=4X
 class Markers:
     """The markers of one dictionary; all of one size, except those in `sides`."""
 
-    dictionary: str  # OpenCV's name without its prefix, such as 4X4_50; or as `find` accepts it
-    side: float  # m, of the black square
+    dictionary: str  # OpenCV's name without its prefix, such as 4X4_50; or as `find` accepts it; "": not known
+    side: float  # m, of the black square; NaN: not known
     sides: Mapping[int, float] = field(default_factory=dict[int, float])  # id -> m, where it differs
     folder: Path | None = None  # base of a dictionary file's relative path; None: the working directory
     ignore: tuple[int, ...] = ()  # ids that are left out, such as those on what moves
@@ -42,7 +43,7 @@ class Markers:
     def check(self, where: str) -> None:
         """Raises InputError, beginning with `where`, for an invalid side or an id that is not in the dictionary."""
         _check_side(self.side, f"{where}: side")
-        count = len(self.opencv.bytesList)
+        count = len(self.opencv.bytesList) if self.dictionary else math.inf
         for key, names in (("sides", self.sides), ("ignore", self.ignore)):
             for name in names:
                 if not 0 <= name < count:

@@ -1,17 +1,23 @@
-"""Noise models of a marker's range and bearing."""
+"""Noise models of a marker's range and bearing, and several measurements of one marker."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ...core.se2 import Array
+from ...core.factors import UNKNOWN, RangeBearing
+from ...core.se2 import Array, wrap
 from .aruco import Sighting, on_robot, range_bearing
 
 
 class Noise(Protocol):
     """Turns sightings into measurements with their covariances."""
+
+    @property
+    def sway(self) -> float:
+        """rad, the standard deviation of the body's pitch and of its roll."""
+        ...
 
     def measure(self, sightings: Sequence[Sighting], mounting: Array) -> tuple[Array, Array]:
         """z (k, 2), range (m) and bearing (rad) in the robot's plane, and cov (k, 2, 2); `mounting`: T_robot_camera."""
@@ -104,3 +110,34 @@ def rocking_slope(sway: float, reach: Array, height: Array) -> Array:
 def _along_and_across(first: Array, second: float, near: Array) -> Array:
     """(k, 2, 2) covariances from the parts of first (k,), m^2, and second order, and the squared ranges `near` (k,)."""
     return np.stack((first + 0.75 * second * near, first / near + 0.5 * second), axis=-1)[:, :, None] * np.eye(2)
+
+
+class Measured(NamedTuple):
+    """Measurements of one time, and the part of their covariances that is the body's, which all its cameras share."""
+
+    sightings: RangeBearing
+    rocking: Array  # (k, 2, 2)
+
+
+def together(one: Measured, other: Measured) -> Measured:
+    """The measurements of two cameras at one time: a marker that both see is one, as a step has an id at most once.
+
+    It is the mean of both, weighted by the inverses of the covariances that are each camera's own. Two independent
+    sightings in a row would say the same, to first order.
+    """
+    (ids, z, cov), (more, seen, seen_cov) = one.sightings, other.sightings
+    z, cov, rocked = z.copy(), cov.copy(), one.rocking
+    new = np.ones(len(more), np.bool_)
+    for k in np.flatnonzero(np.isin(more, ids) & (more != UNKNOWN)):
+        at, new[k] = np.flatnonzero(ids == more[k])[0], False
+        own, others = cov[at] - rocked[at], seen_cov[k] - other.rocking[k]
+        gain = np.linalg.solve(own + others, own).T
+        away = seen[k] - z[at]
+        away[1] = wrap(away[1])
+        z[at] += gain @ away
+        z[at, 1] = wrap(z[at, 1])
+        left = own - gain @ own
+        cov[at] = (left + left.T) / 2 + rocked[at]
+    pairs = ((z, seen), (cov, seen_cov), (rocked, other.rocking))
+    z, cov, rocked = (np.concatenate((here, there[new])) for here, there in pairs)
+    return Measured(RangeBearing(np.concatenate((ids, more[new])), z, cov), rocked)

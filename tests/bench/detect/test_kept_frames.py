@@ -57,7 +57,13 @@ def seen_of(number: int, kept: int, rejected: int) -> FrameSightings:
     z = np.tile([1.0, 0.0], (kept, 1))
     frame = Frame(0.1 * number, picture(number))
     return FrameSightings(
-        frame, sightings, z, np.tile(np.eye(2), (kept, 1, 1)), np.ones(kept, bool), Rejections(why=rejected)
+        frame,
+        sightings,
+        z,
+        np.tile(np.eye(2), (kept, 1, 1)),
+        np.ones(kept, bool),
+        Rejections(why=rejected),
+        np.zeros(kept),
     )
 
 

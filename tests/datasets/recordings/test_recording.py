@@ -19,7 +19,8 @@ from slamduel.core.factors import Map, Truth
 from slamduel.core.se2 import Array
 from slamduel.datasets.recordings import live, recording, write
 from slamduel.datasets.recordings.recording import build, open_recording
-from slamduel.datasets.recordings.robot import FrameSource, Robot, read_robot, write_robot
+from slamduel.datasets.recordings.robot import Robot, read_robot, write_robot
+from slamduel.datasets.recordings.robot_camera import FrameSource
 from slamduel.datasets.truth import sample, write_truth
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
@@ -570,3 +571,28 @@ def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
     for name in ("drive.mkv", "drive.mcap"):
         os.mkfifo(folder / name)
         refused(f"{name}: is a pipe or a device, expected a regular file", open_recording, folder / name)
+
+
+def test_frames_need_a_dictionary_and_a_side(tmp_path: Path) -> None:
+    folder = frames_in(tmp_path / "drive")
+    words = (folder / "robot.toml").read_text()
+    for key, line in (("dictionary", 'dictionary = "4X4_50"\n'), ("side", "side = 0.1\n")):
+        assert line in words
+        (folder / "robot.toml").write_text(words.replace(line, ""))
+        refused(rf"robot\.toml, line \d+: markers has no '{key}', expected a", open_recording, folder)
+
+
+def test_frames_beside_tags_are_refused_by_both_names(tmp_path: Path) -> None:
+    folder = frames_in(tmp_path / "drive")
+    (folder / "tags.csv").write_text("t,id,x,y,z,qx,qy,qz,qw\n0.1,4,0,0,1,1,0,0,0\n")
+    refused(r"found frames, tags\.csv, expected one recording: .*\[frames\] source", open_recording, folder)
+    robot_in(folder, robot_with(frames=FrameSource("frames")))
+    assert open_recording(folder).pictures
+    for picture_file in (folder / "frames").iterdir():
+        picture_file.rename(folder / picture_file.name)
+    (folder / "frames").rmdir()
+    robot_in(folder)
+    refused(r"drive: has 000000\.png and 9 more pictures as well as tags\.csv, expected one", open_recording, folder)
+    for source, shown in ((".", True), ("tags.csv", False)):
+        robot_in(folder, robot_with(frames=FrameSource(source)))
+        assert open_recording(folder).pictures == shown

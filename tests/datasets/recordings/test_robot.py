@@ -9,7 +9,8 @@ import pytest
 from refusals import refusal, refused
 from slamduel.core.factors import Prior
 from slamduel.datasets.depth.robot import read_depth_robot
-from slamduel.datasets.recordings.robot import FrameSource, Robot, read_robot, write_robot
+from slamduel.datasets.recordings.robot import Robot, read_robot, write_robot
+from slamduel.datasets.recordings.robot_camera import FrameSource
 from slamduel.datasets.recordings.rosbag import Topics
 from slamduel.datasets.robot_limits import LIMITS
 from slamduel.datasets.scans.robot import read_laser_robot
@@ -177,6 +178,16 @@ def test_a_distance_from_the_camera_replaces_the_usual_range(tmp_path: Path) -> 
             read_robot, folder_with(tmp_path, markers + "max_distance = 3000\n"))  # fmt: skip
 
 
+def test_markers_of_nobody_are_asked_for_where_they_are_needed(tmp_path: Path) -> None:
+    robot = read_robot(folder_with(tmp_path, FULL.replace('dictionary = "4X4_50"', "").replace("side = 0.16", "")))
+    assert (robot.markers.dictionary, np.isnan(robot.markers.side)) == ("", True)
+    assert robot.lacks["dictionary"].endswith("line 9: markers has no 'dictionary', expected a text in quotes.")
+    assert robot.lacks["side"].endswith("line 9: markers has no 'side', expected a number above 0.")
+    write_robot(tmp_path / "robot.toml", robot)
+    assert list(read_robot(tmp_path / "robot.toml").lacks) == ["dictionary", "side"]
+    assert not read_robot(folder_with(tmp_path, FULL)).lacks
+
+
 def test_an_encoder_without_k_has_a_default_that_is_said(tmp_path: Path) -> None:
     wheels = '[markers]\ndictionary = "4X4_50"\nside = 0.1\n[encoder]\nleft = 1e-3\nright = 1e-3\nbase = 0.3\n'
     robot = read_robot(folder_with(tmp_path, wheels))
@@ -246,7 +257,6 @@ REFUSALS = [
     ("rpy = [0.0, 0.2, -0.1]", "matrix = [[1]]", "line 5: camera.mounting.matrix: is given beside xyz or rpy"),
     ("xyz = [0.1, -0.02, 0.3], rpy = [0.0, 0.2, -0.1]", "matrix = [[1]]", "line 5: camera.mounting.matrix: found"),
     ('dictionary = "4X4_50"', 'dictionary = "4X4_51"', "line 10: markers.dictionary: marker dictionary: there is no"),
-    ('dictionary = "4X4_50"', "", "line 9: markers has no 'dictionary', expected a text in quotes."),
     ("side = 0.16", "side = 0", "line 11: markers.side: found 0, expected a number above 0."),
     ("side = 0.16", "side = 160", "line 9: markers: side: found 160, expected metres"),
     ("{7 = 0.2}", "{seven = 0.2}", "line 12: markers.sides.seven: is not a marker's id, expected a whole number."),

@@ -87,7 +87,7 @@ def test_streaks_of_every_lens_are_counted_sanely(name: str) -> None:
 
 
 def pictures(made: Renderer, seed: int = 0, t: Array = T, **changes: Any) -> list[Image]:
-    frames = take(made, turning(0.1), t, Disturbances(**changes), np.random.default_rng(seed))
+    frames = take([made], turning(0.1), t, Disturbances(**changes), np.random.default_rng(seed))
     return [frame.image for frame in frames if frame.image is not None]
 
 
@@ -97,7 +97,7 @@ def test_a_seed_is_a_film() -> None:
     one, same, other = (pictures(made, seed, **changes) for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, same)
     assert (np.array(one) != other).mean() > 0.5
-    frames = list(take(made, turning(0.1), T, Disturbances(), np.random.default_rng(0)))
+    frames = list(take([made], turning(0.1), T, Disturbances(), np.random.default_rng(0)))
     assert [frame.t for frame in frames] == T.tolist()
 
 
@@ -172,7 +172,7 @@ def test_rocking_is_as_large_as_it_is_said() -> None:
         return np.zeros((1, 1), np.uint8)
 
     object.__setattr__(made, "frame", note)
-    list(take(made, lambda at: np.zeros((len(at), 3)), t, Disturbances(sway=0.03), np.random.default_rng(3)))
+    list(take([made], lambda at: np.zeros((len(at), 3)), t, Disturbances(sway=0.03), np.random.default_rng(3)))
     bodies = np.array(leans) @ np.linalg.inv(made.camera.mounting)
     pitch, roll = -bodies[:, 2, 0], bodies[:, 2, 1]
     # 300 draws know a standard deviation to 1 / sqrt(600), 4 %.
@@ -187,7 +187,7 @@ def test_a_rolling_shutter_slants_an_upright_edge(exposure: float) -> None:
     readout, speed = 0.04, 24 / 0.04 * 2.0 / 500
     made = renderer(Marker(0, PLANE))
     made = replace(made, sensor=Sensor(0.0, exposure=exposure, readout=readout))
-    (frame,) = take(made, sideways(speed), np.zeros(1), Disturbances(), np.random.default_rng(0))
+    (frame,) = take([made], sideways(speed), np.zeros(1), Disturbances(), np.random.default_rng(0))
     middle = 159.5 - 0.8 * 8 / 12 / 2.0 * 500
     for row in range(5, 240, 10):  # the middle rows of the bands
         found = np.interp(0.5 * 222, frame.image[row, :50].astype(float), np.arange(50))

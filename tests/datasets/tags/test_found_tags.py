@@ -1,5 +1,6 @@
 """Tags that another program found, as sightings: those of `bench detect --poses`, poses alone, corners, messages."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -97,6 +98,31 @@ def test_poses_without_covariances_have_the_stated_noise(drive: tuple[Path, Log]
     assert list(read.notes["camera"]) == ["mounting"]
     with pytest.raises(InputError, match=r"other.csv: the pose of tag \d+ at .* m has no covariance, which \[noise\]"):
         log_of(folder, poses, camera=None)
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_poses_with_covariances_need_neither_dictionary_nor_side(drive: tuple[Path, Log], tmp_path: Path) -> None:
+    folder, log = drive
+    words = (folder / "robot.toml").read_text(encoding="utf-8")
+    bare = re.sub(r"(dictionary|side) = .*\n", "", words)
+    assert bare.count("=") == words.count("=") - 2
+    robot = folder / "bare.toml"
+    robot.write_text(bare, encoding="utf-8")
+    opened = open_recording(folder, read_robot(robot))
+    found = detect(opened.recording, opened.truth, Request("drive", tmp_path / "log"), lambda _: None).log
+    np.testing.assert_array_equal(found.ids, log.ids)
+    np.testing.assert_allclose(found.z_cov, log.z_cov, rtol=1e-9, atol=1e-15)
+    assert set(found.notes["markers"]) == {"max_range"}
+    assert "markers of poses alone" in (tmp_path / "log" / "detection.html").read_text(encoding="utf-8")
+    for rows in (rows_of(folder / "tags.csv", *POSE), corner_rows()):
+        (folder / "other.csv").write_text(rows, encoding="utf-8")
+        with pytest.raises(InputError, match="markers has no 'side', expected a number above 0"):
+            open_recording(folder / "other.csv", read_robot(robot))
+
+
+@pytest.fixture
+def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(MarkerFindings, "figures", lambda _: [])
 
 
 def test_a_calibration_and_the_noise_of_corners_tell_a_covariance(drive: tuple[Path, Log]) -> None:

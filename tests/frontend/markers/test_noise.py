@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from slamduel.bench.front_ends.corners import errors_in
-from slamduel.core.se2 import Array
+from slamduel.core.factors import UNKNOWN, RangeBearing
+from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.datasets.rendering.disturbances import rocked
 from slamduel.datasets.rendering.marker_shots import placements
@@ -15,7 +16,14 @@ from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
 from slamduel.frontend.markers.aruco import Detector, Sighting, range_bearing, square
 from slamduel.frontend.markers.markers import Markers
-from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise, rocking, rocking_slope
+from slamduel.frontend.markers.noise import (
+    Measured,
+    PropagatedNoise,
+    ProportionalNoise,
+    rocking,
+    rocking_slope,
+    together,
+)
 from tiers import first_quick
 
 CAMERA = Camera(640, 480, (576.0, 574.0), (321.7, 238.4), (-0.21, 0.06, 8e-4, -6e-4, 0), mounting(0.1, 0.05, 0.7, 0.3))
@@ -188,3 +196,25 @@ def test_the_stated_covariance_is_true() -> None:
     chance = 4 * 2 / np.sqrt(len(normalised))
     assert 1.6 - chance < normalised.mean() < 2.4 + chance
     assert np.median(normalised) == pytest.approx(2 * np.log(2), rel=0.5)  # a chi-square's of two
+
+
+def test_two_measurements_of_one_marker_are_their_best_mean() -> None:
+    """Against the least-squares estimate by the joint covariance, with what the body does in both, across pi."""
+    rng = np.random.default_rng(0)
+    first, second, body = (one @ one.T for one in rng.normal(size=(3, 2, 2)) * 0.01)
+    ids, z = np.array([7, 3]), np.array([[2.0, np.pi - 0.01], [1.0, 0.5]])
+    seen = np.array([[2.02, -np.pi + 0.005], [1.5, 0.2], [0.9, 0.1]])
+    one = Measured(RangeBearing(ids, z, np.tile(first + body, (2, 1, 1))), np.tile(body, (2, 1, 1)))
+    told = RangeBearing(np.array([7, 4, UNKNOWN]), seen, np.tile(second + body, (3, 1, 1)))
+    found, shared = together(one, Measured(told, np.tile(body, (3, 1, 1))))
+    assert found.ids.tolist() == [7, 3, 4, UNKNOWN]
+    joint = np.block([[first + body, body], [body, second + body]])
+    twice = np.vstack((np.eye(2), np.eye(2)))
+    cov = np.linalg.inv(twice.T @ np.linalg.solve(joint, twice))
+    both = np.r_[z[0], seen[0] + (0.0, 2 * np.pi)]
+    mean = cov @ twice.T @ np.linalg.solve(joint, both)
+    mean[1] = wrap(mean[1])
+    np.testing.assert_allclose(found.z, [mean, z[1], *seen[1:]], atol=1e-12)
+    np.testing.assert_allclose(found.cov[0], cov, rtol=1e-9)
+    np.testing.assert_allclose(found.cov[1:], [first + body, *[second + body] * 2])
+    np.testing.assert_array_equal(shared, [body] * 4)

@@ -20,7 +20,7 @@ from slamduel.frontend.camera.shutter import carried
 from slamduel.frontend.markers.aruco import Detector, Image
 from slamduel.frontend.markers.markers import Markers, find
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
-from slamduel.frontend.markers.pipeline import Frame, Recording, build_log, camera_motion, see
+from slamduel.frontend.markers.pipeline import JOINED, Frame, Recording, build_log, camera_motion, see
 from slamduel.frontend.wheels.encoder import Encoder
 from slamduel.frontend.wheels.motion import Drift, Ticks, Wheels, readings
 
@@ -125,6 +125,34 @@ def test_several_of_one_id_in_a_frame_are_a_remark_and_not_in_the_log() -> None:
     assert not build_log(recording([Frame(0.0, marked(30))])).remarks
 
 
+def test_several_of_one_id_are_several_in_a_frame_of_one_camera() -> None:
+    """Two cameras that see marker 4 at once see one; two markers in a frame of one leave that of the other alone."""
+    left, right = (Detector(Markers("4X4_50", 0.1), replace(CAMERA, name=name)) for name in ("left", "right"))
+    frames = [Frame(0.0, marked(30), camera="left"), Frame(0.0, marked(30), camera="right")]
+    log = build_log(recording(frames, detector=left, others=[right]))
+    assert log.ids.tolist() == [4]
+    assert not log.remarks
+    assert log.notes["counts"] == {"frames": 2, "sightings": 1, "sightings beyond 3 m": 0, JOINED: 1}
+    (one,) = build_log(recording([Frame(0.0, marked(30))])).z_cov
+    np.testing.assert_allclose(log.z_cov[0], one / 2, rtol=1e-9)
+    pair = Detector(Markers("4X4_50", 0.1), replace(CAMERA, name="left", width=320))
+    frames = [Frame(0.0, np.hstack((marked(30), marked(36))), camera="left"), frames[1]]
+    log = build_log(recording(frames, detector=pair, others=[right]))
+    assert log.ids.tolist() == [4]
+    assert log.notes["counts"]["same id twice in a frame"] == 2
+    assert "none of these is in the log, and the 1 sightings of other frames may be of any of them" in log.remarks[0]
+
+
+def test_a_frame_of_a_camera_is_later_than_its_last_one() -> None:
+    left, right = (Detector(Markers("4X4_50", 0.1), replace(CAMERA, name=name)) for name in ("left", "right"))
+    frames = [Frame(0.5, BLANK, camera=name) for name in ("left", "right", "left")]
+    refused("frame 2 is at 0.5 s, expected later", build_log, recording(frames, detector=left, others=[right]))
+    frames = [Frame(0.5, None, camera="left"), Frame(0.5, marked(30), camera="right")]
+    log = build_log(recording(frames, detector=left, others=[right]))
+    assert (len(log), log.ids.tolist()) == (1, [4])
+    assert log.notes["counts"]["frames that could not be decoded"] == 1
+
+
 def test_several_ids_of_several_markers_are_named() -> None:
     def pair(name: int) -> Image:
         return np.hstack((marked(30, name), marked(36, name)))
@@ -217,7 +245,7 @@ NARROW = Detector(Markers("4X4_50", 0.1), replace(CAMERA, readout=0.4))
 
 def test_a_rolling_shutters_motion_is_the_mean_of_the_readings_around_the_frame() -> None:
     made = recording(blank(0.5), detector=ROLLING)
-    motion = camera_motion(made, 0.53)
+    motion = camera_motion(made.motion, made.detector.camera, 0.53)
     delta, cov = made.motion.odometry(0.43, 0.63)
     expected = carried(Odometry(delta, cov), 0.2, CAMERA.mounting)
     np.testing.assert_allclose(motion.rates, expected.rates, atol=1e-12)
@@ -230,7 +258,7 @@ def test_a_rolling_shutters_motion_is_the_mean_of_the_readings_around_the_frame(
 
 def test_a_readout_longer_than_that_is_the_time_of_the_mean() -> None:
     made = recording(blank(0.5), detector=NARROW)
-    motion = camera_motion(made, 0.5)
+    motion = camera_motion(made.motion, made.detector.camera, 0.5)
     expected = carried(made.motion.odometry(0.3, 0.7), 0.4, CAMERA.mounting)
     np.testing.assert_allclose(motion.rates, expected.rates, atol=1e-12)
 
@@ -238,15 +266,15 @@ def test_a_readout_longer_than_that_is_the_time_of_the_mean() -> None:
 @pytest.mark.parametrize(("t", "start", "end"), [(0.0, 0.0, 0.1), (0.95, 0.85, 1.0)])
 def test_where_readings_begin_or_end_it_is_the_mean_of_those_there_are(t: float, start: float, end: float) -> None:
     made = recording(blank(0.5), detector=ROLLING)
-    motion = camera_motion(made, t)
+    motion = camera_motion(made.motion, made.detector.camera, t)
     expected = carried(made.motion.odometry(start, end), end - start, CAMERA.mounting)
     np.testing.assert_allclose(motion.rates, expected.rates, atol=1e-12)
 
 
 def test_without_a_rolling_shutter_or_time_between_readings_there_is_no_motion() -> None:
-    assert camera_motion(recording(blank(0.5)), 0.5) is None
+    assert camera_motion(recording(blank(0.5)).motion, CAMERA, 0.5) is None
     once = Wheels(Ticks(np.array([0.5]), np.zeros((1, 2))), ENCODER)
-    assert camera_motion(recording(blank(0.5), detector=ROLLING, motion=once), 0.5) is None
+    assert camera_motion(once, ROLLING.camera, 0.5) is None
 
 
 def test_a_robot_that_may_drift_unmeasured_leaves_its_sightings_uncertain() -> None:
