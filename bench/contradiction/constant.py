@@ -16,7 +16,7 @@ from ...core.truth_errors import Errors, difference, named, rows_of, sighting_er
 from ..measure.landmark_places import comparable
 from ..measure.stated_noise import normalised, typical_scale
 from ..systematic.errors import NAMES, SENSOR, Systematic, corrected
-from ..systematic.fit import LEAST, SystematicFit, fitted, of_estimate, of_truth
+from ..systematic.fit import CERTAIN, LEAST, SystematicFit, fitted, of_estimate, of_truth
 from ..systematic.places import places_of
 from ..systematic.system import System
 from ..systematic.weight import Weight, weight
@@ -40,6 +40,9 @@ it."""
 
 MOVING = ("x", "y", "delay")
 """Errors of a sensor that a true path has as well which is of another place on the robot, or whose clock is off."""
+
+MOST = 300
+"""Landmarks of a log without a true path, which are then fitted all together: 1,000 would take half a minute."""
 
 SURE = 10.0
 """Log likelihood by which odometry fits the true path better than one of the sensor, at least, where it is these."""
@@ -80,11 +83,11 @@ def constant(log: Log, truth: Truth | None, fit: tuple[Array, Map] | None, *, th
 
 
 def _constant(log: Log, truth: Truth | None, fit: tuple[Array, Map] | None, *, thorough: bool) -> Constant | None:
-    system, before = None, list[_Off]()
+    system, before, places = None, list[_Off](), None
     if truth is not None and len(truth.t) > 1:
         before = _Off.of(log, truth)
         system = of_truth(log, truth) if thorough or any(one.large for one in before) else None
-    elif thorough and fit is not None and log.prior.start == "known" and log.prior.map is None:
+    elif thorough and fit is not None and _fitted_quickly(log, fit[1]):
         places = places_of(log, truth, fit[1])
         system = None if places is None else of_estimate(log, *fit, places)
     found = None if system is None else fitted([system])
@@ -99,7 +102,13 @@ def _constant(log: Log, truth: Truth | None, fit: tuple[Array, Map] | None, *, t
             return None
         if not _the_sensor_s(system, found.errors, matter):
             return None
+    if fit is not None and places is not None and not _places_tell(log, fit[1], places, found.errors, matter):
+        return None
     return Constant(found, of, matter, right)
+
+
+def _fitted_quickly(log: Log, landmarks: Map) -> bool:
+    return log.prior.start == "known" and log.prior.map is None and len(landmarks.ids) <= MOST
 
 
 class _Off(NamedTuple):
@@ -136,6 +145,22 @@ class _Off(NamedTuple):
         """True where they are so small, and those of `kinds` so much less than `before`, that little is left to ask."""
         sizes = [(getattr(self, kind), getattr(before, kind)) for kind in kinds]
         return self.far < OUTLYING and all(size < FROM_TRUTH and size**2 < LEFT * one**2 for size, one in sizes)
+
+
+def _places_tell(log: Log, landmarks: Map, places: Map, errors: Systematic, matter: Sequence[str]) -> bool:
+    """True where known places are precise enough for the scales that matter; intervals are as if they were exact."""
+    at = rows_of(landmarks.ids, places.ids)
+    here, there = (xy[:, 0] + 1j * xy[:, 1] for xy in (landmarks.xy[at], places.xy))
+    here, there = here - here.mean(), there - there.mean()
+    extent = float(np.linalg.norm(here))
+    left = there - np.vdot(here, there) / extent**2 * here  # of a turn and a scale
+    scale_sd = float(np.linalg.norm(left)) / np.sqrt(2 * len(at) - 4) / extent
+    sizes = {
+        "range_scale": errors.range_scale,
+        "wheel_scale": errors.wheel_scale,
+        "range_offset": errors.range_offset / float(np.median(log.z[:, 0])),
+    }
+    return all(abs(size) > CERTAIN * scale_sd for name, size in sizes.items() if name in matter)
 
 
 def _unlike(log: Log, path: Array, driven: Ints) -> tuple[float, int]:

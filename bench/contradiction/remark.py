@@ -59,6 +59,8 @@ def _of_measurements(dataset: Dataset, *, thorough: bool | None) -> Remarks:
         return Remarks([], [said], [], mistaken=True)
     places = elsewhere(*dataset)
     stays = None if thorough is None else constant(*dataset, places.fit, thorough=thorough)
+    if stays is not None and stays.matter and not (stays.fit.by_truth or _agrees_better(stays.log, found)):
+        stays = None
     if stays is not None and stays.matter:
         rest = _of_measurements(dataset._replace(log=stays.log), thorough=None)
         return rest._replace(contradictions=[stays.sentence, *rest.contradictions], mistaken=True, constant=stays)
@@ -69,6 +71,12 @@ def _of_measurements(dataset: Dataset, *, thorough: bool | None) -> Remarks:
     odd = [*places.twice, *unfit]
     wrong_truth = list(contradicting_truth(dataset, found.fits, places.places, agrees=not unfit))
     return Remarks([], wrong_truth, odd, bool(wrong_truth), stays)
+
+
+def _agrees_better(log: Log, found: Contradiction) -> bool:
+    """True where the measurements of a log agree better than `found`."""
+    right = contradiction(log)
+    return right is not None and right.found.bulk < found.found.bulk
 
 
 def remarks(dataset: Dataset) -> list[str]:

@@ -49,8 +49,9 @@ class _Blocks:
     @classmethod
     def of(cls, by_place: csr_matrix, by_errors: Array, r: Array) -> "_Blocks":
         """Those of residuals (r,) and their derivatives."""
-        square, m = by_place.T @ by_place, by_place.shape[1] // 2
+        square = by_place.T @ by_place
         x, y = square.diagonal()[::2], square.diagonal()[1::2]
+        m = len(x)
         xy = square.diagonal(1)[::2] if m else x
         own = np.stack((x, xy, xy, y), axis=-1).reshape(-1, 2, 2)
         mixed = np.asarray(by_place.T @ by_errors).reshape(m, 2, len(NAMES))

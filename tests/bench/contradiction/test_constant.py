@@ -15,7 +15,7 @@ from slamduel.bench.plan.load import load
 from slamduel.bench.systematic.errors import Systematic
 from slamduel.bench.systematic.weight import weight
 from slamduel.bench.workers.batch import facts_of
-from slamduel.core.factors import Dataset
+from slamduel.core.factors import Dataset, Map
 from slamduel.core.se2 import Array, compose
 
 CORRECTS = "and no noise; `bench noise LOG --apply FOLDER` corrects it"
@@ -102,13 +102,33 @@ def test_a_log_as_stated_is_not_fitted_in_a_run(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_known_places_tell_as_well_but_not_in_a_run() -> None:
-    log, truth = drive(Systematic(x=0.3, yaw=0.05), 2, seconds=90)
-    assert truth is not None
-    alone = Dataset(log, truth._replace(t=truth.t[:0], poses=truth.poses[:0]))
+    alone = without_path(drive(Systematic(x=0.3, yaw=0.05), 2, seconds=90), 0.0)
     said = remarked(alone).contradictions
     assert said[0].startswith("by the known places of landmarks the sensor sits 0.")
     assert said[0].endswith(CORRECTS)
     assert remarked(alone, thorough=False).constant is None
+
+
+def without_path(dataset: Dataset, off: float) -> Dataset:
+    """Its landmarks' places known, each `off` by so many m, in x and in y."""
+    log, truth = dataset
+    assert truth is not None
+    assert truth.map is not None
+    xy = truth.map.xy + off * np.random.default_rng(0).standard_normal(truth.map.xy.shape)
+    return Dataset(log, truth._replace(t=truth.t[:0], poses=truth.poses[:0], map=Map(truth.map.ids, xy, None)))
+
+
+@pytest.mark.parametrize(("off", "told"), [(0.001, True), (0.3, False)])
+def test_places_that_are_not_precise_tell_no_scale(off: float, told: bool) -> None:
+    """Ranges 5 % long: 14 places within some 10 m tell that if they are right to a millimetre, not to 0.3 m."""
+    found = remarked(without_path(drive(Systematic(range_scale=0.05), 1), off))
+    assert any("by the known places of landmarks ranges are " in said for said in found.all) == told
+    assert not any("by the known places" in said for said in found.all) or told
+
+
+def test_of_many_landmarks_known_places_are_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(constant, "MOST", 10)
+    assert remarked(without_path(drive(Systematic(x=0.3), 2), 0.0)).constant is None
 
 
 def test_a_run_keeps_the_remark_and_blames_no_noise() -> None:

@@ -79,7 +79,7 @@ def test_elimination_is_that_of_dense_matrices(by_truth: bool, monkeypatch: pyte
 
 
 def test_landmarks_one_by_one_along_a_known_path_are_as_all_together() -> None:
-    one, by = around(by_truth=True, seconds=20.0), np.arange(len(NAMES)) * 0.01
+    one, by = around(by_truth=True, seconds=20.0), np.full(len(NAMES), 0.01)
     fast, whole = OnPath(one, HERE), Linear(one, HERE)
     for found, expected in zip(fast.reduced(), whole.reduced(), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
