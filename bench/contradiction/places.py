@@ -9,7 +9,7 @@ from ...backends.api import Diverged
 from ...backends.common_options import LOSSES
 from ...backends.graphs.batch import Batch
 from ...core.factors import Log, Map, Truth
-from ...core.se2 import Ints
+from ...core.se2 import Array, Ints
 from ...core.truth_doubts import judges
 from ...core.truth_errors import named, rows_of, standing
 from ...datasets.truth_remarks import COVERED
@@ -37,6 +37,7 @@ class Elsewhere(NamedTuple):
     twice: list[str]  # sighted at two places
     ids: Ints  # of these
     places: list[str]  # the true place is another
+    fit: tuple[Array, Map] | None = None  # path (n, 3) and map of the whole log, where no true path is known
 
 
 class _Along(NamedTuple):
@@ -44,6 +45,7 @@ class _Along(NamedTuple):
 
     landmarks: Map
     twice: list[TwoPlaces]
+    path: Array | None = None  # (n, 3) of a fit
 
 
 def elsewhere(log: Log, truth: Truth | None) -> Elsewhere:
@@ -61,7 +63,8 @@ def elsewhere(log: Log, truth: Truth | None) -> Elsewhere:
         kept = ~np.isin(found.landmarks.ids, ids)
         once = Map(found.landmarks.ids[kept], found.landmarks.xy[kept], None)
         places = list(in_words(misplaced(once, known, told(log, once.ids))))
-    return Elsewhere(list(map(_twice, twice)), ids, places)
+    fit = None if found.path is None else (found.path, found.landmarks)
+    return Elsewhere(list(map(_twice, twice)), ids, places, fit)
 
 
 def in_words(found: Misplaced) -> Iterator[str]:
@@ -137,4 +140,4 @@ def _by_fit(log: Log) -> _Along | None:
     if best is None:
         return None
     path, landmarks = best
-    return _Along(landmarks, two_places(log, path, placed(log, path, np.arange(len(log)), known=False)))
+    return _Along(landmarks, two_places(log, path, placed(log, path, np.arange(len(log)), known=False)), path)

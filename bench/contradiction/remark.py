@@ -10,6 +10,7 @@ from ...core.truth_errors import named
 from ...datasets.remarks import remarks as of_columns
 from ..words.numerals import number
 from . import truth as of_truth
+from .constant import Constant, constant
 from .explain import STUCK, Contradiction, contradiction
 from .filtered import nis
 from .fit import Fitted
@@ -27,9 +28,10 @@ class Remarks(NamedTuple):
     """Everything odd about a log, one sentence each, without its full stop."""
 
     columns: list[str]
-    contradictions: list[str]  # between measurements, or with the truth
+    contradictions: list[str]  # between measurements, or with the truth; errors of sensor and wheels that stay
     outliers: list[str]  # sightings that do not fit a log which else agrees with itself
     mistaken: bool  # by more than noise: what looks like errors of the measurements is a mistake
+    constant: Constant | None = None  # errors of sensor and wheels that stay, those that matter and others
 
     @property
     def all(self) -> list[str]:
@@ -37,24 +39,44 @@ class Remarks(NamedTuple):
         return list(dict.fromkeys((*self.columns, *self.contradictions, *self.outliers)))
 
 
-def remarked(dataset: Dataset) -> Remarks:
-    """Looks at the log's columns, and at how far its measurements and truth agree."""
+def remarked(dataset: Dataset, *, thorough: bool = True) -> Remarks:
+    """Looks at the log's columns, and at how far its measurements and truth agree.
+
+    Errors that stay are looked for, unless `thorough`, only by a true path from which the log is as far as with some.
+    """
     columns = of_columns(dataset)
     with np.errstate(all="ignore"):  # what is beyond all numbers agrees with nothing
-        found = contradiction(named(*dataset))
-        if found is None:
-            return Remarks(columns, [], [], mistaken=False)
-        said = sentence(found)
-        if said and (found.named is not None or found.stuck):
-            return Remarks(columns, [said], [], mistaken=True)
-        places = elsewhere(*dataset)
-        if said:
-            mistaken = not noisy(found) or bool(places.places)
-            return Remarks(columns, [said, *places.places], places.twice, mistaken)
-        unfit = list(outliers(found.fits, places.ids))
-        odd = [*places.twice, *unfit]
-        wrong_truth = list(contradicting_truth(dataset, found.fits, places.places, agrees=not unfit))
-        return Remarks(columns, wrong_truth, odd, mistaken=bool(wrong_truth))
+        return _of_measurements(dataset, thorough=thorough)._replace(columns=columns)
+
+
+def _of_measurements(dataset: Dataset, *, thorough: bool | None) -> Remarks:
+    """All but those on the columns; None: errors that stay are not looked for."""
+    found = contradiction(named(*dataset))
+    if found is None:
+        return Remarks([], [], [], mistaken=False)
+    said = sentence(found)
+    if said and (found.named is not None or found.stuck):
+        return Remarks([], [said], [], mistaken=True)
+    places = elsewhere(*dataset)
+    stays = None if thorough is None else constant(*dataset, places.fit, thorough=thorough)
+    if stays is not None and stays.matter and not (stays.fit.by_truth or _agrees_better(stays.log, found)):
+        stays = None
+    if stays is not None and stays.matter:
+        rest = _of_measurements(dataset._replace(log=stays.log), thorough=None)
+        return rest._replace(contradictions=[stays.sentence, *rest.contradictions], mistaken=True, constant=stays)
+    if said:
+        mistaken = not noisy(found) or bool(places.places)
+        return Remarks([], [said, *places.places], places.twice, mistaken, stays)
+    unfit = list(outliers(found.fits, places.ids))
+    odd = [*places.twice, *unfit]
+    wrong_truth = list(contradicting_truth(dataset, found.fits, places.places, agrees=not unfit))
+    return Remarks([], wrong_truth, odd, bool(wrong_truth), stays)
+
+
+def _agrees_better(log: Log, found: Contradiction) -> bool:
+    """True where the measurements of a log agree better than `found`."""
+    right = contradiction(log)
+    return right is not None and right.found.bulk < found.found.bulk
 
 
 def remarks(dataset: Dataset) -> list[str]:
@@ -79,7 +101,8 @@ def sentence(found: Contradiction) -> str:
     if not found.contradicts:
         return ""
     kinds = ", ".join(f"{kind} {number(size)}" for kind, size in found.found.parts.items()) + _nis(found)
-    causes = [f"noise is {number(np.sqrt(found.found.bulk))} times what is stated"] * (found.found.bulk < HUNDREDFOLD)
+    causes = ["the sensor sits elsewhere or is late (bench noise tells)"] * ("sightings" in found.found.parts)
+    causes += [f"noise is {number(np.sqrt(found.found.bulk))} times what is stated"] * (found.found.bulk < HUNDREDFOLD)
     causes += ["ids are wrong or landmarks move"] * ("sightings" in found.found.parts)
     causes += ["loop closures are false"] * ("loops" in found.found.parts)
     return (

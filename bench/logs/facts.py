@@ -17,6 +17,7 @@ ALL_ROUND = 5.0  # rad; a wider field of view has no sides
 NAMED = 12  # ids that are named; of more, the number of the rest
 
 MISTAKEN = "no noise is measured: see the remark"
+CORRECTS = "bench noise LOG --apply FOLDER corrects them"
 
 DEGREE = "\N{DEGREE SIGN}"
 
@@ -55,14 +56,13 @@ def facts(found: Numbers, path: str, *, mistaken: bool = False) -> Iterator[tupl
     known = found.known
     if known.scattered is not None:
         yield "not in one place", _scattered(known.scattered)
+    if known.corrected is not None:
+        yield "errors that stay", _joined([*(one.removesuffix(".") for one in known.corrected.errors), CORRECTS])
     if known.sightings is not None and known.measured is not None:
-        against = ["against each landmark's median place"] if known.medians else []
-        yield (
-            "sightings against truth",
-            _joined([*against, *_noise_checked(known.sightings), MISTAKEN if mistaken else _measured(known.measured)]),
-        )
+        yield "sightings against truth", _joined(_sightings(known, mistaken=mistaken))
     if known.odometry is not None:
-        yield "odometry against truth", _joined(_noise_checked(known.odometry))
+        after = None if known.corrected is None else known.corrected.odometry
+        yield "odometry against truth", _joined(_noise_checked(known.odometry) if after is None else _left(after))
 
 
 def _duration(seconds: float) -> str:
@@ -231,6 +231,27 @@ def _scattered(scattered: Scattered) -> str:
     return (
         f"{named} ({counted(scattered.sightings, 'sighting')}, spread {about}): {'does it' if one else 'do they'} move?"
     )
+
+
+def _sightings(known: Known, *, mistaken: bool) -> Iterator[str]:
+    assert known.sightings is not None
+    assert known.measured is not None
+    if known.medians:
+        yield "against each landmark's median place"
+    corrected = known.corrected
+    if corrected is not None and corrected.sightings is not None and corrected.measured is not None:
+        yield from _left(corrected.sightings)
+        yield _measured(corrected.measured)
+        return
+    yield from _noise_checked(known.sightings)
+    yield MISTAKEN if mistaken else _measured(known.measured)
+
+
+def _left(check: NoiseCheck) -> Iterator[str]:
+    """Writes the noise that is left when errors that stay are corrected."""
+    first, *others = _noise_checked(check)
+    yield f"corrected for errors that stay, {first}"
+    yield from others
 
 
 def _noise_checked(check: NoiseCheck) -> Iterator[str]:

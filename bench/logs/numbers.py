@@ -7,13 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.factors import UNKNOWN, Dataset, Log
+from ...core.factors import UNKNOWN, Dataset, Log, Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import driven_errors, sighting_errors
+from ...core.truth_errors import Errors, driven_errors, sighting_errors
+from ..contradiction.constant import LEFT, Constant
 from ..contradiction.remark import Remarks, remarked
-from ..measure.landmark_places import Scattered, judge, scattered_ids
+from ..measure.landmark_places import Places, Scattered, judge, placed, scattered_ids
 from ..measure.stated_noise import Measured, NoiseCheck, measured, noise_check
 from ..measure.times import numbered
+from ..systematic.words import sentences
 from .difficulty import Difficulty, difficulty
 from .revisits import Returns, loops, returns, way
 from .shown_path import Shown, shown
@@ -114,6 +116,15 @@ class Noise(NamedTuple):
     turn_1m: float | None
 
 
+class Corrected(NamedTuple):
+    """The agreement of a log with the ground truth without errors of sensor and wheels that stay."""
+
+    errors: tuple[str, ...]  # in words, a sentence each
+    sightings: NoiseCheck | None  # None: as they were, nearly, as the next
+    odometry: NoiseCheck | None
+    measured: Measured | None  # the sightings' noise, where those are not None
+
+
 class Known(NamedTuple):
     """The ground truth of a log, and the log's agreement with it."""
 
@@ -128,6 +139,7 @@ class Known(NamedTuple):
     drift_m: float | None  # of dead reckoning at the end of the known path
     drift_share: float | None  # of that path's length
     relations: int  # pairs of poses with a known motion
+    corrected: Corrected | None = None  # where errors that stay are most of what the log is off by
 
 
 class Numbers(NamedTuple):
@@ -157,12 +169,12 @@ class Subject(NamedTuple):
 
 def described(label: str, dataset: Dataset, solve: bool | None) -> Subject:
     """Describes a log; `solve` as in `shown`."""
-    drawn, found = shown(dataset, solve), returns(dataset.log)
-    return Subject(label, dataset, drawn, found, numbers(dataset, drawn, found), remarked(dataset))
+    drawn, found, odd = shown(dataset, solve), returns(dataset.log), remarked(dataset)
+    return Subject(label, dataset, drawn, found, numbers(dataset, drawn, found, odd.constant), odd)
 
 
-def numbers(dataset: Dataset, drawn: Shown, found: Returns) -> Numbers:
-    """Computes the numbers of a log; `drawn` is its path, `found` its returns."""
+def numbers(dataset: Dataset, drawn: Shown, found: Returns, stays: Constant | None = None) -> Numbers:
+    """Computes the numbers of a log; `drawn` is its path, `found` its returns, `stays` its errors that stay."""
     log = dataset.log
     return Numbers(
         _way(log, drawn),
@@ -172,7 +184,7 @@ def numbers(dataset: Dataset, drawn: Shown, found: Returns) -> Numbers:
         _back(log, found),
         _sensor(log.z) if len(log.z) else None,
         _noise(log),
-        _known(dataset, drawn),
+        _known(dataset, drawn, stays),
         difficulty(dataset),
     )
 
@@ -270,11 +282,10 @@ def _sd(variance: Array) -> Sd | None:
     return Sd(p5, median, p95, high - low <= ROUND * high)
 
 
-def _known(dataset: Dataset, drawn: Shown) -> Known:
+def _known(dataset: Dataset, drawn: Shown, stays: Constant | None) -> Known:
     log, truth = dataset
-    right = judge(log, truth, drawn.places)
-    at_sightings = None if right is None else sighting_errors(log, right)
-    at_odometry = None if right is None else driven_errors(log, right)
+    at_sightings, at_odometry = _errors(log, truth, drawn.places)
+    checks = _checks(log, at_sightings, at_odometry)
     path = truth if truth is not None and len(truth.t) else drawn.solved
     off = share = None
     if path is not None:
@@ -285,12 +296,42 @@ def _known(dataset: Dataset, drawn: Shown) -> Known:
         "" if path is None else path.kind,
         0 if path is None else len(path.t),
         0 if truth is None or truth.map is None else len(truth.map.ids),
-        None if at_sightings is None else noise_check(at_sightings, log.z_cov[at_sightings.row]),
-        None if at_odometry is None else noise_check(at_odometry, log.delta_cov[at_odometry.row]),
+        *checks,
         None if at_sightings is None else measured(at_sightings),
         at_sightings is not None and len(at_sightings.row) > 0 and drawn.places is not None,
         scattered_ids(drawn.places),
         off,
         share,
         0 if truth is None or truth.relations is None else len(truth.relations.delta),
+        None if stays is None else _corrected(stays, truth, drawn, checks),
     )
+
+
+def _errors(log: Log, truth: Truth | None, places: Places | None) -> tuple[Errors | None, Errors | None]:
+    """Errors of sightings and motions by the truth; None without one that judges the log."""
+    right = judge(log, truth, places)
+    return (None, None) if right is None else (sighting_errors(log, right), driven_errors(log, right))
+
+
+def _checks(log: Log, seen: Errors | None, driven: Errors | None) -> tuple[NoiseCheck | None, NoiseCheck | None]:
+    return (
+        None if seen is None else noise_check(seen, log.z_cov[seen.row]),
+        None if driven is None else noise_check(driven, log.delta_cov[driven.row]),
+    )
+
+
+def _corrected(
+    stays: Constant, truth: Truth | None, drawn: Shown, before: tuple[NoiseCheck | None, NoiseCheck | None]
+) -> Corrected | None:
+    """The log without its errors that stay, in what these are most of; None where they are not."""
+    log = stays.log
+    places = None if drawn.places is None else placed(log, drawn.poses, drawn.pose_at(len(log)), known=True)
+    seen, driven = _errors(log, truth, places)
+    sightings, odometry = (
+        after if one is not None and after is not None and after.median < LEFT * one.median else None
+        for one, after in zip(before, _checks(log, seen, driven), strict=True)
+    )
+    if sightings is None and odometry is None:
+        return None
+    left = None if sightings is None or seen is None else measured(seen)
+    return Corrected(tuple(sentences(stays.fit)), sightings, odometry, left)

@@ -19,6 +19,7 @@ from ...core.truth_errors import named, rows_of
 from ...datasets.noise.systematic import NAMES, Systematic
 from ..measure.accuracy import align
 from .estimated import Estimated
+from .known_path import OnPath
 from .reduced import Linear, Reduced
 from .system import System
 
@@ -168,13 +169,15 @@ class _Fit:
                 return True
         return bool((np.abs(change) <= ENOUGH * size).all())
 
-    def _change(self, by: Array, linear: Sequence[Linear] | None = None, share: float = 1.0) -> None:
+    def _change(self, by: Array, linear: Sequence[Linear | OnPath] | None = None, share: float = 1.0) -> None:
+        if linear is None and not by.any():
+            return
         for one, system in zip(linear or self._linear()[0], self.systems, strict=True):
             system.move(share * one.change(by))
         self.errors = Systematic(*(np.array(self.errors) + share * by).tolist())
 
-    def _linear(self, *, evenly: bool = False) -> tuple[list[Linear], Reduced]:
-        linear = [Linear(system, self.errors, evenly=evenly) for system in self.systems]
+    def _linear(self, *, evenly: bool = False) -> tuple[list[Linear | OnPath], Reduced]:
+        linear = [(OnPath if one.fixed else Linear)(one, self.errors, evenly=evenly) for one in self.systems]
         return linear, _together([one.reduced() for one in linear])
 
     def _reduced(self, *, evenly: bool = False) -> Reduced:

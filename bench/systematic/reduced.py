@@ -47,13 +47,12 @@ class Linear:
     def __init__(self, system: System, errors: Systematic, *, evenly: bool = False) -> None:
         r, J, step = system.linearised(errors, evenly=evenly)
         edges = edges_of(system)
-        stretch = np.clip(np.searchsorted(edges, step, side="right") - 1, 0, len(edges) - 2)
         between = 3 * edges[:, None] + np.arange(3) if not system.fixed else np.zeros((0, 3), np.int64)
         self._variables = system.poses + system.xy.size + len(NAMES)
         self._kept = np.concatenate((between.ravel(), np.arange(system.poses, self._variables)))
         place = np.full(self._variables, -1)
         place[self._kept] = np.arange(len(self._kept))
-        self._stretches = [_eliminated(J[rows], r[rows], place) for rows in _rows(stretch, len(edges) - 1)]
+        self._stretches = [_eliminated(J[rows], r[rows], place) for rows in rows_of_stretches(edges, step)]
 
     def reduced(self) -> Reduced:
         """The equations of the errors."""
@@ -95,7 +94,10 @@ def edges_of(system: System) -> Ints:
     return np.unique(np.concatenate(([0], np.searchsorted(after, wanted), [n - 1])))
 
 
-def _rows(stretch: Ints, count: int) -> list[Ints]:
+def rows_of_stretches(edges: Ints, step: Ints) -> list[Ints]:
+    """The rows of each stretch, of rows that belong to the steps (r,)."""
+    count = len(edges) - 1
+    stretch = np.clip(np.searchsorted(edges, step, side="right") - 1, 0, count - 1)
     order = np.argsort(stretch, kind="stable")
     return np.split(order, np.searchsorted(stretch[order], np.arange(1, count)))
 

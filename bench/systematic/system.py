@@ -13,10 +13,7 @@ from ...core.mounting import before
 from ...core.se2 import Array, Ints, between, compose, compose_jacobians, inverse, wrap
 from ...core.truth_errors import rows_of
 from ...datasets.noise.systematic import NAMES, SENSOR, Systematic, measured_motions, measured_sightings, true_motions
-
-WINDOW, FEWEST = 3.0, 10
-"""s, and steps at least, over which motions along a known path are added up, axis by axis, and what tells of wheels is
-averaged: single steps have errors of their own, which would make what they multiply look smaller."""
+from .windows import windows
 
 ABOUT, STEPS = 0.3, 3
 """s, and steps at least, before and after a sighting, between which odometry tells how fast the body is: noise of the
@@ -67,8 +64,7 @@ class System:
         self.driven = np.flatnonzero(self.known[1:] & self.known[:-1]) + 1
         cov, t = self.log.delta_cov[self.driven], self.log.t
         self._lasted = t[self.driven] - t[self.driven - 1]
-        window = max(WINDOW, FEWEST * float(np.median(self._lasted)))
-        self._windows = np.flatnonzero(np.diff(np.floor((t[self.driven] - t[0]) / window), prepend=-1.0))
+        self._windows = windows(t, self.driven)
         self._motion_cov = np.add.reduceat(cov, self._windows) if self.fixed else self._uneven(cov)
         self._motion_root = _whitening(self._motion_cov)
         z_cov = self.log.z_cov[self.seen].copy()

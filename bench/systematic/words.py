@@ -11,19 +11,19 @@ from .fit import SystematicFit
 DEGREE = np.pi / 180
 
 FORMS = {
-    "x": (1.0, "m", "The sensor sits {} {of} the robot's origin.", ("ahead of", "behind")),
-    "y": (1.0, "m", "The sensor sits {} to the {of} of the robot's origin.", ("left", "right")),
-    "yaw": (DEGREE, "degrees", "The sensor looks {} to the {of} of ahead.", ("left", "right")),
-    "delay": (1e-3, "ms", "The sensor's clock is {} {of}.", ("late", "early")),
-    "range_offset": (1.0, "m", "Ranges are {} too {of}.", ("long", "short")),
-    "range_scale": (0.01, "%", "Ranges are {} too {of}{by}.", ("long", "short")),
-    "bearing_scale": (0.01, "%", "Bearings are {} too {of}.", ("large", "small")),
-    "wheel_scale": (0.01, "%", "The odometry's way is {} too {of}{by}.", ("long", "short")),
-    "turn_scale": (0.01, "%", "The odometry's turns are {} too {of}, as with a wrong base.", ("large", "small")),
-    "drift": (DEGREE, "degrees a metre", "The odometry turns {} to the {of}, as wheels unlike do.", ("left", "right")),
-    "heading": (DEGREE, "degrees", "The robot drives {} to the {of} of its heading.", ("left", "right")),
+    "x": (1.0, "m", "the sensor sits {} {of} the robot's origin", ("ahead of", "behind")),
+    "y": (1.0, "m", "the sensor sits {} to the {of} of the robot's origin", ("left", "right")),
+    "yaw": (DEGREE, "degrees", "the sensor looks {} to the {of} of ahead", ("left", "right")),
+    "delay": (1e-3, "ms", "the sensor's clock is {} {of}", ("late", "early")),
+    "range_offset": (1.0, "m", "ranges are {} too {of}", ("long", "short")),
+    "range_scale": (0.01, "%", "ranges are {} too {of}{by}", ("long", "short")),
+    "bearing_scale": (0.01, "%", "bearings are {} too {of}", ("large", "small")),
+    "wheel_scale": (0.01, "%", "the odometry's way is {} too {of}{by}", ("long", "short")),
+    "turn_scale": (0.01, "%", "the odometry's turns are {} too {of}, as with a wrong base", ("large", "small")),
+    "drift": (DEGREE, "degrees a metre", "the odometry turns {} to the {of}, as wheels unlike do", ("left", "right")),
+    "heading": (DEGREE, "degrees", "the robot drives {} to the {of} of its heading", ("left", "right")),
 }
-"""Unit, its name, the sentence, and the words for an error above 0 and below."""
+"""Unit, its name, the sentence as a clause, and the words for an error above 0 and below."""
 
 TITLES = {
     "x": "sensor: place ahead of the origin",
@@ -43,11 +43,16 @@ TITLES = {
 def sentences(fit: SystematicFit) -> Iterator[str]:
     """Yields a sentence for each error that is certain."""
     for name in fit.certain:
-        unit, symbol, sentence, signs = FORMS[name]
-        found = fit.estimates[name]
-        by = "" if fit.scaled else " by the other: which of both is wrong, no log without a true path tells"
-        size = f"{_digits(abs(found.value), found, unit)} ± {_digits(_half(found), found, unit)} {symbol}"
-        yield sentence.format(size, of=signs[found.value < 0], by=by)
+        yield f"{clause(fit, name)[0].upper()}{clause(fit, name)[1:]}."
+
+
+def clause(fit: SystematicFit, name: str) -> str:
+    """A sentence on an error that is told, without its capital and full stop."""
+    unit, symbol, sentence, signs = FORMS[name]
+    found = fit.estimates[name]
+    by = "" if fit.scaled else " by the other: which of both is wrong, no log without a true path tells"
+    size = f"{_digits(abs(found.value), found, unit)} ± {_digits(_half(found), found, unit)} {symbol}"
+    return sentence.format(size, of=signs[found.value < 0], by=by)
 
 
 def rows(fit: SystematicFit) -> Iterator[tuple[str, Estimated, str]]:

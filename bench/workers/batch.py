@@ -167,7 +167,7 @@ def digested(dataset: Dataset) -> LogFacts:
 def facts_of(dataset: Dataset) -> LogFacts:
     """The facts of a log with its truth or reference."""
     log, truth = dataset
-    odd, arrays = remarked(dataset), beside_arrays(log)
+    odd, arrays = remarked(dataset, thorough=False), beside_arrays(log)
     found = digested(dataset)._replace(truth=arrays, remarks=tuple(odd.all), mistaken=odd.mistaken)
     if truth is None:
         return found

@@ -6,6 +6,7 @@ import pytest
 from planted_errors import drive
 from slamduel.bench.systematic import reduced, system
 from slamduel.bench.systematic.fit import of_estimate, of_truth
+from slamduel.bench.systematic.known_path import OnPath
 from slamduel.bench.systematic.reduced import Linear
 from slamduel.bench.systematic.system import System
 from slamduel.datasets.noise.systematic import NAMES, SENSOR, Systematic
@@ -75,3 +76,11 @@ def test_elimination_is_that_of_dense_matrices(by_truth: bool, monkeypatch: pyte
         without = -np.linalg.solve(joint.H_without[b][np.ix_(free, free)], joint.g_without[b][free])
         expected = -np.linalg.lstsq(full[left][:, kept], r[left])[0][-len(free) :]
         np.testing.assert_allclose(without, expected, rtol=1e-4, atol=1e-7)
+
+
+def test_landmarks_one_by_one_along_a_known_path_are_as_all_together() -> None:
+    one, by = around(by_truth=True, seconds=20.0), np.full(len(NAMES), 0.01)
+    fast, whole = OnPath(one, HERE), Linear(one, HERE)
+    for found, expected in zip(fast.reduced(), whole.reduced(), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    np.testing.assert_allclose(fast.change(by), whole.change(by), rtol=1e-9, atol=1e-12)
