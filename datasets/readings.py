@@ -19,7 +19,8 @@ from ..core.table import Table, read_csv, text
 from ..frontend.wheels.apart import joined
 from ..frontend.wheels.commands import Speeds
 from ..frontend.wheels.counters import WHEELS, unwrap
-from ..frontend.wheels.motion import Poses, Ticks
+from ..frontend.wheels.ticks import Ticks
+from ..frontend.wheels.track import Poses
 
 TICKS = "ticks.csv"
 SIDES = tuple(f"{wheel}.csv" for wheel in WHEELS)

@@ -13,7 +13,7 @@ from ..frontend.camera.calibration import read
 from ..frontend.camera.camera import Camera
 from ..frontend.camera.mounting import from_matrix, from_rpy
 from ..frontend.wheels.encoder import Floors
-from ..frontend.wheels.motion import TrackNoise
+from ..frontend.wheels.track import TrackNoise
 from .robot_files import is_settings
 
 TRACK = ("forward", "turning", "turning_by_turn")  # keys of the noise of integrated odometry

@@ -8,7 +8,7 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.se2 import Array
 from ...core.table import LARGEST
-from ...frontend.wheels.motion import Poses
+from ...frontend.wheels.track import Poses
 from .bag import Bag, Topic
 from .clock import astray, check_clock
 from .left_out import LeftOut

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ...frontend.wheels.motion import Poses
+from ...frontend.wheels.track import Poses
 from .bag import Bag, Topic
 from .clock import BACK
 from .columns import poses

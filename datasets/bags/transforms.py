@@ -12,7 +12,7 @@ from ...core.errors import InputError
 from ...core.se2 import Array
 from ...core.table import LARGEST
 from ...frontend.camera.quaternions import matrix
-from ...frontend.wheels.motion import Poses
+from ...frontend.wheels.track import Poses
 from .bag import TRANSFORMS, Bag, Topic
 from .clock import BACK, astray
 from .columns import no_poses, planar

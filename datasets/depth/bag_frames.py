@@ -10,7 +10,7 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
-from ...frontend.wheels.motion import Poses
+from ...frontend.wheels.track import Poses
 from ..bags.bag import Bag, Topic
 from ..bags.camera_info import camera_of, of_images
 from ..bags.cameras import CAMERA_INFO, info_beside

@@ -16,7 +16,7 @@ from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
 from ...frontend.wheels.commands import Speeds
-from ...frontend.wheels.motion import Poses, Track
+from ...frontend.wheels.track import Poses, Track
 from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.cameras import COMPRESSED, IMAGE
 from ..bags.siblings import read_alone

@@ -32,7 +32,7 @@ from ...frontend.camera.mounting import mounting as ahead
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import RecordedSettings, Settings
 from ...frontend.wheels.counters import MAX_SPEED
-from ...frontend.wheels.motion import Track, TrackNoise
+from ...frontend.wheels.track import Track, TrackNoise
 from ..bags.odometry import FRAME
 from ..prior import read_prior
 from ..robot_files import CALIBRATION, ROBOT

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from ...core.factors import Truth
 from ...frontend.camera.camera import Camera
-from ...frontend.wheels.motion import Poses
+from ...frontend.wheels.track import Poses
 from .registering import Registration
 from .shots import Shot
 

@@ -25,7 +25,7 @@ from ...core.tum import read_tum
 from ...frontend.wheels.commands import driven
 from ...frontend.wheels.encoder import Floors
 from ...frontend.wheels.holes import Holes
-from ...frontend.wheels.motion import Track, TrackNoise
+from ...frontend.wheels.track import Track, TrackNoise
 from ...frontend.wheels.units import fast_turns, in_degrees
 from ..registry import Source
 from ..truth import other_clock, sample, start

@@ -25,7 +25,9 @@ from ...core.factors import Dataset, Truth
 from ...core.options import option
 from ...frontend.markers.pipeline import Recording, build_log
 from ...frontend.wheels.commands import Commanded, Commands, Speeds
-from ...frontend.wheels.motion import Motion, Ticks, Track, Wheels
+from ...frontend.wheels.motion import Motion
+from ...frontend.wheels.ticks import Ticks, Wheels
+from ...frontend.wheels.track import Track
 from ..bags.bag import Bag, is_bag
 from ..bags.topics import found as found_topics
 from ..bags.topics import plain

@@ -41,7 +41,8 @@ from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
 from ...frontend.wheels.commands import FOLLOWED, Commands
 from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
 from ...frontend.wheels.encoder import Encoder
-from ...frontend.wheels.motion import Drift, TrackNoise
+from ...frontend.wheels.motion import Drift
+from ...frontend.wheels.track import TrackNoise
 from ..prior import read_prior
 from ..robot_files import CALIBRATION, file_of
 from ..robot_limits import check_limits

@@ -18,7 +18,7 @@ from ...core.se2 import Array
 from ...frontend.markers.pipeline import Frame
 from ...frontend.wheels.commands import Speeds
 from ...frontend.wheels.counters import unwrap
-from ...frontend.wheels.motion import Ticks
+from ...frontend.wheels.ticks import Ticks
 from ..bags import images
 from ..bags.bag import Bag, Topic
 from ..bags.camera_info import Recorded, camera_of

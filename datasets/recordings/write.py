@@ -20,7 +20,9 @@ from ...core.factors import Truth
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Recording
-from ...frontend.wheels.motion import Drift, Track, Wheels
+from ...frontend.wheels.motion import Drift
+from ...frontend.wheels.ticks import Wheels
+from ...frontend.wheels.track import Track
 from ..robot_files import ROBOT
 from ..truth import write_truth
 from .new_folders import new_folders

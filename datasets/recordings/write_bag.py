@@ -16,7 +16,9 @@ from ...core.errors import InputError
 from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Image
-from ...frontend.wheels.motion import Motion, Track, Wheels
+from ...frontend.wheels.motion import Motion
+from ...frontend.wheels.ticks import Wheels
+from ...frontend.wheels.track import Track
 from ..bags.cameras import CAMERA_INFO, COMPRESSED, IMAGE
 from ..bags.odometry import ODOMETRY
 from .rosbag import ENCODER, Topics

@@ -17,7 +17,7 @@ from ...core.factors import Truth
 from ...core.se2 import Array
 from ...frontend.camera.quaternions import quaternion
 from ...frontend.depth.recording import DepthFrame, DepthRecording
-from ...frontend.wheels.motion import Track
+from ...frontend.wheels.track import Track
 from ..depth.folder import MM, TRUTH, TUM_UNITS
 from ..depth.robot import DepthTopics, write_depth_robot
 from ..robot_files import ROBOT

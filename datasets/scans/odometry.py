@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import InputError
 from ...core.se2 import Array, between, compose
-from ...frontend.wheels.motion import Poses
+from ...frontend.wheels.track import Poses
 from ..bags.bag import Bag, Topic
 from ..bags.odometry import ODOMETRY, Odometry, find_odometry
 from ..bags.topics import found as topics

@@ -18,7 +18,7 @@ from ...frontend.markers.markers import Markers, find
 from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
 from ...frontend.markers.pipeline import Recording, build_log
 from ...frontend.wheels.encoder import Encoder
-from ...frontend.wheels.motion import Ticks, Wheels
+from ...frontend.wheels.ticks import Ticks, Wheels
 from ..hidden_ids import HiddenIds
 from ..on_map import OnMap
 from ..registry import Source

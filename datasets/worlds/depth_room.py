@@ -15,7 +15,7 @@ from ...core.se2 import Array, between, compose
 from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
-from ...frontend.wheels.motion import Track, TrackNoise
+from ...frontend.wheels.track import Track, TrackNoise
 from ..hidden_ids import HiddenIds
 from ..registry import Source
 from ..rendering.cameras import CAMERAS

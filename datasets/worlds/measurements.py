@@ -10,7 +10,7 @@ from ...core.se2 import Array, Ints, between, wrap
 from ...core.small_matrices import cholesky, product
 from ...core.truth_errors import sighted_from
 from ...frontend.wheels.encoder import Encoder, Floors, roll
-from ...frontend.wheels.motion import Ticks, readings
+from ...frontend.wheels.ticks import Ticks, readings
 
 START_SD = 1e-3  # m and rad, of the prior; the initial estimate has such an error
 

@@ -8,7 +8,7 @@ from ...core.elementary import arctan2, exp, sincos
 from ...core.se2 import Array, wrap
 from ...core.small_matrices import product
 from ...frontend.wheels.encoder import Encoder
-from ...frontend.wheels.motion import Ticks
+from ...frontend.wheels.ticks import Ticks
 
 RISE = 1.0  # s, time constant of the robot's acceleration
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.se2 import Array
-from .motion import Ticks
+from .ticks import Ticks
 
 
 def joined(times: tuple[Array, Array], counts: tuple[Array, Array], source: str) -> Ticks:

@@ -13,7 +13,7 @@ from ...core.errors import InputError
 from ...core.se2 import Array, Ints, summed
 from .encoder import roll
 from .holes import Holes, find_holes
-from .motion import Track, TrackNoise
+from .track import Track, TrackNoise
 from .units import fast_turns
 
 FOLLOWED = TrackNoise(forward=0.1, turning=0.2, turning_by_turn=0.3)

@@ -14,7 +14,7 @@ from slamduel.frontend.markers.aruco import Detector, Image, Rejections, Sightin
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import ProportionalNoise
 from slamduel.frontend.markers.pipeline import Frame, Recording
-from slamduel.frontend.wheels.motion import Track, TrackNoise
+from slamduel.frontend.wheels.track import Track, TrackNoise
 
 MOUNTING = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0.3], [0, 0, 0, 1]])  # at the robot's origin, level
 CAMERA = Camera(320, 240, (300.0, 300.0), (159.5, 119.5), (), MOUNTING)

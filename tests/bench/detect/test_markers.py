@@ -29,7 +29,7 @@ from slamduel.frontend.markers.aruco import Rejections
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from slamduel.frontend.markers.pipeline import Frame, Recording, build_log, see
-from slamduel.frontend.wheels.motion import Track
+from slamduel.frontend.wheels.track import Track
 from small_recording import CAMERA, FLOOR, K, picture, sighting, small_recording
 
 

@@ -14,7 +14,7 @@ from slamduel.datasets.noise.stated import scaled
 from slamduel.datasets.recordings.robot import USUAL
 from slamduel.datasets.worlds.wheeled_robot import count
 from slamduel.frontend.wheels.encoder import Encoder, Floors
-from slamduel.frontend.wheels.motion import Wheels
+from slamduel.frontend.wheels.ticks import Wheels
 
 
 def straight(errors: Array, stated: Array) -> Dataset:

@@ -21,7 +21,7 @@ from slamduel.datasets.recordings.recording import Options, make
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import from_rpy, mounting
 from slamduel.frontend.depth.recording import DepthFrame
-from slamduel.frontend.wheels.motion import Track
+from slamduel.frontend.wheels.track import Track
 from tiers import first_quick
 
 IMAGE, DEPTH, INFO = "/camera/rgb/image_raw", "/camera/depth/image_raw", "/camera/rgb/camera_info"

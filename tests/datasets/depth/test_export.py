@@ -15,7 +15,7 @@ from slamduel.datasets.worlds.depth_room import Drive, record, shots_of
 from slamduel.frontend.depth.log import build_log
 from slamduel.frontend.depth.recording import DepthFrame, DepthRecording
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.wheels.motion import Track
+from slamduel.frontend.wheels.track import Track
 from tiers import first_quick
 
 Driven = tuple[DepthRecording, Truth, Array]

@@ -24,7 +24,8 @@ from slamduel.datasets.recordings.write_bag import Kind
 from slamduel.datasets.worlds.aruco_room import Options, record
 from slamduel.frontend.camera.camera import Model
 from slamduel.frontend.markers.pipeline import Frame, Recording, build_log
-from slamduel.frontend.wheels.motion import Drift, Poses, Track, TrackNoise
+from slamduel.frontend.wheels.motion import Drift
+from slamduel.frontend.wheels.track import Poses, Track, TrackNoise
 from tiers import first_quick
 
 Drive = tuple[Recording, Truth]

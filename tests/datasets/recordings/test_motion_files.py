@@ -16,7 +16,7 @@ from slamduel.datasets.recordings.recording import build, open_recording
 from slamduel.datasets.recordings.robot import read_robot
 from slamduel.datasets.recordings.rosbag import Topics, read
 from slamduel.frontend.wheels.commands import Commanded, Speeds
-from slamduel.frontend.wheels.motion import Ticks
+from slamduel.frontend.wheels.ticks import Ticks
 
 MARKERS = '[markers]\ndictionary = "4X4_50"\nside = 0.1\n'
 CAMERA = '[camera]\ncalibration = "calibration.yaml"\n'

@@ -28,7 +28,8 @@ from slamduel.frontend.markers.aruco import Image
 from slamduel.frontend.markers.markers import Markers, find
 from slamduel.frontend.markers.pipeline import Frame
 from slamduel.frontend.wheels.encoder import Encoder
-from slamduel.frontend.wheels.motion import Drift, Ticks, readings
+from slamduel.frontend.wheels.motion import Drift
+from slamduel.frontend.wheels.ticks import Ticks, readings
 from tiers import first_quick
 
 CAMERA = Camera(160, 120, (150.0, 150.0), (79.5, 59.5), (), mounting(0, 0, 0.3, 0))

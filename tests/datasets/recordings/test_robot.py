@@ -20,7 +20,8 @@ from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from slamduel.frontend.wheels.commands import Commands
 from slamduel.frontend.wheels.encoder import Encoder, Floors
-from slamduel.frontend.wheels.motion import Drift, TrackNoise
+from slamduel.frontend.wheels.motion import Drift
+from slamduel.frontend.wheels.track import TrackNoise
 
 CALIBRATION = """%YAML:1.0
 ---

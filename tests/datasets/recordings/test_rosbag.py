@@ -19,7 +19,8 @@ from slamduel.datasets.bags import images
 from slamduel.datasets.recordings.rosbag import Topics, read
 from slamduel.datasets.recordings.streams import Streams
 from slamduel.frontend.camera.camera import Camera
-from slamduel.frontend.wheels.motion import Poses, Ticks
+from slamduel.frontend.wheels.ticks import Ticks
+from slamduel.frontend.wheels.track import Poses
 from tiers import first_quick
 
 MS = 10**6

@@ -20,7 +20,7 @@ from slamduel.datasets.scans.odometry import interpolated
 from slamduel.datasets.scans.open import OpenedScans, ScanTopics, build, open_scans
 from slamduel.frontend.camera.quaternions import matrix
 from slamduel.frontend.laser.recording import LaserRecording
-from slamduel.frontend.wheels.motion import Poses
+from slamduel.frontend.wheels.track import Poses
 from tiers import first_quick
 
 Streams = Sequence[bags.Said]

@@ -16,7 +16,7 @@ from slamduel.datasets.bags.bag import Bag
 from slamduel.datasets.recordings.rosbag import Topics, read
 from slamduel.datasets.scans.open import OpenedScans, open_scans
 from slamduel.frontend.laser.recording import LaserRecording
-from slamduel.frontend.wheels.motion import Ticks
+from slamduel.frontend.wheels.ticks import Ticks
 from tiers import first_quick
 
 SUFFIXES = {"ros1": ".bag", "mcap": ".mcap", "ros2": ".db3"}

@@ -20,7 +20,7 @@ from slamduel.datasets.worlds.wheeled_robot import count, drive, slipped
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from slamduel.frontend.markers.noise_fit import squares
 from slamduel.frontend.wheels.counters import unwrap
-from slamduel.frontend.wheels.motion import readings
+from slamduel.frontend.wheels.ticks import readings
 from tiers import first_quick
 
 SHORT = Options(seconds=2.0)

@@ -19,7 +19,7 @@ from slamduel.datasets.worlds import depth_room
 from slamduel.datasets.worlds.depth_room import START_SD, WHEELS, Drive, integrated, known, record
 from slamduel.datasets.worlds.mover import ASIDE
 from slamduel.frontend.depth.recording import DepthFrame
-from slamduel.frontend.wheels.motion import Track
+from slamduel.frontend.wheels.track import Track
 from tiers import first_quick
 
 

@@ -11,7 +11,7 @@ from slamduel.datasets.truth import with_truth
 from slamduel.datasets.worlds.depth_room import Drive, record
 from slamduel.frontend.depth.log import build_log
 from slamduel.frontend.depth.settings import Settings
-from slamduel.frontend.wheels.motion import Track
+from slamduel.frontend.wheels.track import Track
 
 LANDMARKS = Settings()
 SIGHT = Settings(landmarks=False, loops=True, odometry="visual")

@@ -22,7 +22,8 @@ from slamduel.frontend.markers.markers import Markers, find
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from slamduel.frontend.markers.pipeline import JOINED, Frame, Recording, build_log, camera_motion, see
 from slamduel.frontend.wheels.encoder import Encoder
-from slamduel.frontend.wheels.motion import Drift, Ticks, Wheels, readings
+from slamduel.frontend.wheels.motion import Drift
+from slamduel.frontend.wheels.ticks import Ticks, Wheels, readings
 
 CAMERA = Camera(160, 120, (150.0, 150.0), (79.5, 59.5), (), mounting(0, 0, 0.3, 0))
 ENCODER = Encoder(1e-3, 1e-3, 0.3, 0.02, "distance")

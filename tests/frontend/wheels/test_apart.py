@@ -10,7 +10,7 @@ from refusals import refused
 from slamduel.core.se2 import Array
 from slamduel.frontend.wheels.apart import joined
 from slamduel.frontend.wheels.encoder import Encoder
-from slamduel.frontend.wheels.motion import Ticks, Wheels
+from slamduel.frontend.wheels.ticks import Ticks, Wheels
 
 DISTANCE = Encoder(1e-3, 1.1e-3, 0.3, 0.02, "distance")
 ENCODERS = [DISTANCE, replace(DISTANCE, noise="proportional"), replace(DISTANCE, noise="proportional", interval=0.05)]

@@ -7,7 +7,8 @@ from refusals import refused
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.frontend.wheels.encoder import Encoder
 from slamduel.frontend.wheels.holes import LEAST, outside
-from slamduel.frontend.wheels.motion import Ticks, Track, TrackNoise, Wheels
+from slamduel.frontend.wheels.ticks import Ticks, Wheels
+from slamduel.frontend.wheels.track import Track, TrackNoise
 
 T: Array = np.round(np.arange(0.0, 60.0, 0.1), 6)
 

@@ -11,7 +11,9 @@ from refusals import refusal, refused
 from slamduel.core.se2 import Array, between, compose
 from slamduel.frontend.wheels.counters import MAX_SPEED, check_counts, unwrap
 from slamduel.frontend.wheels.encoder import Encoder, Floors
-from slamduel.frontend.wheels.motion import Drift, Motion, Ticks, Track, TrackNoise, Wheels
+from slamduel.frontend.wheels.motion import Drift, Motion
+from slamduel.frontend.wheels.ticks import Ticks, Wheels
+from slamduel.frontend.wheels.track import Track, TrackNoise
 
 ENCODER = Encoder(1e-3, 1e-3, 0.3, 0.02, "distance", curve="arc")
 T: Array = np.arange(121.0) / 20

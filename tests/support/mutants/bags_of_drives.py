@@ -24,7 +24,7 @@ from slamduel.frontend.markers.aruco import Detector, Image, Rejections, Sightin
 from slamduel.frontend.markers.markers import Markers
 from slamduel.frontend.markers.noise import ProportionalNoise
 from slamduel.frontend.wheels.encoder import Floors
-from slamduel.frontend.wheels.motion import TrackNoise
+from slamduel.frontend.wheels.track import TrackNoise
 from small_recording import MOUNTING, SIDE, sighting
 
 from .drive import Tables, drive
