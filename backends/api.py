@@ -23,19 +23,22 @@ same rules as the backends that come with slamduel.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from ..core.errors import SlamduelError
-from ..core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
+from ..core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Systematic, Truth
+from ..core.fixes import Fixes
 from ..core.options import NoOptions, option
+from ..core.partial import BEARING, RANGE, Partial
 from ..core.se2 import Array, Ints, act, act_jacobians, between, compose, compose_jacobians, wrap
 
 __all__ = [
-    "COMPILED_HERE", "GTSAM_WHEEL", "UNKNOWN", "Array", "Associates", "Backend", "Belief", "Builder", "Diverged",
-    "Expected", "Expects", "Ints", "Map",
-    "NoOptions", "Odometry", "Pose", "Prior", "RangeBearing", "RelativePoses", "Solution", "Step", "TakenOut",
+    "BEARING", "COMPILED_HERE", "GTSAM_WHEEL", "RANGE", "UNKNOWN", "Array", "Associates", "Backend", "Belief",
+    "Builder", "Diverged", "Expected", "Expects", "Fixes", "Ints", "Map",
+    "NoOptions", "Odometry", "Partial", "Pose", "Prior", "RangeBearing", "RelativePoses", "Solution", "Step",
+    "Systematic", "TakenOut",
     "TakesOut", "Truth", "TruthWanted", "Unsuited", "WantsTruth", "act", "act_jacobians", "between", "compose",
     "compose_jacobians", "option", "wrap",
 ]  # fmt: skip
@@ -198,6 +201,21 @@ class Builder:
     sightings: bool = True
     """It uses sightings."""
 
+    partial: bool = False
+    """It uses sightings that tell a range or a bearing alone, and `prior.partial` says if there are some.
+
+    Without, logs that have some are skipped, unless `leaves_out` names them.
+    """
+
+    fixes: bool = False
+    """It uses fixes: positions, headings and poses measured in the world; `prior.fixes` says if there are some.
+
+    Without, logs that have some are skipped, unless `leaves_out` names them.
+    """
+
+    leaves_out: tuple[Literal["partial", "fixes"], ...] = ()
+    """Kinds of factors that it runs without, which are counted: it would make nothing of them."""
+
     associates: bool | Callable[[Any], bool] = False
     """It does data association for sightings with id UNKNOWN, always or with some options.
 
@@ -252,6 +270,10 @@ class Builder:
     def leaves_out_loops(self) -> bool:
         """True if it runs without a log's loop closures: it could not close a loop by sightings either."""
         return not self.loops and (self.forgets or not self.sightings)
+
+    def without(self, kind: Literal["partial", "fixes"]) -> bool:
+        """True if it runs without such factors; one that uses no sightings does."""
+        return not getattr(self, kind) and (kind in self.leaves_out or not self.sightings)
 
     @property
     def can_associate(self) -> bool:

@@ -3,20 +3,24 @@
 Columns are named as in a log's CSV files, so that a reader only adds the file and the line.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from .arrays import ROUNDING
 from .errors import InputError
-from .factors import ROUNDING, STARTS, UNKNOWN, Log, Map, Prior, Truth
-from .relations import Relations, as_rows
+from .factors import STARTS, UNKNOWN, Log, Map, Prior
+from .fixes import FixTable
+from .partial import BEARING, RANGE, PartialTable
 from .se2 import Array
 from .table import LARGEST, MOST
 
 ODOMETRY = ("t", "dx", "dy", "dtheta", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt")
 SIGHTINGS = ("step", "id", "range", "bearing", "crr", "crb", "cbb")
 LOOPS = ("step", "to", *ODOMETRY[1:])
+PARTIAL = {RANGE: ("step", "id", "range", "crr"), BEARING: ("step", "id", "bearing", "cbb")}
+FIXES = ("step", "x", "y", "heading", *ODOMETRY[4:], "arm_x", "arm_y")
 
 _LEAST_PIVOT = 1e-12
 """A Cholesky pivot below this share of its diagonal entry leaves an update without significant digits."""
@@ -24,14 +28,14 @@ _LEAST_PIVOT = 1e-12
 _HALF_TURN = np.pi + 1e-12
 """rad, with room for rounding of sums of angles. Angles beyond were not wrapped, or are in degrees."""
 
-Table = Literal["prior", "odometry", "sightings", "loops"]
+Table = Literal["prior", "odometry", "sightings", "loops", "ranges", "bearings", "fixes"]
 
 
 class Problem(NamedTuple):
     """A reason why a log cannot be used."""
 
     table: Table
-    row: int  # of the table: the step in odometry, the landmark in a prior's map
+    row: int  # of the table: the step in odometry, the landmark in a prior's map; of all partial sightings
     message: str  # what was found and what was expected, without a full stop
 
 
@@ -39,12 +43,6 @@ def check(log: Log, where: str) -> None:
     """Raises InputError with the first of the log's problems, if any; `where` names the log."""
     for table, row, message in problems(log):
         raise InputError(f"{where}: {table} row {row}: {message}.")
-
-
-def check_truth(log: Log, truth: Truth, where: str) -> None:
-    """Raises InputError with the first reason why `truth` does not fit `log`, itself checked; `where` as in `check`."""
-    for message in _truth_problems(log, truth):
-        raise InputError(f"{where}: truth: {message}.")
 
 
 def problems(log: Log) -> Iterator[Problem]:
@@ -57,6 +55,10 @@ def problems(log: Log) -> Iterator[Problem]:
     yield from _odometry(log)
     yield from _sightings(log)
     yield from _loops(log)
+    if log.partial is not None:
+        yield from _partial(log.partial)
+    if log.fixes is not None:
+        yield from _fixes(log.fixes)
 
 
 def _shapes(log: Log) -> Iterator[Problem]:
@@ -69,13 +71,25 @@ def _shapes(log: Log) -> Iterator[Problem]:
         "loops": {"loop_delta": (m, 3), "loop_cov": (m, 3, 3)},
     }
     for table, columns in wanted.items():
-        for name, shape in columns.items():
-            if (found := getattr(log, name).shape) != shape:
-                yield Problem(table, 0, f"{name} has shape {found}, expected {shape}")
-    tables: tuple[tuple[Table, Any, int], ...] = (("sightings", log.sighting_first, s), ("loops", log.loop_first, m))
+        yield from _columns(table, vars(log), columns)
+    tables: list[tuple[Table, Any, int]] = [("sightings", log.sighting_first, s), ("loops", log.loop_first, m)]
+    if log.partial is not None:
+        p = len(log.partial)
+        yield from _columns("ranges", vars(log.partial), {"ids": (p,), "kind": (p,), "z": (p,), "var": (p,)})
+        tables.append(("ranges", log.partial.first, p))
+    if log.fixes is not None:
+        f = len(log.fixes)
+        yield from _columns("fixes", vars(log.fixes), {"z": (f, 3), "cov": (f, 3, 3), "arm": (f, 2)})
+        tables.append(("fixes", log.fixes.first, f))
     for table, first, rows in tables:
         if n and (first[0] != 0 or first[-1] != rows):
             yield Problem(table, 0, f"a row belongs to a step that does not exist, expected 0 to {n - 1}")
+
+
+def _columns(table: Table, found: Mapping[str, Any], wanted: Mapping[str, tuple[int, ...]]) -> Iterator[Problem]:
+    for name, shape in wanted.items():
+        if found[name].shape != shape:
+            yield Problem(table, 0, f"{name} has shape {found[name].shape}, expected {shape}")
 
 
 def _prior(prior: Prior) -> Iterator[Problem]:
@@ -86,15 +100,19 @@ def _prior(prior: Prior) -> Iterator[Problem]:
     yield from _finite("prior", ("x", "y", "heading"), prior.pose[None])
     yield from _angle("prior", "heading", prior.pose[2:])
     yield from _covariance("prior", prior.cov[None])
+    for name, sd in zip(("range_scale", "range_offset", "heading_offset"), prior.systematic, strict=False):
+        if not 0 <= sd <= LARGEST:
+            yield Problem("prior", 0, f"systematic {name} is {sd!s}, expected a standard deviation, 0 for none")
     if prior.start not in STARTS:
         yield Problem("prior", 0, f"start is {prior.start!r}, expected 'known' or 'unknown'")
     if prior.start == "unknown" and prior.map is None:
         yield Problem("prior", 0, "start is unknown without a map, expected a map to find it on")
     if prior.map is not None:
-        yield from _known(prior.map)
+        yield from map_problems(prior.map)
 
 
-def _known(known: Map) -> Iterator[Problem]:
+def map_problems(known: Map) -> Iterator[Problem]:
+    """Yields why a map cannot be used."""
     n = len(known.ids)
     if known.xy.shape != (n, 2) or (known.cov is not None and known.cov.shape != (2 * n, 2 * n)):
         yield Problem("prior", 0, f"the map's arrays do not fit its {n} ids, expected xy (n, 2) and cov (2n, 2n)")
@@ -143,85 +161,49 @@ def _loops(log: Log) -> Iterator[Problem]:
     yield from _covariance("loops", log.loop_cov)
 
 
-def _truth_problems(log: Log, truth: Truth) -> Iterator[str]:
-    if not isinstance(truth, Truth):  # pyright: ignore[reportUnnecessaryIsInstance] - it comes from a user
-        yield f"found {type(truth).__name__}, expected a Truth"
-        return
-    if truth.kind not in ("truth", "reference", "relations"):
-        yield f"kind is {truth.kind!r}, expected 'truth', 'reference' or 'relations'"
-    if truth.places not in ("truth", "reference"):
-        yield f"places is {truth.places!r}, expected 'truth' or 'reference'"
-    if (truth.kind == "relations") != (truth.relations is not None):
-        yield f"kind is {truth.kind!r}, expected 'relations' with relations, and only then"
-    elif truth.relations is not None:
-        yield from relation_problems(log, truth.relations)
-    misshapen = list(_truth_shapes(log, truth))
-    yield from misshapen
-    if not misshapen:
-        yield from _truth_rows(log, truth)
+def _partial(found: PartialTable) -> Iterator[Problem]:
+    for row in np.flatnonzero((found.kind != RANGE) & (found.kind != BEARING)):
+        expected = f"expected {RANGE} for a range, or {BEARING} for a bearing"
+        yield Problem("ranges", int(row), f"kind is {found.kind[row]}, {expected}")
+    tables: tuple[tuple[Table, int], ...] = (("ranges", RANGE), ("bearings", BEARING))
+    for table, kind in tables:
+        rows, (_, _, name, variance) = np.flatnonzero(found.kind == kind), PARTIAL[kind]
+        z, var, ids = found.z[rows], found.var[rows], found.ids[rows]
+        for i in np.flatnonzero(~np.isfinite(z)):
+            yield Problem(table, int(rows[i]), f"{name} is {z[i]!s}, expected a finite number")
+        for i in np.flatnonzero((ids < UNKNOWN) | (ids > MOST)):
+            yield Problem(table, int(rows[i]), f"id is {ids[i]}, expected 0 to {MOST}, or {UNKNOWN} for unknown")
+        odd = z <= 0 if kind == RANGE else np.abs(z) > _HALF_TURN
+        wanted = "more than 0" if kind == RANGE else "radians from -pi to pi"
+        for i in np.flatnonzero(odd):
+            yield Problem(table, int(rows[i]), f"{name} is {z[i]!s}, expected {wanted}")
+        for i in np.flatnonzero(~(np.isfinite(var) & (var > 0))):
+            yield Problem(table, int(rows[i]), f"{variance} is {var[i]!s}, expected a variance, more than 0")
+        step = found.step[rows]
+        order = np.lexsort((ids, step))
+        twin = (np.diff(step[order]) == 0) & (np.diff(ids[order]) == 0) & (ids[order[1:]] != UNKNOWN)
+        for i in np.sort(order[1:][twin]):
+            message = f"the {name} of id {ids[i]} occurs twice in step {step[i]}, expected once"
+            yield Problem(table, int(rows[i]), message)
 
 
-def relation_problems(log: Log, relations: Relations) -> Iterator[str]:
-    """Yields why relations are not of a log's steps."""
-    rows = as_rows(relations)
-    for row in np.flatnonzero(~np.isfinite(rows).all(axis=1)):
-        yield f"relations row {row}: found {rows[row].tolist()}, expected finite numbers"
-    for ends in (relations.first, relations.second):
-        for row in np.flatnonzero((ends.step < 0) | (ends.step >= len(log))):
-            yield f"relations row {row}: found step {ends.step[row]}, expected 0 to {len(log) - 1}"
-
-
-def _truth_shapes(log: Log, truth: Truth) -> Iterator[str]:
-    m = np.size(truth.t)
-    columns: list[tuple[str, Any, tuple[int, ...], str]] = [
-        ("t", truth.t, (m,), "iuf"),
-        ("poses", truth.poses, (m, 3), "iuf"),
-    ]
-    if truth.assigned is not None:
-        columns.append(("assigned", truth.assigned, (len(log.ids),), "iu"))
-    if truth.map is not None:
-        n = np.size(truth.map.ids)
-        columns += [("map.ids", truth.map.ids, (n,), "iu"), ("map.xy", truth.map.xy, (n, 2), "iuf")]
-    if truth.moving is not None:
-        columns.append(("moving", truth.moving, (np.size(truth.moving),), "iu"))
-    if truth.false_loops is not None:
-        columns.append(("false_loops", truth.false_loops, (np.size(truth.false_loops),), "iu"))
-    for name, column, shape, kinds in columns:
-        if not isinstance(column, np.ndarray):
-            yield f"{name} is {type(column).__name__}, expected an array"
-        elif column.shape != shape:
-            yield f"{name} has shape {column.shape}, expected {shape}"
-        elif column.dtype.kind not in kinds:
-            expected = "numbers" if "f" in kinds else "whole numbers"
-            yield f"{name} has entries of type {column.dtype}, expected {expected}"
-
-
-def _truth_rows(log: Log, truth: Truth) -> Iterator[str]:
-    t = truth.t
-    for row in np.flatnonzero(~np.isin(t, log.t)):
-        yield f"row {row}: t is {t[row]!s}, expected only times of the log's steps"
-    for row in np.flatnonzero(t[1:] <= t[:-1]) + 1:
-        yield f"row {row}: t is {t[row]!s}, expected later than {t[row - 1]!s}"
-    for row in np.flatnonzero(~np.isfinite(truth.poses).all(axis=1)):
-        yield f"row {row}: the pose is {truth.poses[row].tolist()}, expected finite numbers"
-    for row in np.flatnonzero((np.abs(truth.poses[:, :2]) > LARGEST).any(axis=1)):
-        yield f"row {row}: the pose is {truth.poses[row].tolist()}, expected metres, at most {LARGEST:g}"
-    if truth.map is not None:
-        for problem in _known(truth.map._replace(cov=None)):
-            yield f"map row {problem.row}: {problem.message}"
-    if truth.moving is not None:
-        known = np.zeros(0, np.int64) if truth.map is None else truth.map.ids
-        for row in np.flatnonzero(~np.isin(truth.moving, known)):
-            yield f"moving row {row}: found {truth.moving[row]}, expected the id of a landmark of the map"
-    if truth.false_loops is not None:
-        false, last = truth.false_loops, len(log.loop_to) - 1
-        for row in np.flatnonzero((false < 0) | (false > last)):
-            yield f"false_loops row {row}: found {false[row]}, expected the row of a loop closure, 0 to {last}"
-        for row in np.flatnonzero(false[1:] <= false[:-1]) + 1:
-            yield f"false_loops row {row}: found {false[row]}, expected more than {false[row - 1]}"
-    if truth.assigned is not None:
-        for row in np.flatnonzero((truth.assigned < UNKNOWN) | (truth.assigned > MOST)):
-            yield f"assigned row {row}: found {truth.assigned[row]}, expected 0 to {MOST}, or {UNKNOWN} for unknown"
+def _fixes(found: FixTable) -> Iterator[Problem]:
+    measured = ~np.isnan(found.z)
+    for row in np.flatnonzero(~measured.any(axis=1)):
+        yield Problem("fixes", int(row), "x, y and heading are all missing, expected at least one of them")
+    for row, column in np.argwhere(np.isinf(found.z)):
+        yield Problem("fixes", int(row), f"{FIXES[1 + column]} is {found.z[row, column]!s}, expected a finite number")
+    for row in np.flatnonzero((np.abs(found.z[:, :2]) > LARGEST).any(axis=1)):
+        message = f"the position is {found.z[row, :2].tolist()}, expected metres, at most {LARGEST:g}"
+        yield Problem("fixes", int(row), message)
+    yield from _angle("fixes", "heading", found.z[:, 2])
+    yield from _finite("fixes", FIXES[-2:], found.arm)
+    wanted = measured[:, :, None] & measured[:, None, :]
+    for row in np.flatnonzero((np.isnan(found.cov) == wanted).any(axis=(1, 2))):
+        names = ", ".join(name for name, has in zip(FIXES[1:4], measured[row], strict=True) if has)
+        yield Problem("fixes", int(row), f"the covariance does not fit, expected that of {names} and nothing else")
+    filled = np.where(wanted, found.cov, np.eye(3))
+    yield from _covariance("fixes", np.where(np.isnan(found.cov) & wanted, 0.0, filled))
 
 
 def _finite(table: Table, names: Sequence[str], columns: Array, first: int = 0) -> Iterator[Problem]:

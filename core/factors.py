@@ -14,14 +14,14 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from .arrays import even, frozen, frozen_ids, numbers, seconds, sorted_ids, whole
 from .beside import Clouds, Scans, head_of
 from .errors import InputError
+from .fixes import NO_FIXES, Fixes, FixTable
 from .mounting import Mounting, mounted
+from .partial import NO_PARTIAL, Partial, PartialTable
 from .relations import Relations
 from .se2 import Array, Ints, summed
-
-ROUNDING = 1e-9
-"""Largest relative asymmetry of a covariance that counts as rounding."""
 
 REMARKS = "remarks"
 """The key of what a log's reader found odd, among the log's notes: a list of sentences without their full stops."""
@@ -31,6 +31,9 @@ UNKNOWN = -1
 
 Start = Literal["known", "unknown"]
 STARTS: tuple[Start, ...] = get_args(Start)
+
+TABLES: dict[str, type[PartialTable | FixTable]] = {"partial": PartialTable, "fixes": FixTable}
+"""Columns that most logs have not, by their field of `Log`."""
 
 
 class Odometry(NamedTuple):
@@ -63,6 +66,8 @@ class Step(NamedTuple):
     odometry: Odometry | None
     sightings: RangeBearing
     loops: RelativePoses
+    partial: Partial = NO_PARTIAL
+    fixes: Fixes = NO_FIXES
 
 
 class Map(NamedTuple):
@@ -73,11 +78,24 @@ class Map(NamedTuple):
     cov: Array | None  # (2n, 2n) joint, of x0, y0, x1, y1, ...; None: unknown
 
 
+class Systematic(NamedTuple):
+    """Beliefs about a sensor's constant errors: standard deviations around none, 0 where there is none.
+
+    A partial sighting's range is (1 + scale) d + offset at a distance d; a fix's heading is heading + offset.
+    """
+
+    range_scale: float = 0.0
+    range_offset: float = 0.0  # m
+    heading_offset: float = 0.0  # rad
+    each: bool = False  # every landmark has a scale and an offset of its own
+
+
 class Prior(NamedTuple):
     """The belief at step 0. With a map the task is localisation; a map without covariance is held fixed.
 
-    An unknown start says that the robot may be anywhere on the map: pose and cov are then placeholders. `loops` is set
-    by the log: a filter has to keep earlier poses where loop closures may come back to them, and there alone.
+    An unknown start says that the robot may be anywhere on the map: pose and cov are then placeholders. `loops`,
+    `partial` and `fixes` are set by the log: a filter has to keep earlier poses where loop closures may come back to
+    them, or until a landmark is placed, and there alone.
     """
 
     pose: Array  # (3,)
@@ -85,6 +103,9 @@ class Prior(NamedTuple):
     map: Map | None = None
     start: Start = "known"
     loops: bool = False  # the log has loop closures
+    systematic: Systematic = Systematic()
+    partial: bool = False  # it has partial sightings
+    fixes: bool = False  # it has fixes
 
 
 class Truth(NamedTuple):
@@ -141,9 +162,17 @@ class Log:
     notes: Mapping[str, Any] = field(default_factory=dict[str, Any])  # sensor settings, source, licence, counts
     scans: Scans | None = None  # of a laser scanner, for maps and pictures alone: no part of the digest
     clouds: Clouds | None = None  # of a depth camera, likewise
+    partial: PartialTable | None = None  # None where there are none
+    fixes: FixTable | None = None  # likewise
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "prior", self.prior._replace(loops=len(self.loop_to) > 0))
+        for name in TABLES:
+            table = getattr(self, name)
+            object.__setattr__(self, name, table if table is not None and len(table) else None)
+        prior = self.prior._replace(
+            loops=len(self.loop_to) > 0, partial=self.partial is not None, fixes=self.fixes is not None
+        )
+        object.__setattr__(self, "prior", prior)
 
     @classmethod
     def from_arrays(
@@ -162,6 +191,8 @@ class Log:
         loop_to: Ints | None = None,
         loop_delta: Array | None = None,
         loop_cov: Array | None = None,
+        partial: PartialTable | None = None,
+        fixes: FixTable | None = None,
         sensor: Mounting | None = None,
         notes: Mapping[str, Any] | None = None,
     ) -> "Log":
@@ -174,25 +205,27 @@ class Log:
         """
         if not isinstance(prior, Prior):  # pyright: ignore[reportUnnecessaryIsInstance] - no notebook checks types
             raise InputError(f"prior: found {type(prior).__name__}, expected Prior(pose, cov).")
-        time = _seconds("t", t)
+        time = seconds("t", t)
         steps, none = np.arange(len(time) + 1), np.zeros(0, np.int64)
         log = cls(
             name=name,
             prior=_frozen_prior(prior),
-            t=_frozen(time),
-            delta=_frozen(_without_first(_numbers("delta", delta))),
-            delta_cov=_frozen(_without_first(_even(_numbers("delta_cov", delta_cov)))),
-            sighting_first=_frozen_ids(np.searchsorted(_sorted("sighting_step", sighting_step), steps)),
-            ids=_frozen_ids(_whole("ids", ids)),
-            z=_frozen(_numbers("z", z)),
-            z_cov=_frozen(_even(_numbers("z_cov", z_cov))),
-            loop_first=_frozen_ids(
-                np.searchsorted(_sorted("loop_step", none if loop_step is None else loop_step), steps)
+            t=frozen(time),
+            delta=frozen(_without_first(numbers("delta", delta))),
+            delta_cov=frozen(_without_first(even(numbers("delta_cov", delta_cov)))),
+            sighting_first=frozen_ids(np.searchsorted(sorted_ids("sighting_step", sighting_step), steps)),
+            ids=frozen_ids(whole("ids", ids)),
+            z=frozen(numbers("z", z)),
+            z_cov=frozen(even(numbers("z_cov", z_cov))),
+            loop_first=frozen_ids(
+                np.searchsorted(sorted_ids("loop_step", none if loop_step is None else loop_step), steps)
             ),
-            loop_to=_frozen_ids(_whole("loop_to", none if loop_to is None else loop_to)),
-            loop_delta=_frozen(np.zeros((0, 3)) if loop_delta is None else _numbers("loop_delta", loop_delta)),
-            loop_cov=_frozen(np.zeros((0, 3, 3)) if loop_cov is None else _even(_numbers("loop_cov", loop_cov))),
+            loop_to=frozen_ids(whole("loop_to", none if loop_to is None else loop_to)),
+            loop_delta=frozen(np.zeros((0, 3)) if loop_delta is None else numbers("loop_delta", loop_delta)),
+            loop_cov=frozen(np.zeros((0, 3, 3)) if loop_cov is None else even(numbers("loop_cov", loop_cov))),
             notes=dict(notes or {}),
+            partial=partial,
+            fixes=fixes,
         )
         return log if sensor is None else log.of_sensor(sensor)
 
@@ -218,6 +251,16 @@ class Log:
             loop_to=np.concatenate([s.loops.to for s in steps]),
             loop_delta=np.concatenate([s.loops.delta for s in steps]),
             loop_cov=np.concatenate([s.loops.cov for s in steps]),
+            partial=PartialTable.from_arrays(
+                len(steps),
+                np.repeat(index, [len(s.partial.ids) for s in steps]),
+                *(np.concatenate(column) for column in zip(*(s.partial for s in steps), strict=True)),
+            ),
+            fixes=FixTable.from_arrays(
+                len(steps),
+                np.repeat(index, [len(s.fixes.z) for s in steps]),
+                *(np.concatenate(column) for column in zip(*(s.fixes for s in steps), strict=True)),
+            ),
             notes=notes,
         )
 
@@ -225,9 +268,12 @@ class Log:
         return len(self.t)
 
     def __repr__(self) -> str:
-        known = self.ids[self.ids != UNKNOWN]
-        said = [f"{len(self)} steps", f"{len(self.ids)} sightings of {len(np.unique(known))} landmarks"]
-        said += [f"{len(self.ids) - len(known)} of them unknown"] * (len(known) < len(self.ids))
+        ids = self.ids if self.partial is None else np.concatenate((self.ids, self.partial.ids))
+        known = ids[ids != UNKNOWN]
+        said = [f"{len(self)} steps", f"{len(ids)} sightings of {len(np.unique(known))} landmarks"]
+        said += [f"{len(ids) - len(known)} of them unknown"] * (len(known) < len(ids))
+        said += [] if self.partial is None else [f"{len(self.partial)} of them of a range or a bearing alone"]
+        said += [] if self.fixes is None else [f"{len(self.fixes)} fixes"]
         said += [f"{len(self.loop_to)} loop closures"] * bool(len(self.loop_to))
         return f"<Log {self.name!r}: {', '.join(said)}>"
 
@@ -241,6 +287,8 @@ class Log:
                 Odometry(self.delta[k], self.delta_cov[k]) if k else None,
                 RangeBearing(self.ids[rows], self.z[rows], self.z_cov[rows]),
                 self._loops(loops[k], loops[k + 1]) if loops[k] < loops[k + 1] else no_loops,
+                NO_PARTIAL if self.partial is None else self.partial.at(k),
+                NO_FIXES if self.fixes is None else self.fixes.at(k),
             )
 
     def __getitem__(self, k: int) -> Step:
@@ -252,6 +300,8 @@ class Log:
             None if k == 0 else Odometry(self.delta[k], self.delta_cov[k]),
             RangeBearing(self.ids[seen], self.z[seen], self.z_cov[seen]),
             self._loops(self.loop_first[k], self.loop_first[k + 1]),
+            NO_PARTIAL if self.partial is None else self.partial.at(k),
+            NO_FIXES if self.fixes is None else self.fixes.at(k),
         )
 
     def _loops(self, first: int, end: int) -> RelativePoses:
@@ -285,30 +335,50 @@ class Log:
             "prior.map.cov": None if known is None else known.cov,
         }
         columns |= {} if self.prior.start == "known" else {"prior.start unknown": None}
+        constant = self.prior.systematic
+        columns |= {} if constant == Systematic() else {"prior.systematic": np.array(constant, np.float64)}
         columns |= {name: getattr(self, name) for name in _COLUMNS}
+        for table in (self.partial, self.fixes):
+            columns |= {} if table is None else table.columns
         return digest_of(columns)
 
     def identified(self) -> "Log":
         """The log without its sightings of UNKNOWN landmarks; itself if it has none."""
-        known = self.ids != UNKNOWN
-        if known.all():
+        known, partial = self.ids != UNKNOWN, self.partial
+        if known.all() and (partial is None or (partial.ids != UNKNOWN).all()):
             return self
         return replace(
             self,
-            sighting_first=_frozen_ids(np.searchsorted(self.sighting_step[known], np.arange(len(self) + 1))),
-            ids=_frozen_ids(self.ids[known]),
-            z=_frozen(self.z[known]),
-            z_cov=_frozen(self.z_cov[known]),
+            partial=None if partial is None else partial.rows(partial.ids != UNKNOWN),
+            sighting_first=frozen_ids(np.searchsorted(self.sighting_step[known], np.arange(len(self) + 1))),
+            ids=frozen_ids(self.ids[known]),
+            z=frozen(self.z[known]),
+            z_cov=frozen(self.z_cov[known]),
         )
 
     def of_sensor(self, sensor: Mounting) -> "Log":
-        """The log with its sightings, which are `sensor`'s, as the body's own, from its poses at the log's times."""
+        """The log with its sightings, which are `sensor`'s, as the body's own, from its poses at the log's times.
+
+        InputError where some tell a part alone: these cannot be converted.
+        """
+        if self.partial is not None:
+            raise InputError(
+                "sensor: found sightings of a range or a bearing alone, expected whole ones, or all of the body itself."
+            )
         z, cov = mounted(sensor, self.t, self.delta, self.sighting_step, self.z, self.z_cov)
-        return replace(self, z=_frozen(z), z_cov=_frozen(cov))
+        return replace(self, z=frozen(z), z_cov=frozen(cov))
 
     def dead_reckoned(self) -> Array:
         """(n, 3) the path from the prior's pose along the odometry; covariances are not used."""
         return summed(self.prior.pose, self.delta[1:])
+
+    def without_partial(self) -> "Log":
+        """The log without its partial sightings."""
+        return replace(self, partial=None)
+
+    def without_fixes(self) -> "Log":
+        """The log without its fixes."""
+        return replace(self, fixes=None)
 
     def without_loops(self) -> "Log":
         """The log without its loop closures; itself if it has none."""
@@ -316,10 +386,10 @@ class Log:
             return self
         return replace(
             self,
-            loop_first=_frozen_ids(np.zeros_like(self.loop_first)),
-            loop_to=_frozen_ids(self.loop_to[:0]),
-            loop_delta=_frozen(self.loop_delta[:0]),
-            loop_cov=_frozen(self.loop_cov[:0]),
+            loop_first=frozen_ids(np.zeros_like(self.loop_first)),
+            loop_to=frozen_ids(self.loop_to[:0]),
+            loop_delta=frozen(self.loop_delta[:0]),
+            loop_cov=frozen(self.loop_cov[:0]),
         )
 
     def head(self, steps: int) -> "Log":
@@ -339,6 +409,8 @@ class Log:
             loop_to=self.loop_to[:loops],
             loop_delta=self.loop_delta[:loops],
             loop_cov=self.loop_cov[:loops],
+            partial=None if self.partial is None else self.partial.head(steps),
+            fixes=None if self.fixes is None else self.fixes.head(steps),
             notes=self.notes,
         )
         return replace(log, scans=head_of(self.scans, steps), clouds=head_of(self.clouds, steps))
@@ -372,77 +444,11 @@ _COLUMNS = (
 )
 
 
-def _numbers(name: str, values: Any) -> Array:
-    """Converts `values` to floats; InputError names the argument."""
-    try:
-        found = np.asarray(values)
-        if found.dtype.kind in "cmM":
-            raise TypeError(f"they are of type {found.dtype}")
-        return np.asarray(found, np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: found {type(values).__name__}, expected an array of numbers ({error}).") from None
-
-
-def _seconds(name: str, values: Any) -> Array:
-    """Converts times to s, those of numpy and pandas since 1970; InputError names the argument."""
-    found = np.asarray(values)
-    if found.dtype.kind not in "mM":
-        return _numbers(name, values)
-    since = found - np.datetime64(0, "s") if found.dtype.kind == "M" else found
-    return since / np.timedelta64(1, "s")
-
-
-def _whole(name: str, values: Any) -> Ints:
-    """Converts `values` to integers; InputError names the argument."""
-    numbers = np.asarray(values)
-    if numbers.dtype.kind not in "iu":
-        numbers = _numbers(name, values)
-        odd = np.flatnonzero(~((np.abs(numbers) < 2.0**63) & (numbers == np.rint(numbers))))
-        if len(odd):
-            raise InputError(f"{name}: row {odd[0]} is {numbers.flat[odd[0]]!s}, expected a whole number.")
-    return numbers.astype(np.int64)
-
-
-def _sorted(name: str, values: Any) -> Ints:
-    """Converts `values` to ascending integers; InputError names the argument."""
-    numbers = _whole(name, values)
-    back = np.flatnonzero(np.diff(numbers) < 0)
-    if len(back):
-        row = back[0] + 1
-        raise InputError(f"{name}: row {row} is {numbers[row]} after {numbers[row - 1]}, expected them sorted.")
-    return numbers
-
-
-def _even(cov: Array) -> Array:
-    """Symmetrises `cov` (m, k, k) where the halves differ by rounding alone; others are left for `check`."""
-    if cov.ndim != 3 or cov.shape[1] != cov.shape[2]:
-        return cov
-    other = cov.swapaxes(1, 2)
-    if np.array_equal(cov, other, equal_nan=True):
-        return cov
-    variance = np.einsum("mii->mi", cov)
-    with np.errstate(all="ignore"):
-        scale = np.sqrt(np.abs(variance[:, :, None] * variance[:, None, :]))
-        return np.where(np.abs(cov - other) <= ROUNDING * scale, (cov + other) / 2, cov)
-
-
-def _frozen(values: Array) -> Array:
-    copy = np.array(values, np.float64)
-    copy.flags.writeable = False
-    return copy
-
-
-def _frozen_ids(values: Ints) -> Ints:
-    copy = np.array(values, np.int64)
-    copy.flags.writeable = False
-    return copy
-
-
 def _frozen_prior(prior: Prior) -> Prior:
     known = prior.map
     if known is not None:
-        known = Map(_frozen_ids(known.ids), _frozen(known.xy), None if known.cov is None else _frozen(known.cov))
-    return Prior(_frozen(prior.pose), _frozen(prior.cov), known, prior.start)
+        known = Map(frozen_ids(known.ids), frozen(known.xy), None if known.cov is None else frozen(known.cov))
+    return prior._replace(pose=frozen(prior.pose), cov=frozen(prior.cov), map=known)
 
 
 def _without_first(rows: Array) -> Array:

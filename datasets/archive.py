@@ -15,11 +15,11 @@ import numpy as np
 
 from ..core.beside import KINDS, columns_of, names, restored
 from ..core.errors import InputError
-from ..core.factors import Dataset, Log, Map, Prior, Truth
+from ..core.factors import TABLES, Dataset, Log, Map, Prior, Systematic, Truth
 from ..core.files import write_whole
 from ..core.relations import as_rows, from_rows
 
-_LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes", *KINDS))
+_LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes", *TABLES, *KINDS))
 """The columns."""
 
 Members = Mapping[str, Any]
@@ -37,6 +37,8 @@ def packed(dataset: Dataset) -> bytes:
     log, truth = dataset
     members = {name: getattr(log, name) for name in _LOG}
     members |= {"prior.pose": log.prior.pose, "prior.cov": log.prior.cov} | _map_members("prior.map", log.prior.map)
+    for name in TABLES:
+        members |= {} if (table := getattr(log, name)) is None else table.columns
     if truth is not None:
         members |= {"truth.t": truth.t, "truth.poses": truth.poses} | _map_members("truth.map", truth.map)
         if truth.assigned is not None:
@@ -53,6 +55,7 @@ def packed(dataset: Dataset) -> bytes:
     about = None if truth is None else {"kind": truth.kind, "places": truth.places, "words": truth.words}
     words = {"name": log.name, "notes": dict(log.notes), "truth": about, "members": [*members]}
     words |= {} if log.prior.start == "known" else {"start": log.prior.start}
+    words |= {} if log.prior.systematic == Systematic() else {"systematic": log.prior.systematic}
     members["words"] = np.frombuffer(json.dumps(words).encode(), np.uint8)
     content = BytesIO()
     np.savez(content, allow_pickle=False, **members)
@@ -102,8 +105,19 @@ def _both(members: Members, words: Words) -> Dataset:
 
 def _log(members: Members, words: Words) -> Log:
     given = _map(members, "prior.map")
-    prior = Prior(_frozen(members["prior.pose"]), _frozen(members["prior.cov"]), given, words.get("start", "known"))
-    return Log(words["name"], prior, **{name: _frozen(members[name]) for name in _LOG}, notes=words["notes"])
+    prior = Prior(
+        _frozen(members["prior.pose"]),
+        _frozen(members["prior.cov"]),
+        given,
+        words.get("start", "known"),
+        systematic=Systematic(*words.get("systematic", ())),
+    )
+    tables: dict[str, Any] = {
+        name: kind(*(_frozen(members[f"{name}.{column.name}"]) for column in fields(kind)))
+        for name, kind in TABLES.items()
+        if f"{name}.first" in members
+    }
+    return Log(words["name"], prior, **{name: _frozen(members[name]) for name in _LOG}, notes=words["notes"], **tables)
 
 
 def _truth(members: Members, words: Words) -> Truth | None:

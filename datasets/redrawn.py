@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.factors import UNKNOWN, Dataset, Log, Prior, Truth
+from ..core.factors import UNKNOWN, Dataset, Log, Truth
 from ..core.options import option
 from ..core.se2 import Array, between, wrap
 from ..core.small_matrices import cholesky, product
-from ..core.truth_errors import rows_of, sighted_from
+from ..core.truth.errors import rows_of, sighted_from
 
 DRAWN = "draw=true"  # as on the command line
 DRAWN_NOTE = "noise drawn anew"  # the key of what was drawn, among the log's notes
@@ -59,7 +59,7 @@ def redrawn(dataset: Dataset, rng: np.random.Generator) -> Dataset:
     return dataset._replace(
         log=replace(
             log,
-            prior=Prior(pose, known.cov, known.map, known.start, known.loops),
+            prior=known._replace(pose=pose),
             delta=delta,
             loop_delta=loops,
             z=z,

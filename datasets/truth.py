@@ -18,7 +18,7 @@ from ..core.relations import LONGEST_GAP, Relations, as_rows, from_rows
 from ..core.scan import Scan, attempted, strict
 from ..core.se2 import Array, Ints, compose, inverse, wrap
 from ..core.table import scan_csv
-from ..core.tum import scan_tum, write_tum
+from ..core.truth.tum import scan_tum, write_tum
 from .remarks import remarked
 from .truth_remarks import COVERED
 

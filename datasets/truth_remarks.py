@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.factors import UNKNOWN, Dataset, Log, Map, Truth
 from ..core.se2 import Ints, wrap
-from ..core.truth_doubts import MOVING, Ways, headings_known, never_turns, other_headings, ways
+from ..core.truth.doubts import MOVING, Ways, headings_known, never_turns, other_headings, ways
 
 COVERED = 0.75  # share of the steps; with a true pose at fewer, errors are of a part of the log
 PARTIAL_NOTE = "truth"  # the key, among a log's notes, of words on a truth that is known to be of a part of it

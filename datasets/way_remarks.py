@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.factors import UNKNOWN, Log
 from ..core.se2 import Array, wrap
-from ..core.truth_doubts import MOVING, UNTURNED
+from ..core.truth.doubts import MOVING, UNTURNED
 
 FAR = 1000.0  # m; a median range or stride beyond it may be in millimetres
 FEW = 10  # rows below which nothing is odd

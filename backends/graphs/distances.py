@@ -5,7 +5,7 @@ import numpy as np
 from ...core.factors import Log, Map
 from ...core.se2 import Array, between
 from ...core.small_matrices import inverse
-from ...core.truth_errors import difference, rows_of
+from ...core.truth.errors import difference, rows_of
 from ..models import innovation, sight
 
 MEDIANS = {2: 1.386, 3: 2.366}  # of chi-square, by its degrees of freedom

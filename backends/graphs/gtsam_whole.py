@@ -5,7 +5,7 @@ import numpy as np
 
 from ...core.factors import Log
 from ...core.se2 import Array
-from ...core.truth_errors import rows_of
+from ...core.truth.errors import rows_of
 from ..models import place
 from ._gtsam import BYTES, NEAREST, Factors, in_order, turned
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...core.factors import Map, Prior, Step
 from ...core.options import option
 from ...core.se2 import Array, act, between, compose, rotation, summed
-from ...core.truth_errors import rows_of
+from ...core.truth.errors import rows_of
 from .. import common_options
 from ..api import Belief, Builder, Diverged, Pose, Solution, Unsuited
 from ..common_options import LOSSES

@@ -15,7 +15,7 @@ from scipy.sparse import csc_matrix
 from ...core.factors import Map, Prior, Step
 from ...core.options import option
 from ...core.se2 import Array, Ints, act, between, summed, wrap
-from ...core.truth_errors import rows_of
+from ...core.truth.errors import rows_of
 from ..api import Belief, Builder, Diverged, Pose, Solution
 from ..models import innovation, sight
 from .columns import motions, sightings

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...backends.api import UNKNOWN, Diverged, Unsuited
+from ...backends.given import refused
 from ...core import se2
 from ...core.factors import Map, RangeBearing
 from ...core.se2 import Array, Ints
@@ -86,7 +87,7 @@ def stands_logs_without_ids(candidate: Candidate) -> str:
     ended = 0
     for adversary in ADVERSARIES:
         log = adversary.made.log
-        if not candidate.builder.loops and len(log.loop_to):
+        if refused(candidate.builder, log):
             continue
         hidden = replace(log, ids=np.full(len(log.ids), UNKNOWN))
         try:

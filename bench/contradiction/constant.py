@@ -12,7 +12,7 @@ import numpy as np
 
 from ...core.factors import Log, Map, Truth
 from ...core.se2 import Array, Ints, between, compose
-from ...core.truth_errors import Errors, difference, named, rows_of, sighting_errors
+from ...core.truth.errors import Errors, difference, named, rows_of, sighting_errors
 from ...datasets.noise.systematic import NAMES, SENSOR, Systematic, corrected
 from ..measure.landmark_places import comparable
 from ..measure.stated_noise import normalised, typical_scale

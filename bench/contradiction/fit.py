@@ -11,7 +11,7 @@ from ...backends.common_options import LOSSES
 from ...backends.graphs.batch import Batch
 from ...core.factors import Log, Map
 from ...core.se2 import Array, between
-from ...core.truth_errors import difference
+from ...core.truth.errors import difference
 from ..measure.misfit import loop_misfits, misfits
 
 KINDS = ("motions", "sightings", "loops")

@@ -10,8 +10,8 @@ from ...backends.common_options import LOSSES
 from ...backends.graphs.batch import Batch
 from ...core.factors import Log, Map, Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_doubts import judges
-from ...core.truth_errors import named, rows_of, standing
+from ...core.truth.doubts import judges
+from ...core.truth.errors import named, rows_of, standing
 from ...datasets.truth_remarks import COVERED
 from ..measure.landmark_places import placed
 from ..measure.misfit import misfits

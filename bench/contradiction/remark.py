@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.factors import Dataset, Log
-from ...core.truth_errors import named
+from ...core.truth.errors import named
 from ...datasets.remarks import remarks as of_columns
 from ..words.numerals import number
 from . import truth as of_truth

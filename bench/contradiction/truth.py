@@ -9,8 +9,8 @@ from scipy.optimize import minimize_scalar
 
 from ...core.factors import Log, Truth
 from ...core.se2 import Array, Ints, wrap
-from ...core.truth_doubts import judges
-from ...core.truth_errors import rows_of, sighting_errors, standing
+from ...core.truth.doubts import judges
+from ...core.truth.errors import rows_of, sighting_errors, standing
 from ..measure.landmark_places import comparable, elsewhere, placed
 from ..measure.stated_noise import NAMED, normalised, typical_scale
 from ..words.numerals import listed, number

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...core.factors import Dataset, Log, Truth
-from ...core.truth_doubts import judges
-from ...core.truth_errors import driven_errors
+from ...core.truth.doubts import judges
+from ...core.truth.errors import driven_errors
 from ..contradiction.remark import remarks
 from ..drawing.figure import ReportFigure
 from ..measure.stated_noise import TYPICAL, noise_check

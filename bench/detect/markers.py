@@ -11,7 +11,7 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.factors import Truth
 from ...core.se2 import Array
-from ...core.truth_doubts import headings_known
+from ...core.truth.doubts import headings_known
 from ...datasets.truth import with_truth
 from ...frontend.markers.aruco import Sighting
 from ...frontend.markers.diagnosis import diagnose, plausible_length

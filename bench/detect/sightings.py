@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...core.factors import Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import difference, rows_of, sighted_from
+from ...core.truth.errors import difference, rows_of, sighted_from
 from ...frontend.markers.noise import Noise
 from ...frontend.markers.pipeline import FrameSightings
 

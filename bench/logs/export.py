@@ -9,7 +9,7 @@ from pathlib import Path
 from ...core.errors import InputError
 from ...core.factors import Dataset
 from ...core.files import beside
-from ...core.tum import write_tum
+from ...core.truth.tum import write_tum
 from ...datasets.formats import log_folder
 from ...datasets.formats.g2o_write import write_g2o
 from ...datasets.graphs.jrl_write import write_jrl

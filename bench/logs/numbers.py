@@ -9,7 +9,7 @@ import numpy as np
 
 from ...core.factors import UNKNOWN, Dataset, Log, Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import Errors, driven_errors, sighting_errors
+from ...core.truth.errors import Errors, driven_errors, sighting_errors
 from ..contradiction.constant import LEFT, Constant
 from ..contradiction.remark import Remarks, remarked
 from ..measure.landmark_places import Places, Scattered, judge, placed, scattered_ids

@@ -7,7 +7,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ...core.factors import Log, Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import sighting_errors
+from ...core.truth.errors import sighting_errors
 from ..drawing.axes import stretches
 from ..measure.stated_noise import typical
 from ..words.numerals import TIMES, number

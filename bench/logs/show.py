@@ -3,10 +3,11 @@
 import tempfile
 from pathlib import Path
 
-from ...core.check import check, check_truth
+from ...core.check import check
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log
 from ...core.files import write_whole
+from ...core.truth.check import check_truth
 from ..drawing.page import rendered
 from ..plan.load import load
 from .facts import facts, headline, noted

@@ -7,7 +7,7 @@ import numpy as np
 from ...backends.api import Solution
 from ...core.factors import UNKNOWN, Dataset, Log, Truth
 from ...core.se2 import Array, Ints, between, compose
-from ...core.truth_errors import named
+from ...core.truth.errors import named
 from ..measure.landmark_places import Places, elsewhere, placed
 from ..plan.reference import outliers, reference
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.factors import Log, Map, Truth
 from ...core.se2 import Array, Ints, act, compose, wrap
-from ...core.truth_errors import standing
+from ...core.truth.errors import standing
 from .nees import landmark_nees, nees_columns
 from .relative_error import pairs_by_path, pairs_by_time, relative_error
 

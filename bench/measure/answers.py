@@ -13,7 +13,7 @@ from ...backends.api import Associates, Backend, Diverged, Solution
 from ...core.errors import SlamduelError
 from ...core.factors import Log, Map
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import difference
+from ...core.truth.errors import difference
 
 FARTHEST = 1e9  # m from the origin: more than any coordinates on Earth, national grids included
 

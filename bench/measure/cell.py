@@ -5,7 +5,7 @@ The backend is driven through the log under its limits; only then is the ground 
 
 import hashlib
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 
 from ...backends import registry as backends
 from ...backends.api import Builder, Diverged, TruthWanted, Unsuited
+from ...backends.given import Given, given, refused
 from ...core.errors import SlamduelError
 from ...core.factors import UNKNOWN, Log, Truth
 from ...core.kernels import compiled
@@ -97,14 +98,13 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
             return Result("skipped", why, row)
         if builder.associating(job.options):
             row["ignored"] = 0
-        loops = 0 if builder.loops else len(log.loop_to)
-        given = log.without_loops() if loops else log
+        used = given(builder, log)
         truth = read_truth() if job.oracle else None
         oracle = truth if truth is not None and truth.kind == "truth" else None  # a batch optimum is no ground truth
         if job.again:
-            timed = timed_again(builder, job.options, given, draw, oracle)
+            timed = timed_again(builder, job.options, used.log, draw, oracle)
             return Result("done", "", repeated_cost(timed), path=path_digest(timed))
-        outcome = drive(builder, job.options, given, draw, oracle)
+        outcome = drive(builder, job.options, used.log, draw, oracle)
     except Diverged as error:
         return Result("diverged", str(error), row)
     except TruthWanted as error:
@@ -121,17 +121,17 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     held = peak.mb()
     if held is not None and compiled.made() == made:
         row["peak_mb"] = held
-    loops += outcome.left_out
+    used = used._replace(loops=used.loops + outcome.left_out)
     minimises = builder.minimising(job.options)
     takes = {"sightings": builder.sightings, "loops": builder.loops}
     judged = score(log, outcome, read_truth(), **takes, minimises=minimises, mistaken=mistaken)
-    return _scored(judged, outcome, loops, row)
+    return _scored(judged, outcome, used, row)
 
 
 def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
     """Says why a backend and a log with loop closures, or with or without ids, do not go together; "" if they do."""
-    if len(log.loop_to) and not builder.loops and not builder.leaves_out_loops:
-        return "the log has loop closures (RelativePoses), which this backend does not take"
+    if why := refused(builder, log):
+        return why
     associates, sightings = builder.associating(job.options), len(log.ids)
     if sightings and unknown == sightings and not associates and builder.sightings:
         fit = f"{job.name}[association=jcbb]" if builder.can_associate else "ekf[association=jcbb]"
@@ -141,12 +141,23 @@ def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
     return ""
 
 
-def _scored(judged: Score, outcome: Outcome, loops: int, row: dict[str, Any]) -> Result:
-    """Makes a result of a score; `loops` are the closures that the backend was not given, or had kept no pose for."""
+def _left_out(used: Given) -> Iterator[str]:
+    kinds = (
+        (used.loops, "loop closure", "loop closures"),
+        (used.partial, "partial sighting", "partial sightings"),
+        (used.fixes, "fix", "fixes"),
+    )
+    for count, one, many in kinds:
+        if count:
+            yield f"1 {one} is left out" if count == 1 else f"{count} {many} are left out"
+
+
+def _scored(judged: Score, outcome: Outcome, used: Given, row: dict[str, Any]) -> Result:
+    """Makes a result of a score; the closures that the backend had kept no pose for are among those not `used`."""
     if judged.failed:
         return Result("diverged", judged.failed, row)
     said = [TOLD] * outcome.told
-    said += [f"{loops} loop closure{' is' if loops == 1 else 's are'} left out"] * bool(loops)
+    said += [*_left_out(used)]
     said += [] if outcome.solution is None else [outcome.solution.remark] * bool(outcome.solution.remark)
     said += [judged.remark] * bool(judged.remark)
     row |= {"told": int(outcome.told)} | judged.row

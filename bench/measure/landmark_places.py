@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints, act
-from ...core.truth_doubts import judges
-from ...core.truth_errors import rows_of, standing
+from ...core.truth.doubts import judges
+from ...core.truth.errors import rows_of, standing
 
 LEAST = 8  # sightings of an id from which on their median is a place to judge by
 WIDE = 8.0  # an id with more than this multiple of the typical id's spread is not in one place

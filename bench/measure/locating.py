@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...core.factors import Log, Truth
 from ...core.se2 import Array
-from ...core.truth_errors import difference
+from ...core.truth.errors import difference
 from .drive import Outcome
 
 TURNED = np.pi / 6  # rad: a heading that is more than this off is wrong

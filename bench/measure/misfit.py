@@ -13,7 +13,7 @@ from ...backends.api import Diverged
 from ...backends.models import innovation, sight
 from ...core.factors import UNKNOWN, Log, Map
 from ...core.se2 import Array, between
-from ...core.truth_errors import difference, rows_of
+from ...core.truth.errors import difference, rows_of
 
 STEPS = 20  # of the batch solver, from an estimate whose J is judged
 

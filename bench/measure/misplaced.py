@@ -8,7 +8,7 @@ from scipy.optimize import linear_sum_assignment
 
 from ...core.factors import UNKNOWN, Log, Map
 from ...core.se2 import Array, Ints, act, wrap
-from ...core.truth_errors import rows_of
+from ...core.truth.errors import rows_of
 from .accuracy import align, own_map_rmse
 
 FEWEST = 5  # landmarks of which most must fit for one to be odd

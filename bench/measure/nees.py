@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from ...core.factors import Log, Map
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import difference, rows_of
+from ...core.truth.errors import difference, rows_of
 
 INSIDE_95 = {2: 5.991464547107982, 3: 7.814727903251178}  # chi-square's 95 % points of a landmark, a pose
 ROUNDING = 1e-14  # ratio of a covariance's smallest to largest variance below which the smallest may be zero

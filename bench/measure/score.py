@@ -9,8 +9,8 @@ import numpy as np
 from ...backends.api import Diverged, Solution
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_doubts import headings_known, judges, never_turns, other_headings, other_ways
-from ...core.truth_errors import standing
+from ...core.truth.doubts import headings_known, judges, never_turns, other_headings, other_ways
+from ...core.truth.errors import standing
 from .accuracy import Alignment, has_shape, map_accuracy, map_rmse, own_map_rmse, path_accuracy, stretches
 from .association import association_columns, by_true_ids, moved
 from .cpu_time import step_cost

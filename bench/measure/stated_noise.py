@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ...core.factors import UNKNOWN, Log, Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import Errors, difference, driven_errors, named, sighting_errors
+from ...core.truth.errors import Errors, difference, driven_errors, named, sighting_errors
 from .landmark_places import comparable
 
 FAR = {2: 13.816, 3: 16.266}  # dimension -> chi-square's 99.9 % point

@@ -11,7 +11,7 @@ from ...backends.api import Diverged
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log
 from ...core.se2 import Array
-from ...core.truth_errors import difference, named, rows_of
+from ...core.truth.errors import difference, named, rows_of
 from ...datasets.noise.model import SightingModel
 from ...datasets.noise.stated import scaled
 from ..plan.reference import reference

@@ -8,8 +8,8 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Truth
 from ...core.se2 import Array
-from ...core.truth_doubts import judges
-from ...core.truth_errors import named
+from ...core.truth.doubts import judges
+from ...core.truth.errors import named
 from ...datasets.noise.model import Model, SightingModel
 from ...datasets.noise.systematic import Systematic, corrected
 from ..plan.reference import reference

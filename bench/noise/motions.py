@@ -7,7 +7,7 @@ import numpy as np
 
 from ...core.factors import Dataset, Log, Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import odometry_errors
+from ...core.truth.errors import odometry_errors
 from ..systematic.estimated import Estimated
 from .likelihood import maximum
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...core.factors import Log, Truth
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import named, sighting_errors
+from ...core.truth.errors import named, sighting_errors
 from ...datasets.noise.chains import gaps, in_chains
 from ..measure.landmark_places import comparable
 from .gauss_markov import Chains

@@ -19,7 +19,7 @@ from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Dataset, Log, Map, Start, Truth
 from ...core.files import cache_folder
 from ...core.se2 import Array, act
-from ...core.truth_errors import named
+from ...core.truth.errors import named
 from ...datasets import archive
 from ...datasets import registry as datasets
 from ...datasets.ready import made_ready

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.files import csv_text, write_whole
 from ...core.se2 import Array
-from ...core.tum import write_tum
+from ...core.truth.tum import write_tum
 from ..measure.locating import poses_judged
 from ..measure.misfit import TERMS
 from .rounds import as_table

@@ -14,6 +14,7 @@ import numpy as np
 
 from ...backends import registry as backends
 from ...backends.api import Backend, Diverged, Map, WantsTruth
+from ...backends.given import given, refused
 from ...backends.locating.locating import begin
 from ...core.errors import SlamduelError
 from ...core.factors import Log, Step
@@ -76,10 +77,9 @@ def run(task: ReplayTask) -> Course:
     try:
         log, truth = archive.load(task.log)
         builder = backends.find(cell.name)
-        if len(log.loop_to) and not builder.loops:
-            if not builder.leaves_out_loops:
-                return course._replace(ended="the log has loop closures, which this backend does not take")
-            log = log.without_loops()
+        if why := refused(builder, log):
+            return course._replace(ended=why)
+        log = given(builder, log).log
         log = log if builder.associating(cell.options) else log.identified()
 
         def make() -> Backend:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.se2 import Array, Ints, act
-from ...core.truth_errors import rows_of
+from ...core.truth.errors import rows_of
 from ..drawing.table import Entry, Table, TableRow
 from ..measure.accuracy import align
 from ..verdict.summary import representative

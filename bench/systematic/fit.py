@@ -14,8 +14,8 @@ from scipy.stats import t as student
 from ...backends.models import place
 from ...core.factors import Log, Map, Truth
 from ...core.se2 import Array, act, compose
-from ...core.truth_doubts import judges
-from ...core.truth_errors import named, rows_of
+from ...core.truth.doubts import judges
+from ...core.truth.errors import named, rows_of
 from ...datasets.noise.systematic import NAMES, Systematic
 from ..measure.accuracy import align
 from .estimated import Estimated

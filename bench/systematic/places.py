@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...core.factors import Log, Map, Truth
-from ...core.truth_errors import standing
+from ...core.truth.errors import standing
 from ..measure.misplaced import FEWEST, misplaced, put_right, told
 
 

@@ -11,7 +11,7 @@ from ...backends.models import innovation, sight
 from ...core.factors import Log, Map
 from ...core.mounting import before
 from ...core.se2 import Array, Ints, between, compose, compose_jacobians, inverse, wrap
-from ...core.truth_errors import rows_of
+from ...core.truth.errors import rows_of
 from ...datasets.noise.systematic import NAMES, SENSOR, Systematic, measured_motions, measured_sightings, true_motions
 from .windows import windows
 

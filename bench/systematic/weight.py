@@ -6,7 +6,7 @@ import numpy as np
 
 from ...core.factors import Log
 from ...core.se2 import Array
-from ...core.truth_errors import difference
+from ...core.truth.errors import difference
 from ...datasets.noise.systematic import NAMES, SENSOR, Systematic, corrected
 from .windows import windows
 

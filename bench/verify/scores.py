@@ -12,8 +12,8 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.factors import Map
 from ...core.se2 import Array
-from ...core.truth_doubts import headings_known, judges
-from ...core.tum import read_tum
+from ...core.truth.doubts import headings_known, judges
+from ...core.truth.tum import read_tum
 from ..measure.accuracy import path_accuracy, stretches
 from ..measure.nees import nees, nees_columns
 from ..measure.relations import relation_columns

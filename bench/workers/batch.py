@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core.errors import Absent, InputError, SlamduelError
 from ...core.factors import Dataset, Map, Start
-from ...core.truth_errors import counted
+from ...core.truth.errors import counted
 from ...datasets import archive
 from ...datasets import registry as datasets
 from ...datasets.truth import digest

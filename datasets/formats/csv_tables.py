@@ -21,7 +21,7 @@ from ...core.factors import REMARKS, Dataset, Log, Map, Prior, Truth
 from ...core.pauses import longest_pause
 from ...core.se2 import Array, summed, wrap
 from ...core.table import LARGEST, Table
-from ...core.tum import read_tum
+from ...core.truth.tum import read_tum
 from ...frontend.wheels.commands import driven
 from ...frontend.wheels.encoder import Floors
 from ...frontend.wheels.holes import Holes

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from ...core.beside import KINDS
-from ...core.check import LOOPS, ODOMETRY, SIGHTINGS, check, check_truth, problems, relation_problems
+from ...core.check import LOOPS, ODOMETRY, SIGHTINGS, check, problems
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Truth
 from ...core.files import beside
@@ -38,6 +38,7 @@ from ...core.se2 import Array, Ints
 from ...core.small_matrices import symmetric, upper
 from ...core.table import CHUNK, Table, scan_csv
 from ...core.toml.table import TomlTable
+from ...core.truth.check import check_truth, relation_problems
 from ..registry import Named, Source
 from ..truth import PLACES, POSES, RELATIONS, digest, scan_truth, write_truth
 from .beside_file import read_beside, write_beside

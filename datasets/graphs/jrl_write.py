@@ -17,7 +17,7 @@ from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Dataset, Log, Truth
 from ...core.files import replaced
 from ...core.se2 import Array, Ints
-from ...core.truth_errors import rows_of
+from ...core.truth.errors import rows_of
 from ..formats.symbols import BITS
 from .jrl_rows import BETWEEN, POINT, POSE, PRIOR, SIGHTING
 

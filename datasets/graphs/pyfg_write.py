@@ -16,7 +16,7 @@ from ...core.factors import UNKNOWN, Dataset, Log
 from ...core.files import replaced
 from ...core.se2 import Array, Ints
 from ...core.small_matrices import upper
-from ...core.truth_errors import rows_of
+from ...core.truth.errors import rows_of
 
 POSE, POINT = "A", "L"
 

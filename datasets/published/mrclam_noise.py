@@ -12,7 +12,7 @@ import numpy as np
 
 from ...core.factors import Log, Truth
 from ...core.se2 import Array, Ints, between
-from ...core.truth_errors import difference, sighting_errors
+from ...core.truth.errors import difference, sighting_errors
 
 GROSS = (1.0, 0.15)
 """m, rad. Sightings with larger errors count as gross, and are excluded from the figures."""

@@ -15,7 +15,7 @@ from ...core.factors import Dataset, Log, Map, Truth
 from ...core.options import option
 from ...core.se2 import Array, Ints, wrap
 from ...core.small_matrices import product
-from ...core.truth_errors import sighted_from
+from ...core.truth.errors import sighted_from
 from ...frontend.camera.camera import Camera
 from ...frontend.camera.mounting import from_matrix
 from ...frontend.markers.noise import ProportionalNoise

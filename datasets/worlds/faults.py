@@ -16,7 +16,7 @@ from ...core.elementary import hypot
 from ...core.factors import UNKNOWN, Dataset, Log, Truth
 from ...core.options import option
 from ...core.se2 import Array, Ints, between, wrap
-from ...core.truth_errors import difference, rows_of, sighted_from
+from ...core.truth.errors import difference, rows_of, sighted_from
 from ..remarks import KIDNAPPED
 from .kidnapping import kidnapped
 from .moving import moved

@@ -8,7 +8,7 @@ from ...core.elementary import hypot
 from ...core.factors import Prior
 from ...core.se2 import Array, Ints, between, wrap
 from ...core.small_matrices import cholesky, product
-from ...core.truth_errors import sighted_from
+from ...core.truth.errors import sighted_from
 from ...frontend.wheels.encoder import Encoder, Floors, roll
 from ...frontend.wheels.ticks import Ticks, readings
 

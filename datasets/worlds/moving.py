@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ...core.elementary import sincos
 from ...core.factors import Log, Truth
 from ...core.se2 import Array, Ints, wrap
-from ...core.truth_errors import rows_of, sighted_from
+from ...core.truth.errors import rows_of, sighted_from
 
 PAUSES = (5.0, 15.0)
 """s, from the shortest to the longest, that a landmark stands and then goes; each has its own."""

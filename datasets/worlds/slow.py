@@ -7,7 +7,7 @@ import numpy as np
 from ...core.elementary import exp
 from ...core.factors import Log, Truth
 from ...core.se2 import Array, wrap
-from ...core.truth_errors import difference, rows_of, sighted_from
+from ...core.truth.errors import difference, rows_of, sighted_from
 from .._information import FIRST, information, kept
 
 WEAKEST = 1e-4  # least information that a thinned sighting is stated with, as a share of its own

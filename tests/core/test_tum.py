@@ -6,7 +6,7 @@ import pytest
 from evo.tools import file_interface
 
 from refusals import refusal, refused, refused_at
-from slamduel.core.tum import read_tum, write_tum
+from slamduel.core.truth.tum import read_tum, write_tum
 
 GOOD = "# t x y z qx qy qz qw\n0.5 1 2 0 0 0 0 1\n1.5 1 2 0 0 0 1 0\n"
 

@@ -12,7 +12,7 @@ import pytest
 from slamduel.bench.plan.load import load
 from slamduel.core.factors import Dataset, Log, Truth
 from slamduel.core.se2 import Array, summed, wrap
-from slamduel.core.truth_doubts import headings_known, judges, ways
+from slamduel.core.truth.doubts import headings_known, judges, ways
 from slamduel.datasets.published.tum_pioneer import PARTIAL_NOTE
 from slamduel.datasets.remarks import remarks
 from slamduel.datasets.truth import POSES, with_truth

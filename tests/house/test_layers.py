@@ -32,7 +32,7 @@ TOP = "."
 """The files of a layer that are in none of its rooms."""
 
 ROOMS: dict[str, dict[str, set[str]]] = {
-    "core": {TOP: set(), "toml": {TOP}, "kernels": {TOP}},
+    "core": {TOP: set(), "toml": {TOP}, "kernels": {TOP}, "truth": {TOP}},
     "frontend": {
         TOP: set(),
         "wheels": {TOP},

@@ -6,7 +6,7 @@ import numpy as np
 
 from slamduel.core.factors import Dataset
 from slamduel.core.se2 import Array, between, wrap
-from slamduel.core.truth_errors import odometry_errors, sighting_errors
+from slamduel.core.truth.errors import odometry_errors, sighting_errors
 
 
 class Squared(NamedTuple):

@@ -9,7 +9,7 @@ from dense_fit import sighted
 from motions import between_jacobians
 from slamduel.core.factors import Log, Map
 from slamduel.core.se2 import Array, Ints, between, wrap
-from slamduel.core.truth_errors import rows_of
+from slamduel.core.truth.errors import rows_of
 
 
 def lowest(log: Log, path: Array, landmarks: Map, iterations: int = 60) -> float:

@@ -6,7 +6,7 @@ from laps import laps
 from random_logs import random_covariance
 from slamduel.core.factors import Dataset, Log, Map, Prior, Truth
 from slamduel.core.se2 import Array
-from slamduel.core.truth_errors import sighted_from
+from slamduel.core.truth.errors import sighted_from
 from slamduel.datasets.false_loops import planted
 
 

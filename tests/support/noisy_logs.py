@@ -7,7 +7,7 @@ import numpy as np
 from slamduel.bench.plan.load import load
 from slamduel.core.factors import Dataset, Log
 from slamduel.core.se2 import Array, between, wrap
-from slamduel.core.truth_errors import rows_of, sighted_from
+from slamduel.core.truth.errors import rows_of, sighted_from
 
 
 class Slow(NamedTuple):

@@ -8,7 +8,7 @@ import pytest
 from command import refused
 from slamduel.bench.cli import main
 from slamduel.core.factors import UNKNOWN, Dataset, Log
-from slamduel.core.tum import read_tum
+from slamduel.core.truth.tum import read_tum
 from slamduel.datasets.formats import g2o, log_folder
 from small_log import assert_same, small_dataset, small_log
 

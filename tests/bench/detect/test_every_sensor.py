@@ -21,7 +21,7 @@ from narrow_window import fits, would_be_seen
 from slamduel.bench.cli import main
 from slamduel.bench.detect.folder import Request
 from slamduel.bench.plan.load import load
-from slamduel.core.tum import write_tum
+from slamduel.core.truth.tum import write_tum
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.recordings.write import write
 from slamduel.datasets.recordings.write_depth import write_depth

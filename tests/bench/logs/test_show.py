@@ -22,7 +22,7 @@ from slamduel.bench.measure.landmark_places import judge
 from slamduel.bench.measure.stated_noise import NoiseCheck, noise_check
 from slamduel.core.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
 from slamduel.core.se2 import compose
-from slamduel.core.truth_errors import odometry_errors, sighting_errors
+from slamduel.core.truth.errors import odometry_errors, sighting_errors
 from slamduel.datasets.formats import log_folder
 from tiers import first_quick
 

@@ -17,7 +17,7 @@ from slamduel.bench.measure.stated_noise import OTHER_PLACES, misstated
 from slamduel.bench.noise.sightings import sighted
 from slamduel.core.factors import Dataset, Log, Map, Truth
 from slamduel.core.se2 import Array
-from slamduel.core.truth_errors import driven_errors
+from slamduel.core.truth.errors import driven_errors
 from slamduel.frontend.markers.noise import ProportionalNoise
 
 OFF = {"nees": 100.0}

@@ -10,7 +10,7 @@ from evo_cli import evo
 from slamduel.bench.measure.accuracy import align, aligned, ate
 from slamduel.bench.measure.relative_error import TOLERANCE, pairs_by_path, pairs_by_time, relative_error
 from slamduel.core.se2 import Array, Ints, compose, wrap
-from slamduel.core.tum import write_tum
+from slamduel.core.truth.tum import write_tum
 
 
 def drive(rng: np.random.Generator, n: int, pace: float = 0.4) -> tuple[Array, Array]:

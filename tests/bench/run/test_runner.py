@@ -27,7 +27,7 @@ from slamduel.bench.run.runner import recorded_plan
 from slamduel.bench.workers.tasks import execute
 from slamduel.core.errors import InputError
 from slamduel.core.factors import REMARKS, Log
-from slamduel.core.tum import read_tum
+from slamduel.core.truth.tum import read_tum
 from slamduel.datasets.formats import log_folder as logfile
 from small_run import TIMES, Silent, again, go, rows
 from tiers import first_quick

@@ -13,7 +13,7 @@ from refusals import refusal, refused
 from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
 from slamduel.core.se2 import Array, between, compose, wrap
-from slamduel.core.tum import write_tum
+from slamduel.core.truth.tum import write_tum
 from slamduel.datasets.formats import csv_sightings, csv_tables
 
 DT = 0.1

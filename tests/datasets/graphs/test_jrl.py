@@ -16,9 +16,10 @@ from fuzzing import survivors
 from graph_round_trip import all_kinds, assert_same_graph
 from refusals import refused, refused_at
 from slamduel.bench.plan.spec import dataset_variants
-from slamduel.core.check import check_truth, problems
+from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
 from slamduel.core.se2 import Array
+from slamduel.core.truth.check import check_truth
 from slamduel.datasets.formats.g2o_write import write_g2o
 from slamduel.datasets.graphs.jrl import read
 from slamduel.datasets.graphs.jrl_write import write_jrl

@@ -11,9 +11,10 @@ from graph_round_trip import all_kinds, assert_same_graph
 from refusals import refused, refused_at
 from slamduel.bench.plan.load import load
 from slamduel.bench.plan.spec import dataset_variants
-from slamduel.core.check import check_truth, problems
+from slamduel.core.check import problems
 from slamduel.core.factors import Dataset, Map
 from slamduel.core.se2 import rotation
+from slamduel.core.truth.check import check_truth
 from slamduel.datasets.graphs.pyfg import read
 from slamduel.datasets.graphs.pyfg_write import write_pyfg
 from small_log import small_log

@@ -4,7 +4,7 @@ import pytest
 from motions import chained
 from slamduel.core.factors import UNKNOWN, Log, Map, Prior, Truth
 from slamduel.core.se2 import Array, Ints, between, wrap
-from slamduel.core.truth_errors import sighting_errors
+from slamduel.core.truth.errors import sighting_errors
 from slamduel.datasets.published.mrclam_noise import HORIZON, motion_errors, noise
 
 STEPS, GROSS = 3000, 7

@@ -11,9 +11,10 @@ from fuzzing import survivors
 from recorded import at_hand
 from refusals import refused
 from slamduel.bench.measure.accuracy import align, aligned
-from slamduel.core.check import check_truth, problems
+from slamduel.core.check import problems
 from slamduel.core.factors import UNKNOWN, Dataset, Log, Truth
 from slamduel.core.se2 import Array, Ints, between, compose, wrap
+from slamduel.core.truth.check import check_truth
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published.victoria_park_raw import AHEAD, HALF_AXLE, LEFT, LENGTH, Options, read
 

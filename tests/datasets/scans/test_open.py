@@ -11,7 +11,7 @@ import floor_drives as floor
 from fuzzing import survivors
 from refusals import refusal, refused
 from slamduel.bench.plan.load import load
-from slamduel.core.tum import write_tum
+from slamduel.core.truth.tum import write_tum
 from slamduel.datasets.recordings.robot import read_robot
 from slamduel.datasets.scans.open import OpenedScans, open_scans
 from slamduel.datasets.scans.robot import LaserRobot, read_laser_robot

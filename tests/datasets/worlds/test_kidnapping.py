@@ -8,9 +8,10 @@ import pytest
 import slamduel
 from drawn_errors import errors, known
 from refusals import refused
-from slamduel.core.check import check_truth, problems
+from slamduel.core.check import problems
 from slamduel.core.factors import UNKNOWN, Dataset
 from slamduel.core.se2 import Array, between
+from slamduel.core.truth.check import check_truth
 from slamduel.datasets.cache import generator
 from slamduel.datasets.remarks import remarks
 from slamduel.datasets.worlds.circle import Options, circle

@@ -5,7 +5,7 @@ import pytest
 
 import slamduel
 from slamduel.core.se2 import Array
-from slamduel.core.truth_errors import sighting_errors
+from slamduel.core.truth.errors import sighting_errors
 
 SHARE, TIME = 0.8, 5.0
 WORLD = f"circle[steps=4000,correlated={SHARE},correlation_time={TIME}"

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .elementary import arctan2, hypot
-from .factors import UNKNOWN, Log, Map, Truth
-from .se2 import Array, Ints, between, wrap
+from ..elementary import arctan2, hypot
+from ..factors import UNKNOWN, Log, Map, Truth
+from ..se2 import Array, Ints, between, wrap
 
 STANDING = 0.05  # of the motion in a slow step that is driven; wheels and truth of a robot that stands move by less
 SLOWEST = 0.1  # share of the way that is driven in slower steps than that one

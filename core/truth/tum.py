@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from .csv_values import digits_lost
-from .elementary import arctan2, sincos
-from .scan import Scan, strict
-from .se2 import Array
-from .table import LARGEST, Table, scan_spaced
+from ..csv_values import digits_lost
+from ..elementary import arctan2, sincos
+from ..scan import Scan, strict
+from ..se2 import Array
+from ..table import LARGEST, Table, scan_spaced
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .factors import Log, Truth
-from .se2 import Array, Ints
+from ..factors import Log, Truth
+from ..se2 import Array, Ints
 
 FEWEST = 3  # true poses from which on a path has a shape
 STRETCHES = (16, 32, 64, 128)

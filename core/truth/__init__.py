@@ -1,0 +1,1 @@
+"""Ground truth: its checks, its own errors, and its files."""
