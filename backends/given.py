@@ -1,8 +1,9 @@
 """The part of a log that a backend is given."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
-from ..core.factors import Log
+from ..core.factors import UNKNOWN, Log
 from .api import Builder
 
 
@@ -27,10 +28,12 @@ def refused(builder: Builder, log: Log) -> str:
 
 
 def given(builder: Builder, log: Log) -> Given:
-    """The log as the backend gets it, of one that is not refused."""
+    """The log as the backend gets it, of one that is not refused; partial sightings need an id."""
     loops = 0 if builder.loops else len(log.loop_to)
-    partial = 0 if builder.partial or log.partial is None else len(log.partial)
+    known = 0 if log.partial is None or not builder.partial else int((log.partial.ids != UNKNOWN).sum())
+    partial = 0 if log.partial is None else len(log.partial) - known
     fixes = 0 if builder.fixes or log.fixes is None else len(log.fixes)
     log = log.without_loops() if loops else log
-    log = log.without_partial() if partial else log
+    if log.partial is not None and partial:
+        log = replace(log, partial=log.partial.rows(log.partial.ids != UNKNOWN) if builder.partial else None)
     return Given(log.without_fixes() if fixes else log, loops, partial, fixes)

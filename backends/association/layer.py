@@ -155,7 +155,7 @@ class Associating:
             if UNKNOWN in named:
                 used = found != UNKNOWN
                 sightings = RangeBearing(found[used], z[used], cov[used])
-            step = Step(step.t, step.odometry, sightings, step.loops)
+            step = step._replace(sightings=sightings)
         self._now = found
         if self.timed and decided:
             self.ns[-1] += time.process_time_ns() - start

@@ -10,6 +10,9 @@ heading gains information that no measurement provides, and the filter becomes o
 Mourikis and Roumeliotis, IJRR 29(5), 2010, the FEJ-EKF) linearises every landmark at its first estimate, and the pose
 at its prediction, for sightings and motions alike. `ideal` linearises at the ground truth, for studies only.
 
+Positions, headings and sightings of a range or a bearing alone come after the whole sightings of their step: see
+`late_starts`. Logs with some are not compressed.
+
 On a log with loop closures the state also has the poses that these may come back to: see `kept_poses`. They are taken
 after the sightings of their step, and the pose is cloned last. A clone keeps the pose's linearisation point, for first
 estimates its prediction, so that all models are linearised at one path.
@@ -37,6 +40,7 @@ from ._loops import close, keep
 from .compressed import Active
 from .joint import Joint
 from .kept_poses import SUMMARY, KeptPoses, Loops
+from .late_starts import LateStarts
 
 WHERE = {"standard": STANDARD, "first-estimates": FIRST, "ideal": IDEAL, "odometry": ODOMETRY}
 """The last is not an option of the EKF: it makes it the linear filter of `kf`."""
@@ -95,10 +99,13 @@ class Ekf:
         self._frame = Frame(motion=np.zeros((4, 3)), truth=np.zeros(3), **_sightings(SIGHTINGS))
         self._nis, self._nis_dof, self._refused, self._left_out = 0.0, 0, 0, 0
         self._kept = KeptPoses(options.poses) if prior.loops else None
+        self._gates = np.array([float(chdtri(k, 1 - options.gate)) if options.gate > 0 else 0.0 for k in (1, 2, 3)])
         if prior.map is not None:
             self._whole.adopt(prior.map)
             self._whole.agreed[: len(prior.map.ids)] = self._confirm
             self._slot = {landmark: i for i, landmark in enumerate(prior.map.ids.tolist())}
+        partial = prior.partial or prior.fixes
+        self._late = LateStarts(self._whole, prior, self._slot, self._where, self._started) if partial else None
 
     def tell(self, truth: Truth) -> bool:
         """Stores the ground truth to linearise at; False unless the Jacobians are to be ideal."""
@@ -121,7 +128,7 @@ class Ekf:
             self._frame.truth[:] = self._truth_at(step.t)
         known, slot, part = self._whole.pairs, self._slot, self._whole
         landmarks, poses = len(slot), known - len(slot)
-        if landmarks > self._options.compress_above:
+        if landmarks > self._options.compress_above and self._late is None:
             self._compressed()
         ids, z, R = step.sightings
         k = len(ids)
@@ -151,6 +158,11 @@ class Ekf:
             )
         if why == INDEFINITE:
             raise Diverged(f"the innovation covariance of landmark {ids[failed]} is not positive definite")
+        if self._late is not None:
+            nis, dof, refused = self._late.step(step, self._gates)
+            self._nis, self._nis_dof, self._refused = self._nis + nis, self._nis_dof + dof, self._refused + refused
+            if self._kept is None and self._late.compacted():
+                self._ids = self._ids[:0]
         if loops is not None:
             self._close(part, loops)
             keep(part.address, 2 * part.pairs, part.columns, *loops.clone)
@@ -174,7 +186,7 @@ class Ekf:
         if odometry is not None:
             self._frame.motion[0], self._frame.motion[1:] = odometry
         where = STANDARD if self._where == IDEAL else self._where
-        if len(self._slot) > self._options.compress_above:
+        if len(self._slot) > self._options.compress_above and self._late is None:
             part = self._compressed()
             part.bring_near(odometry, seen, gate)
             ids = ids[part.members()]
@@ -207,6 +219,16 @@ class Ekf:
         path, cov = whole.poses(self._kept.entries)
         return Solution(path, self._map_of(whole), cov)
 
+    @property
+    def range_errors(self) -> tuple[float, float] | None:
+        """The scale and offset (m) of all ranges at present; None where they are not estimated."""
+        return None if self._late is None else self._late.range_errors
+
+    @property
+    def pairs(self) -> int:
+        """The state's pairs after the pose: landmarks, kept poses, constant errors."""
+        return self._whole.pairs
+
     def _settled(self) -> Joint:
         """The whole belief at present: a copy where it is compressed, so that later results do not change."""
         if self._part is None:
@@ -217,7 +239,7 @@ class Ekf:
 
     def _map_of(self, whole: Joint) -> Map:
         ids = np.fromiter(self._slot, np.int64, len(self._slot))
-        if self._kept is None:
+        if self._kept is None and self._late is None:
             return Map(ids, whole.xy(), whole.cov() if len(ids) <= LARGEST else None)
         pairs = np.fromiter(self._slot.values(), np.int64, len(ids))
         return Map(ids, whole.xy()[pairs], whole.cov_of(pairs) if len(ids) <= LARGEST else None)
@@ -257,6 +279,11 @@ class Ekf:
             for landmark, slot in zip(ids, slots, strict=True):
                 self._linearise_at_truth(landmark, slot)
 
+    def _started(self, landmark: int, slot: int) -> None:
+        """A landmark has entered the map late."""
+        if self._where == IDEAL:
+            self._linearise_at_truth(landmark, slot)
+
     def _truth_at(self, t: float) -> Array:
         """The true pose at time t (s), to the last bit."""
         if self._truth is None:
@@ -278,4 +305,4 @@ def _sightings(k: int) -> dict[str, Any]:
     return {"slots": np.zeros(k, np.int64), "z": np.zeros((k, 2)), "cov": np.zeros((k, 4))}
 
 
-build = Builder(Ekf, options=Options, loops=True, implementation=COMPILED_HERE)
+build = Builder(Ekf, options=Options, loops=True, partial=True, fixes=True, implementation=COMPILED_HERE)

@@ -74,6 +74,23 @@ class Joint:
         self.predicted = np.zeros(len(self.mean))
         self.owed_map = np.zeros((OWED, 2 * len(self.agreed)))
 
+    def reduce(self, left: list[int]) -> None:
+        """Takes out all pairs but those `left`, ascending: the rest of a Gaussian is what it was."""
+        pairs = np.array(left, np.int64)
+        cov, entries = self.cov_of(pairs), (2 * pairs[:, None] + [0, 1]).ravel()
+        n = len(entries)
+        self.pairs = len(left)
+        self.flat = np.zeros(_triangle.space(n))
+        _triangle.store(self.flat, cov)
+        for columns in (self.mean, self.points) if self.points is not self.mean else (self.mean,):
+            columns[3 : 3 + n] = columns[3 + entries]
+            columns[3 + n :] = 0.0
+        self.cross[:, :n] = self.cross[:, entries]
+        self.cross[:, n:] = 0.0
+        self.agreed[: len(left)], self.bound[: len(left)] = self.agreed[pairs], self.bound[pairs]
+        self.agreed[len(left) :], self.bound[len(left) :] = 0, np.inf
+        self.moved()
+
     def adopt(self, known: Map) -> None:
         """Adopts a map; one without covariance is held fixed: its block stays zero, and so does its gain."""
         n = 2 * len(known.ids)

@@ -197,7 +197,9 @@ def test_a_backend_gets_what_it_takes() -> None:
 
     takes: Builder = Builder(make, loops=True, partial=True, fixes=True)  # pyright: ignore[reportArgumentType]
     assert refused_by(takes, log) == ""
-    assert given(takes, log) == (log, 0, 0, 0)
+    took = given(takes, log)
+    assert (took.loops, took.partial, took.fixes) == (0, 1, 0)
+    assert partial_of(took.log).ids.tolist() == [3, 12, 12, 7]
     without = replace(takes, partial=False)
     assert "a range or a bearing alone" in refused_by(without, log)
     left = given(replace(without, leaves_out=("partial",)), log)

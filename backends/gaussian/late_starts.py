@@ -1,0 +1,262 @@
+"""Partial sightings and fixes in the EKF's joint belief, and the late start of landmarks that one sighting leaves open.
+
+Of a landmark on the map, a range or a bearing corrects the belief as a whole sighting does. Of another one it is held
+back, and the pose is kept in the state (a clone, see `kept_poses`): when the held ones together place the landmark (see
+`..placing`), it enters the map without prior information, and all of them correct the belief at once, about the kept
+poses. So nothing is used twice, all cross-covariances are those of the measurements, and no earlier linearisation is at
+a place that may be wrong. Poses that nothing waits for leave the state, which is exact.
+
+At most `MOST` sightings of a landmark wait; of more, the one is dropped whose neighbours along the way are closest.
+
+Constant errors of the sensor (`Systematic`) are entries of the state: scale and offset of ranges, the heading's offset.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...core.factors import Prior, Step, Systematic
+from ...core.partial import RANGE
+from ...core.se2 import Array, Ints
+from ..api import Diverged
+from ..placing import placed
+from . import _triangle
+from ._ekf import AT_ROBOT, FIRST, IDEAL, POSE
+from ._loops import keep
+from ._partial import NO_ENTRY, REFUSED, USED, begin, fixed, partly, together
+from .joint import Joint
+
+MOST = 40
+"""Sightings of one landmark that wait."""
+
+FURTHER = 0.05
+"""Share of its way since the first that the robot must add before the sightings are tried again."""
+
+LOOSE = 1e4
+"""Standard deviation of a new landmark, in those of its place: it has no prior information to eight digits."""
+
+OWN = (-3, -2, -1)
+"""Entries of the present pose."""
+
+
+@dataclass
+class _Clone:
+    """A kept pose, by the number of held sightings that need it."""
+
+    entries: tuple[int, int]  # of x, with y after it; of the heading
+    way: float  # m, along which the robot had come
+    needed: int = 0
+
+
+@dataclass
+class _Held:
+    """A sighting that waits."""
+
+    clone: _Clone
+    kind: int
+    z: float
+    var: float
+
+
+class LateStarts:
+    """The part of an EKF for logs with partial sightings or fixes."""
+
+    def __init__(
+        self, whole: Joint, prior: Prior, slot: dict[int, int], where: int, started: Callable[[int, int], None]
+    ) -> None:
+        """`slot` has the pairs of landmarks, by id; `started` is told of a new one, and of its pair."""
+        self._whole, self._slot, self._where, self._started = whole, slot, where, started
+        self._prior: Systematic = prior.systematic
+        self._held: dict[int, list[_Held]] = {}
+        self._tried: dict[int, float] = {}  # m, the way at which a landmark was tried last
+        self._free: list[tuple[int, int]] = []  # entries of poses that are needed no longer
+        self._way = 0.0
+        ranges = self._prior.range_scale > 0 or self._prior.range_offset > 0
+        common = ranges and not self._prior.each
+        self._common = self._constant(self._prior.range_scale, self._prior.range_offset) if common else NO_ENTRY
+        self._each: dict[int, int] | None = {} if ranges and self._prior.each else None
+        heading = self._prior.heading_offset
+        self._heading = self._constant(heading, 0.0) if heading > 0 else NO_ENTRY
+
+    def step(self, step: Step, gates: Array) -> tuple[float, int, int]:
+        """Corrects by a step's fixes and partial sightings, after its motion and whole sightings.
+
+        `gates` (3,) are those of one, two and three degrees of freedom, 0 for none. Returns the squared distances of
+        what was used, their degrees of freedom, and the number refused.
+        """
+        if step.odometry is not None:
+            self._way += float(np.hypot(*step.odometry.delta[:2]))
+        whole, nis, dof, refused = self._whole, 0.0, 0, 0
+        pose = np.array((*OWN, self._heading), np.int64)
+        for z, cov, arm in zip(*step.fixes, strict=True):
+            measured = int(np.sum(~np.isnan(z)))
+            why, distance, k = fixed(
+                whole.address, 2 * whole.pairs, pose, z, cov, arm, self._where, float(gates[measured - 1])
+            )
+            refused += self._counted(why, "a fix")
+            if why == USED:
+                nis, dof = nis + distance, dof + k
+        waiting = list[_Held]()
+        for landmark, kind, z, var in zip(*(column.tolist() for column in step.partial), strict=True):
+            if landmark not in self._slot:
+                waiting.append(self._hold(landmark, kind, z, var))
+                continue
+            entries = self._entries(OWN, landmark, kind)
+            why, distance = partly(whole.address, 2 * whole.pairs, entries, kind, z, var, self._where, float(gates[0]))
+            refused += self._counted(why, f"landmark {landmark}")
+            if why == USED:
+                nis, dof = nis + distance, dof + 1
+        if waiting:
+            self._keep(waiting)
+        for landmark in dict.fromkeys(step.partial.ids.tolist()):
+            if landmark in self._held and landmark not in self._slot:
+                self._try(landmark)
+        for landmark in [one for one in step.sightings.ids.tolist() if one in self._held]:
+            self._use(landmark)  # a whole sighting has started it
+        return nis, dof, refused
+
+    def compacted(self) -> bool:
+        """Takes out the kept poses where nothing waits any longer; True if pairs of the state have moved."""
+        if self._held or not self._free:
+            return False
+        gone = {entry // 2 for entries in self._free for entry in entries}
+        left = [pair for pair in range(self._whole.pairs) if pair not in gone]
+        self._whole.reduce(left)
+        place = {pair: i for i, pair in enumerate(left)}
+        for landmark, pair in self._slot.items():
+            self._slot[landmark] = place[pair]
+        for name in ("_common", "_heading"):
+            entry = getattr(self, name)
+            setattr(self, name, entry if entry == NO_ENTRY else 2 * place[entry // 2])
+        if self._each is not None:
+            self._each = {landmark: 2 * place[entry // 2] for landmark, entry in self._each.items()}
+        self._free = []
+        return True
+
+    @property
+    def range_errors(self) -> tuple[float, float] | None:
+        """The scale and offset (m) of all ranges at present, where they are estimated together."""
+        if self._common == NO_ENTRY:
+            return None
+        scale, offset = self._whole.mean[3 + self._common : 5 + self._common].tolist()
+        return scale, offset
+
+    def _constant(self, first: float, second: float) -> int:
+        """Adds a pair of constant errors around zero, with these standard deviations; returns its first entry."""
+        whole = self._whole
+        pair = whole.pairs
+        whole.grow(pair + 1)
+        whole.agreed[pair] = POSE
+        rows = np.zeros((2, 2 * pair + 2))
+        rows[0, 2 * pair], rows[1, 2 * pair + 1] = first**2, second**2
+        _triangle.put(whole.flat, 2 * pair, 2 * pair + 2, rows)
+        return 2 * pair
+
+    def _errors(self, landmark: int) -> int:
+        """The first entry of the errors of ranges to a landmark."""
+        if self._each is None:
+            return self._common
+        if landmark not in self._each:
+            self._each[landmark] = self._constant(self._prior.range_scale, self._prior.range_offset)
+        return self._each[landmark]
+
+    def _entries(self, pose: tuple[int, int, int], landmark: int, kind: int) -> Ints:
+        """The seven entries of a partial sighting."""
+        place = 2 * self._slot[landmark]
+        errors = self._errors(landmark) if kind == RANGE else NO_ENTRY
+        both = (NO_ENTRY, NO_ENTRY) if errors == NO_ENTRY else (errors, errors + 1)
+        return np.array((*pose, place, place + 1, *both), np.int64)
+
+    def _hold(self, landmark: int, kind: int, z: float, var: float) -> _Held:
+        one = _Held(_Clone((NO_ENTRY, NO_ENTRY), self._way), kind, z, var)
+        self._held.setdefault(landmark, []).append(one)
+        return one
+
+    def _keep(self, waiting: list[_Held]) -> None:
+        """Keeps the present pose for the sightings of this step that wait."""
+        whole = self._whole
+        if not self._free:
+            place = 2 * whole.pairs
+            whole.grow(whole.pairs + 3)
+            whole.agreed[whole.pairs - 3 : whole.pairs] = POSE
+            self._free = [(place + 2, place + 5), (place, place + 4)]  # two headings make a pair
+        clone = _Clone(self._free.pop(), self._way, len(waiting))
+        for one in waiting:
+            one.clone = clone
+        keep(whole.address, 2 * whole.pairs, 0, *clone.entries)
+
+    def _release(self, one: _Held) -> None:
+        one.clone.needed -= 1
+        if one.clone.needed == 0:
+            self._free.append(one.clone.entries)
+
+    def _try(self, landmark: int) -> None:
+        """Starts a landmark if its held sightings place it."""
+        held = self._held[landmark]
+        if len(held) > MOST:
+            ways = np.array([one.clone.way for one in held])
+            self._release(held.pop(1 + int(np.argmin(ways[2:] - ways[:-2]))))
+        way = self._way - held[0].clone.way
+        if len(held) < 2 or way < (1 + FURTHER) * self._tried.get(landmark, 0.0):
+            return
+        self._tried[landmark] = way
+        poses, spread = self._poses(held)
+        kind = np.array([one.kind for one in held])
+        scale, offset = self._whole.mean[3 + np.array([0, 1]) + self._errors(landmark)] if self._ranging else (0.0, 0.0)
+        z = np.array([one.z for one in held])
+        z = np.where(kind == RANGE, np.maximum(z - offset, 0.0) / (1 + scale), z)
+        var = np.array([one.var for one in held]) + np.where(kind == RANGE, spread[:, 0], spread[:, 1])
+        place = placed(poses, kind, z, var)
+        if place is None or not place.sure:
+            return
+        whole = self._whole
+        pair = self._slot[landmark] = whole.pairs
+        whole.grow(pair + 1)
+        whole.agreed[pair] = len(held)
+        loose = LOOSE * float(np.sqrt(np.trace(place.cov)))
+        begin(whole.address, 2 * whole.pairs, 2 * pair, place.xy, loose, whole.points is not whole.mean)
+        self._started(landmark, pair)
+        self._use(landmark)
+
+    @property
+    def _ranging(self) -> bool:
+        return self._common != NO_ENTRY or self._each is not None
+
+    def _use(self, landmark: int) -> None:
+        """Corrects by the held sightings of a landmark that is on the map."""
+        held = self._held.pop(landmark)
+        self._tried.pop(landmark, None)
+        rows = [
+            self._entries((one.clone.entries[0], one.clone.entries[0] + 1, one.clone.entries[1]), landmark, one.kind)
+            for one in held
+        ]
+        whole = self._whole
+        why, _ = together(
+            whole.address, 2 * whole.pairs, np.array(rows), np.array([one.kind for one in held], np.int64),
+            np.array([one.z for one in held]), np.array([one.var for one in held]), self._where in (FIRST, IDEAL),
+        )  # fmt: skip
+        self._counted(why, f"landmark {landmark}")
+        for one in held:
+            self._release(one)
+
+    def _poses(self, held: list[_Held]) -> tuple[Array, Array]:
+        """The poses (k, 3) of held sightings, and variances (k, 2), m² and rad², relative to the last of them."""
+        whole = self._whole
+        entries = np.array([(one.clone.entries[0], one.clone.entries[0] + 1, one.clone.entries[1]) for one in held])
+        k = len(held)
+        cov = np.empty((3 * k, 3 * k))
+        _triangle.submatrix(whole.flat, entries.ravel(), cov)
+        own = np.einsum("iaia->ia", cov.reshape(k, 3, k, 3))
+        last = np.einsum("iaa->ia", cov.reshape(k, 3, k, 3)[:, :, -1])
+        between = own + own[-1] - 2 * last
+        return whole.mean[3 + entries], np.column_stack((between[:, :2].mean(axis=1), between[:, 2]))
+
+    @staticmethod
+    def _counted(why: int, of: str) -> int:
+        """1 for a refused measurement; Diverged where it could not be used."""
+        if why == AT_ROBOT:
+            raise Diverged(f"the estimate of {of} lies at the robot's own position, where a range has no derivative")
+        if why not in (USED, REFUSED):
+            raise Diverged(f"the innovation covariance of {of} is not positive definite")
+        return int(why == REFUSED)
