@@ -49,6 +49,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "association": {TOP, "locating"},
         "biases": {TOP},
         "gaussian": {TOP},
+        "invariant": {TOP, "gaussian"},
         "particles": {TOP, "locating"},
         "smoothing": {TOP},
         "window": {TOP, "smoothing"},
