@@ -36,7 +36,7 @@ from ..core.se2 import Array, Ints, act, act_jacobians, between, compose, compos
 
 __all__ = [
     "BEARING", "COMPILED_HERE", "GTSAM_WHEEL", "RANGE", "UNKNOWN", "Array", "Associates", "Backend", "Belief",
-    "Builder", "Diverged", "Expected", "Expects", "Fixes", "Ints", "Map",
+    "Builder", "Constant", "Diverged", "Expected", "Expects", "Fixes", "Ints", "Map",
     "NoOptions", "Odometry", "Partial", "Pose", "Prior", "RangeBearing", "RelativePoses", "Solution", "Step",
     "Systematic", "TakenOut",
     "TakesOut", "Truth", "TruthWanted", "Unsuited", "WantsTruth", "act", "act_jacobians", "between", "compose",
@@ -68,6 +68,14 @@ class Belief(NamedTuple):
     left_out: int = 0  # loop closures of the step that were not used: they are to poses that are no longer kept
 
 
+class Constant(NamedTuple):
+    """Estimated constant errors of the log's sensors: see `Systematic`."""
+
+    range_scale: Array  # (1,), or (n,) of each landmark of the solution's map
+    range_offset: Array  # m; likewise
+    heading_offset: float = 0.0  # rad
+
+
 class Solution(NamedTuple):
     """The estimate of the whole log at its end, by a smoother, or a filter that keeps its path in its state."""
 
@@ -76,6 +84,7 @@ class Solution(NamedTuple):
     cov: Array | None = None  # (n, 3, 3) of each pose, in the world frame
     converged: bool | None = None  # False: the optimisation ended before its criterion was met; None: not known
     remark: str = ""  # on how it was found, for the cell's reason
+    constant: Constant | None = None  # None: not estimated; its J is then the least over them
 
 
 @runtime_checkable

@@ -94,8 +94,6 @@ def residual(pose: Array, z: Array, arm: Array) -> tuple[Array, Array]:
 
 
 def information(cov: Array) -> Array:
-    """(3, 3) information of a fix's covariance: zero where nothing is measured."""
-    out = np.zeros((3, 3))
-    measured = np.flatnonzero(~np.isnan(np.diag(cov)))
-    out[np.ix_(measured, measured)] = np.linalg.inv(cov[np.ix_(measured, measured)])
-    return out
+    """(..., 3, 3) information of fixes' covariances (..., 3, 3): zero where nothing is measured."""
+    unmeasured = np.isnan(cov)
+    return np.where(unmeasured, 0.0, np.linalg.inv(np.where(unmeasured, np.eye(3), cov)))

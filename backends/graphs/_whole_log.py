@@ -9,17 +9,21 @@ from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from ..smoothing._graph import LINKS, NO_VARIABLE, POINT, STEPS, VARIABLES, Graph
 from ..smoothing._links import relink
-from ..smoothing._log import add_loop, add_pose_after, add_sightings_of, move
+from ..smoothing._log import add_loop, add_parts_of, add_pose_after, add_sightings_of, move
 
 
 class Columns(NamedTuple):
-    """A log of n steps, s sightings and l loop closures as columns."""
+    """A log of n steps, s sightings, p parts and l loop closures as columns."""
 
     motions: Array  # (n, 4, 3) motion and covariance; at step 0 the prior's pose and covariance
     poses: NDArray[np.bool]  # (n,) steps whose poses are variables
     sighting_first: Ints  # (n + 1,)
     landmarks: Ints  # (s,) variable of each sighting
     seen: Array  # (s, 6) range, bearing and the covariance of both
+    part_first: Ints  # (n + 1,)
+    part_landmarks: Ints  # (p,) variable of each
+    parts: Ints  # (p,) see `_graph`
+    part_seen: Array  # (p, 5)
     loop_first: Ints  # (n + 1,)
     loop_to: Ints  # (l,) the earlier step
     loop_delta: Array  # (l, 3)
@@ -50,6 +54,9 @@ def write_steps(g: Graph, log: Columns, first: int, end: int, newest: int, pose:
             g.values[newest, i] = pose[i]
         a, b = log.sighting_first[k], log.sighting_first[k + 1]
         add_sightings_of(g, newest, log.landmarks[a:b], log.seen[a:b])
+        a, b = log.part_first[k], log.part_first[k + 1]
+        if a < b:
+            add_parts_of(g, newest, log.part_landmarks[a:b], log.parts[a:b], log.part_seen[a:b])
         for t in range(log.loop_first[k], log.loop_first[k + 1]):
             if not add_loop(g, int(g.at[log.loop_to[t]]), newest, log.loop_delta[t], log.loop_cov[t]):
                 return NO_VARIABLE

@@ -10,8 +10,9 @@ import numpy as np
 
 from ...core.factors import Log, Map
 from ...core.se2 import Array, Ints, compose
-from ..api import Diverged, Solution
+from ..api import Constant, Diverged, Solution
 from ..common_options import LOSSES
+from ..constant_errors import fitted
 from ..smoothing import _log, _opening
 from ..smoothing._factors import HUBER, NONE
 from ..smoothing._graph import (
@@ -35,9 +36,11 @@ from ..smoothing.maps import add_map, joint_map
 from ..smoothing.smoother import LEAST, PATIENCE
 from ..smoothing.valleys import descend
 from ._whole_log import Columns, linearise_at, write_steps
+from .distances import of_partial, of_sightings
 from .first_values import first_values
 from .gauss_newton import Fit, eliminate, minimise
 from .headings import by_headings
+from .parts import Parts
 
 CHUNK = 100  # most steps of a chunk
 
@@ -56,12 +59,15 @@ class Batch:
     """The factors of a log, all sightings at once, with a robust loss of sightings and loop closures."""
 
     def __init__(self, log: Log, loss: int, scale: float) -> None:
-        prior, n = log.prior, len(log)
-        ids, self._which = np.unique(log.ids, return_inverse=True)
+        prior, n, s = log.prior, len(log), len(log.ids)
+        alone = log.ids[:0] if log.partial is None else log.partial.ids
+        ids, which = np.unique(np.concatenate((log.ids, alone)), return_inverse=True)
+        self._which, self._alone = which[:s], which[s:]
         self.log, self._written, self._ids = log, 0, ids.tolist()
         forest = self.forest = Forest(loss, scale)
         given = 0 if prior.map is None else len(prior.map.ids)  # sighted or not
-        forest.room(n, n + len(ids) + given, len(log.ids), n + len(log.loop_to), 0)
+        looks = len(log.ids) + len(alone) + (0 if log.fixes is None else len(log.fixes))
+        forest.room(n, n + len(ids) + given, looks, n + len(log.loop_to), 0)
         self._columns = _columns(log)
         forest.pose[:], forest.cov[:] = prior.pose, prior.cov
         _log.move(forest.g, self._columns.motions[0], forest.pose, forest.cov)
@@ -69,15 +75,33 @@ class Batch:
         self.variable: dict[int, int] = {} if prior.map is None else add_map(forest, prior.map)
         """Landmark id -> its variable, in order of first sighting."""
         self._variable_of = np.array([self.variable.get(i, NO_VARIABLE) for i in self._ids], np.int64)
+        self._known: dict[int, Array] = {}  # places of landmarks to start at
+        self.parts = Parts(log, forest)
+        """Partial sightings and fixes."""
+        for landmark, variable in self.variable.items():
+            self.parts.named(forest, landmark, variable, 0)
+        self._columns = self._columns._replace(
+            part_first=self.parts.first,
+            part_landmarks=self.parts.landmarks,
+            parts=self.parts.part,
+            part_seen=self.parts.seen,
+        )
 
-    def start_at(self, path: Array, landmarks: Map) -> None:
-        """Adds everything, poses at `path` (n, 3), landmarks as in the map; orders and eliminates it."""
-        self.write_at(path, landmarks)
+    def start_at(self, path: Array, landmarks: Map, constant: Constant | None = None) -> None:
+        """Adds everything, poses at `path` (n, 3), landmarks as in the map; orders and eliminates it.
+
+        Constant errors that are not given are those that fit best there.
+        """
+        self.write_at(path, landmarks, constant)
         self.order()
 
-    def write_at(self, path: Array, landmarks: Map) -> None:
+    def write_at(self, path: Array, landmarks: Map, constant: Constant | None = None) -> None:
         """Adds everything likewise, without ordering or eliminating."""
         self._columns = self._columns._replace(start=path)
+        self._known = dict(zip(landmarks.ids.tolist(), landmarks.xy, strict=True))
+        if len(self.parts.constant.all):
+            constant = fitted(self.log, path, landmarks) if constant is None else constant
+            self.parts.constant.write(self.forest.g.values, landmarks.ids, constant)
         self._write(len(path))
         values = self.forest.g.values
         for landmark, xy in zip(landmarks.ids.tolist(), landmarks.xy, strict=True):
@@ -98,7 +122,7 @@ class Batch:
         A landmark starts where its first chunk has it: later ones may have drifted away.
         """
         self._columns = self._columns._replace(start=path)
-        for end in chunks(self.log) if len(self.log.ids) else [len(self.log)]:
+        for end in chunks(self.log) if self._ids else [len(self.log)]:
             self._write(end)
         self.order()
 
@@ -157,6 +181,17 @@ class Batch:
         g, ids = self.forest.g, np.fromiter(self.variable, np.int64, len(self.variable))
         return g.steps[: len(self.log), POINT:].copy(), Map(ids, g.values[self._variables(), :2], None)
 
+    def distances(self) -> Array:
+        """(s,) squared Mahalanobis distances of the forest's sightings at the linearisation points; 0 of fixes."""
+        path, landmarks = self.place()
+        if not len(self.parts.step):
+            return of_sightings(self.log, path, landmarks)
+        out = np.zeros(len(self.log.ids) + len(self.parts.step))
+        whole = np.arange(len(self.log.ids)) + self.parts.first[self.log.sighting_step]
+        out[whole] = of_sightings(self.log, path, landmarks)
+        out[self.parts.partial_rows] = of_partial(self.log, path, landmarks, self.constant(landmarks.ids))
+        return out
+
     def solution(self, joint_up_to: int, iterations: int, converged: bool) -> Solution:
         """The estimate and, if J is curved in every direction, the covariances of poses and map.
 
@@ -174,7 +209,11 @@ class Batch:
         if curved:
             cov = forest.pose_covariances()
             landmarks = joint_map(forest, landmarks.ids, self._variables(), forest.g.values, joint_up_to)
-        return Solution(path, landmarks, cov, converged)
+        return Solution(path, landmarks, cov, converged, constant=self.constant(landmarks.ids))
+
+    def constant(self, landmarks: Ints) -> Constant | None:
+        """The constant errors at the linearisation points; None without any."""
+        return self.parts.constant.read(self.forest.g.values, landmarks)
 
     def _variables(self) -> Ints:
         """The landmarks' variables."""
@@ -193,6 +232,7 @@ class Batch:
         self._newest = write_steps(g, columns, first, end, last, forest.pose, forest.cov)
         if self._newest == NO_VARIABLE:
             raise Diverged(NO_COVARIANCE)
+        named = self._name(end)
         self._written = end
         if len(fresh):
             step = np.repeat(np.arange(first, end), np.diff(columns.sighting_first[first : end + 1]))
@@ -202,8 +242,34 @@ class Batch:
             g.values[self._variable_of[fresh], :2] = xy
         loops = columns.loop_to[columns.loop_first[first] : columns.loop_first[end]]
         own = g.at[first:end][columns.poses[first:end]]
-        touched = np.unique(np.concatenate((own, [last], columns.landmarks[rows], g.at[loops])))
+        parts = columns.part_landmarks[self.parts.first[first] : self.parts.first[end]]
+        touched = np.unique(np.concatenate((own, [last], columns.landmarks[rows], g.at[loops], parts, named)))
+        touched = touched[touched >= 0]
         return touched[g.variables[touched, WIDTH] > 0]
+
+    def _name(self, end: int) -> Ints:
+        """Gives landmarks of partial sightings alone a place once these determine one, at the last step in any case.
+
+        Returns the variables that are new or have new factors of steps before `end`, and those of constant errors.
+        """
+        forest, touched = self.forest, [self.parts.constant.all] if len(self.parts.step) else list[Ints]()
+        if not len(self._alone):
+            return np.concatenate([*touched, np.zeros(0, np.int64)])
+        path = forest.g.steps[:end, POINT:]
+        for k in np.unique(self._alone).tolist():
+            landmark, variable = self._ids[k], int(self._variable_of[k])
+            if variable == NO_VARIABLE:
+                xy = self._known.get(landmark)
+                if xy is None:
+                    xy = self.parts.place(landmark, path, last=end == len(self.log))
+                if xy is None:
+                    continue
+                variable = _log.add_variable(forest.g, 2, *xy.tolist(), 0.0)
+                self._variable_of[k] = self.variable[landmark] = variable
+            elif not self.parts.waits(landmark):
+                continue
+            touched += [self.parts.named(forest, landmark, variable, end), np.array([variable])]
+        return np.concatenate(touched)
 
 
 def chunks(log: Log) -> list[int]:
@@ -224,6 +290,9 @@ def _columns(log: Log) -> Columns:
     motions[:, 0], motions[:, 1:] = log.delta, log.delta_cov
     motions[0, 0], motions[0, 1:] = log.prior.pose, log.prior.cov
     poses = np.diff(log.sighting_first) + np.diff(log.loop_first) > 0
+    for table in (log.partial, log.fixes):
+        if table is not None:
+            poses |= np.diff(table.first) > 0
     poses[log.loop_to] = poses[0] = True
     return Columns(
         motions,
@@ -231,6 +300,10 @@ def _columns(log: Log) -> Columns:
         log.sighting_first.copy(),
         np.full(s, NO_VARIABLE),
         np.concatenate((log.z, log.z_cov.reshape(s, 4)), axis=1),
+        np.zeros(n + 1, np.int64),
+        np.zeros(0, np.int64),
+        np.zeros(0, np.int64),
+        np.zeros((0, 5)),
         log.loop_first.copy(),
         log.loop_to.copy(),
         log.loop_delta.copy(),

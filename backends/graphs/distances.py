@@ -6,11 +6,13 @@ from ...core.factors import Log, Map
 from ...core.se2 import Array, between
 from ...core.small_matrices import inverse
 from ...core.truth.errors import difference, rows_of
+from ..api import Constant
+from ..constant_errors import fitted, partial_residuals, squared_partial
 from ..models import innovation, sight
 
-MEDIANS = {2: 1.386, 3: 2.366}  # of chi-square, by its degrees of freedom
+MEDIANS = {1: 0.455, 2: 1.386, 3: 2.366}  # of chi-square, by its degrees of freedom
 
-EVEN = {2: 2.0, 3: 1.5}
+EVEN = {1: 2.5, 2: 2.0, 3: 1.5}
 """Most ratio of mean to median, in those of chi-square, of distances that are one distribution's.
 
 Both grow with the noise that is not stated, so that their ratio does not depend on how well noise is stated. It is 1 of
@@ -29,6 +31,13 @@ def of_sightings(log: Log, path: Array, landmarks: Map) -> Array:
     return _squared(e, log.z_cov)
 
 
+def of_partial(log: Log, path: Array, landmarks: Map, constant: Constant | None) -> Array:
+    """(p,) likewise of the partial sightings, with the constant errors that fit best if there are none."""
+    constant = fitted(log, path, landmarks) if constant is None else constant
+    off = partial_residuals(log, path, landmarks, constant)
+    return np.zeros(0) if off is None or log.partial is None else squared_partial(log.partial, off)
+
+
 def of_loops(log: Log, path: Array) -> Array:
     """(l,) likewise of the loop closures."""
     return _squared(difference(between(path[log.loop_to], path[log.loop_step]), log.loop_delta), log.loop_cov)
@@ -39,7 +48,11 @@ def unevenness(log: Log, path: Array, landmarks: Map) -> float:
 
     Infinite where too few of a kind tell, or where all are far.
     """
-    kinds = ((of_sightings(log, path, landmarks), 2), (of_loops(log, path), 3))
+    kinds = (
+        (of_partial(log, path, landmarks, None), 1),
+        (of_sightings(log, path, landmarks), 2),
+        (of_loops(log, path), 3),
+    )
     return max((_ratio(x, dof) for x, dof in kinds if len(x)), default=0.0)
 
 

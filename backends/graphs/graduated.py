@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.se2 import Array, Ints
-from ..smoothing._graph import LANDMARK, NO_VARIABLE, SIGHTINGS
+from ..smoothing._graph import FIX, LANDMARK, NO_VARIABLE, PART, SIGHTINGS, WHOLE
 from .batch import Batch
-from .distances import of_loops, of_sightings
+from .distances import of_loops
 
-INLIER, INLIER_LOOP = 13.816, 16.266
-"""Squared Mahalanobis distance that 999 of 1000 correct sightings stay within, and that of loop closures.
+INLIER_PART, INLIER, INLIER_LOOP = 10.828, 13.816, 16.266
+"""Squared Mahalanobis distance that 999 of 1000 correct partial and whole sightings and loop closures stay within.
 
-Chi-square, of 2 and of 3 degrees of freedom.
+Chi-square, of 1, 2 and 3 degrees of freedom.
 """
 
 GROWTH, ROUNDS, SLIGHTEST = 1.4, 100, 1e-6
@@ -42,13 +42,15 @@ def leave_out(batch: Batch, iterations: int) -> None:
     g = batch.forest.g
     s = int(g.state[SIGHTINGS])
     information = g.seen[:s, 2:].copy()
-    inlier = np.repeat((INLIER, INLIER_LOOP), (s, len(batch.log.loop_to)))
+    parts = g.sightings[:s, PART]
+    of_sighting = np.where(parts == WHOLE, INLIER, np.where(parts > FIX, INLIER_PART, np.inf))
+    inlier = np.concatenate((of_sighting, np.full(len(batch.log.loop_to), INLIER_LOOP)))
     weights, mu, before = np.ones(len(inlier)), 0.0, np.inf
     if not len(batch.log.loop_to):
         before = batch.fit(COARSE, iterations).cost
     for _ in range(ROUNDS):
-        path, landmarks = batch.place()
-        distance = np.concatenate((of_sightings(batch.log, path, landmarks), of_loops(batch.log, path)))
+        path, _ = batch.place()
+        distance = np.concatenate((batch.distances(), of_loops(batch.log, path)))
         if mu == 0.0:
             beyond = 2 * distance > inlier
             if not beyond.any():

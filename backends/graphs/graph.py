@@ -57,4 +57,13 @@ def minimises(options: Options) -> bool:
     return options.loss == "none" and not options.gnc
 
 
-build = Builder(Graph, options=Options, online=False, loops=True, minimises=minimises, implementation=implementation)
+build = Builder(
+    Graph,
+    options=Options,
+    online=False,
+    loops=True,
+    partial=True,
+    fixes=True,
+    minimises=minimises,
+    implementation=implementation,
+)

@@ -47,7 +47,7 @@ def optimum(prior: Prior, options: Options, steps: Sequence[Step]) -> Solution:
             leave_out(batch, options.iterations)
         converged = _fit(batch, options)
     if near(batch.forest.g) and not options.gnc:
-        batch = _freed(batch, options, () if trusted else steps)
+        batch = _freed(batch, options, () if trusted or _has_parts(log) else steps)
     return batch.solution(options.joint_up_to, options.iterations, converged)
 
 
@@ -93,11 +93,16 @@ def _are_same(batches: Sequence[Batch]) -> bool:
 
 def _started(log: Log, options: Options, steps: Sequence[Step]) -> Batch:
     """A batch as the options say, from a robust smoother where outliers are to be expected."""
-    if options.start in ("auto", "incremental") and (options.gnc or options.loss != "none"):
+    if options.start in ("auto", "incremental") and (options.gnc or options.loss != "none") and not _has_parts(log):
         return _started_online(log, options, steps)
     batch = _empty(log, options)
     _start(batch, options.start)
     return batch
+
+
+def _has_parts(log: Log) -> bool:
+    """True for a log that the incremental smoother does not take."""
+    return log.partial is not None or log.fixes is not None
 
 
 def _start(batch: Batch, start: str) -> None:

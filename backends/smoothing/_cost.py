@@ -5,13 +5,14 @@ import numpy as np
 from ...core.kernels._planar import information, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._factors import distance, loss, square_of
+from ._factors import distance, fix_off, loss, range_off, square_of
 from ._graph import (
     COVARIANCE,
     DELTA,
     END,
     FACTOR,
     FIRST,
+    FIX,
     GIVEN,
     LANDMARK,
     LINKS,
@@ -21,6 +22,7 @@ from ._graph import (
     MEMBERS,
     MOTION,
     NOISE,
+    PART,
     SCALE,
     STEP,
     STEPS,
@@ -67,9 +69,20 @@ def cost(g: Graph, path: Array, values: Array) -> float:
         x = path[g.variables[v, STEP]]
         for s in range(g.variables[v, FIRST], g.variables[v, END]):
             landmark = g.sightings[s, LANDMARK]
-            if landmark >= 0:
-                q = distance(x[0], x[1], x[2], values[landmark, 0], values[landmark, 1], g.seen, s)[4]
-                total += loss(g.settings[LOSS], g.settings[SCALE], q)
+            part = g.sightings[s, PART]
+            if landmark < 0:
+                continue
+            if part <= FIX:
+                e = fix_off(x[0], x[1], x[2], values[landmark, 0], g.fixed, FIX - part)
+                total += square_of(g.fixed[FIX - part], 3, e[0], e[1], e[2])
+                continue
+            m = values[landmark]
+            if part >= 0:
+                off = range_off(x[0], x[1], m[0], m[1], values[part, 0], values[part, 1], g.seen[s, 0])[3]
+                q = g.seen[s, 2] * off * off
+            else:
+                q = distance(x[0], x[1], x[2], m[0], m[1], g.seen, s)[4]
+            total += loss(g.settings[LOSS], g.settings[SCALE], q)
     for c in range(1, 1 + g.state[GIVEN]):
         total += given_cost(g, c, values)
     return total

@@ -1,4 +1,4 @@
-"""Linearises sightings, the prior and links and sums them into a front: J' W J and -J' W e, written out.
+"""Linearises sightings, fixes, the prior and links and sums them into a front: J' W J and -J' W e, written out.
 
 The residual of a motion is the plain difference of poses, between(a, b) - delta with its heading wrapped, in the frame
 before the motion, and that of the prior pose - prior in the world: so the product has J (`bench/measure/misfit.py`).
@@ -9,12 +9,12 @@ A front is a matrix (m, m + 1) in one row of numbers, `w` = m + 1 of them to a r
 right-hand side in its last column.
 """
 
-from math import atan2, log, sqrt
+from math import atan2, cos, log, sin, sqrt
 
 from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._graph import INFORMATION, LANDMARK, LOSS, OFFSET, POSE, SCALE, A, B, Graph
+from ._graph import FIX, INFORMATION, LANDMARK, LOSS, OFFSET, PART, POSE, SCALE, A, B, Graph
 
 NONE, HUBER, CAUCHY, GEMAN_MCCLURE = range(4)
 """Robust losses of sightings and loop closures."""
@@ -125,6 +125,66 @@ def add_seen(
         F[o + w] -= xy
         F[o + w + 1] -= yy
         F[o + w + 2] -= t1
+
+
+@compiled
+def range_off(
+    x: float, y: float, mx: float, my: float, scale: float, offset: float, measured: float
+) -> tuple[float, float, float, float]:
+    """dx, dy and the distance from a position to a landmark at (mx, my), and the residual of a range between them.
+
+    A range is (1 + scale) times the distance, plus the offset.
+    """
+    dx, dy = mx - x, my - y
+    d = sqrt(dx * dx + dy * dy)
+    return dx, dy, d, (1.0 + scale) * d + offset - measured
+
+
+@compiled
+def add_range(g: Graph, s: int, F: Array, w: int, ip: int, il: int, ie: int) -> None:
+    """Adds sighting `s`, a range alone: pose at row `ip`, landmark at `il` or -1, scale and offset at `ie`."""
+    x, m = g.values[g.sightings[s, POSE]], g.values[g.sightings[s, LANDMARK]]
+    errors = g.values[g.sightings[s, PART]]
+    dx, dy, d, e = range_off(x[0], x[1], m[0], m[1], errors[0], errors[1], g.seen[s, 0])
+    W = g.seen[s, 2] * weight(g.settings[LOSS], g.settings[SCALE], g.seen[s, 2] * e * e)
+    a, b = (1.0 + errors[0]) * dx / d, (1.0 + errors[0]) * dy / d
+    rows, J = (ip, ip + 1, ie, ie + 1, il, il + 1), (-a, -b, d, 1.0, a, b)
+    n = 4 if il < 0 else 6
+    for i in range(n):
+        F[rows[i] * w + w - 1] -= W * J[i] * e
+        for j in range(i, n):
+            F[min(rows[i], rows[j]) * w + max(rows[i], rows[j])] += W * J[i] * J[j]
+
+
+@compiled
+def fix_off(
+    x: float, y: float, heading: float, turn: float, fixed: Array, k: int
+) -> tuple[float, float, float, float, float]:
+    """Residuals of the fix in row `k` of `fixed` from a pose, its heading `turn` too large; the antenna's way (2)."""
+    c, s, ax, ay = cos(heading), sin(heading), fixed[k, 9], fixed[k, 10]
+    east, north = c * ax - s * ay, s * ax + c * ay
+    e2 = wrap(heading + turn - fixed[k, 2])
+    return x + east - fixed[k, 0], y + north - fixed[k, 1], e2, east, north
+
+
+@compiled
+def add_fix(g: Graph, s: int, F: Array, w: int, ip: int, ih: int) -> None:
+    """Adds row `s` of the sightings, a fix: pose at row `ip`, the heading's error at `ih`, -1 without one."""
+    k, x = FIX - g.sightings[s, PART], g.values[g.sightings[s, POSE]]
+    turn = g.values[g.sightings[s, LANDMARK], 0]
+    e0, e1, e2, east, north = fix_off(x[0], x[1], x[2], turn, g.fixed, k)
+    W = g.fixed[k]
+    rows, n = (ip, ip + 1, ip + 2, ih), 3 if ih < 0 else 4
+    J = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-north, east, 1.0), (0.0, 0.0, 1.0))
+    for i in range(n):
+        a, b, c = J[i]
+        u = a * W[3] + b * W[4] + c * W[5]
+        v = a * W[4] + b * W[6] + c * W[7]
+        t = a * W[5] + b * W[7] + c * W[8]
+        F[rows[i] * w + w - 1] -= u * e0 + v * e1 + t * e2
+        for j in range(i, n):
+            o = min(rows[i], rows[j]) * w + max(rows[i], rows[j])
+            F[o] += u * J[j][0] + v * J[j][1] + t * J[j][2]
 
 
 @compiled

@@ -10,7 +10,7 @@ from ...core.kernels._cholesky import factor, unsigned
 from ...core.kernels._planar import information, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._factors import add_link, add_pose, add_sighting
+from ._factors import add_fix, add_link, add_pose, add_range, add_sighting
 from ._graph import (
     BOUND,
     CHILD,
@@ -21,6 +21,7 @@ from ._graph import (
     FAILED,
     FAR,
     FIRST,
+    FIX,
     FRONT,
     FRONTALS,
     LANDMARK,
@@ -30,6 +31,7 @@ from ._graph import (
     MEMBERS,
     NEAR,
     NEXT,
+    PART,
     PLACE,
     RESUM,
     ROOT,
@@ -93,12 +95,18 @@ def add_child(g: Graph, c: int, F: Array, w: int) -> None:
 
 @compiled
 def add_sightings(g: Graph, pose: int, F: Array, w: int) -> None:
-    """Adds the sightings from a pose to front F."""
+    """Adds the sightings from a pose, and its fixes, to front F."""
     ip = g.variables[pose, PLACE]
     for s in range(g.variables[pose, FIRST], g.variables[pose, END]):
         landmark = g.sightings[s, LANDMARK]
         if landmark >= 0:
-            add_sighting(g, s, F, w, ip, g.variables[landmark, PLACE] if g.variables[landmark, WIDTH] else -1)
+            il, part = g.variables[landmark, PLACE] if g.variables[landmark, WIDTH] else -1, g.sightings[s, PART]
+            if part >= 0:
+                add_range(g, s, F, w, ip, il, g.variables[part, PLACE])
+            elif part <= FIX:
+                add_fix(g, s, F, w, ip, il)
+            else:
+                add_sighting(g, s, F, w, ip, il)
 
 
 @compiled

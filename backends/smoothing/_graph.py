@@ -17,8 +17,9 @@ class Graph(Arrays):
     state: Integers  # (STATE,) counts and heads of lists
     variables: IntegerTable  # (V, 9)
     values: Table  # (V, 3) linearisation points: x, y (m), heading (rad)
-    sightings: IntegerTable  # (S, 2)
+    sightings: IntegerTable  # (S, 3)
     seen: Table  # (S, 5) range, bearing, and their information: rr, rb, bb
+    fixed: Table  # (F, 11) fixes: x, y, heading; their information, as of a pose; the antenna's place (2)
     links: IntegerTable  # (K, 5)
     linked: Table  # (K, 19)
     steps: Table  # (T, 12) odometry (3), its covariance (6), linearisation point (3)
@@ -40,11 +41,15 @@ graph = at(Graph)
 
 # state
 VARIABLES, SIGHTINGS, LINKS, STEPS, CLIQUES, SPARE, INTS, REALS, STAMP, ROOT, NEAR, FAR, LAST = range(13)
-TODO, RESUM, FAILED, WORK, FULL, WIDEST, GIVEN, GIVEN_INTS, GIVEN_REALS, DSYRK, STATE = range(13, 24)
+TODO, RESUM, FAILED, WORK, FULL, WIDEST, GIVEN, GIVEN_INTS, GIVEN_REALS, DSYRK, FIXED, STATE = range(13, 25)
 # variables; CLIQUE is 0 in the root, SLOT -1 outside it
 WIDTH, CLIQUE, SLOT, MARK, PLACE, FIRST, END, LINK, STEP = range(9)
-# sightings; without landmark: held back
-LANDMARK, POSE = range(2)
+# sightings; without landmark: held back; PART says what a row is
+LANDMARK, POSE, PART = range(3)
+# PART: a whole sighting; a range or a bearing alone, the other's information being zero; FIX - n: the fix in row n of
+# `fixed`, whose landmark is the variable of a heading's constant error, or one that is held fixed; else a range alone
+# with constant errors, and the variable of its scale and offset
+WHOLE, ALONE, FIX = -1, -2, -3
 # links: from A to B; of a loop closure LOOP is 1
 A, B, NEXT_A, NEXT_B, LOOP = range(5)
 # linked: the measured offset of B, its information; a loop closure's motion, covariance and weight, 0 if left out

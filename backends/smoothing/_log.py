@@ -26,6 +26,7 @@ from ._graph import (
     NEXT_B,
     NO_VARIABLE,
     NOISE,
+    PART,
     PENDING,
     POINT,
     POSE,
@@ -35,6 +36,7 @@ from ._graph import (
     STEPS,
     VARIABLES,
     WEIGHT,
+    WHOLE,
     WIDTH,
     A,
     B,
@@ -165,7 +167,7 @@ def add_sightings_of(g: Graph, pose: int, landmarks: Ints, seen: Array) -> tuple
     outside = fresh = 0
     for i in range(len(landmarks)):
         v = landmarks[i]
-        g.sightings[s, LANDMARK], g.sightings[s, POSE] = v, pose
+        g.sightings[s, LANDMARK], g.sightings[s, POSE], g.sightings[s, PART] = v, pose, WHOLE
         rr, rb, bb = seen[i, 2], (seen[i, 3] + seen[i, 4]) / 2, seen[i, 5]
         d = 1.0 / (rr * bb - rb * rb)
         g.seen[s, 0], g.seen[s, 1] = seen[i, 0], seen[i, 1]
@@ -181,6 +183,25 @@ def add_sightings_of(g: Graph, pose: int, landmarks: Ints, seen: Array) -> tuple
     g.state[SIGHTINGS] = s
     g.variables[pose, END] = s
     return outside, fresh
+
+
+@compiled
+def add_parts_of(g: Graph, pose: int, landmarks: Ints, parts: Ints, seen: Array) -> None:
+    """Adds partial sightings and fixes of the newest pose, after its whole ones; there must be room.
+
+    `landmarks` (k,), `parts` (k,) and `seen` (k, 5) are columns of the graph's tables of sightings.
+    """
+    s = g.state[SIGHTINGS]
+    for i in range(len(landmarks)):
+        g.sightings[s, LANDMARK], g.sightings[s, POSE], g.sightings[s, PART] = landmarks[i], pose, parts[i]
+        for j in range(5):
+            g.seen[s, j] = seen[i, j]
+        if seen[i, 2] > 0.0:
+            g.settings[FURTHEST] = max(g.settings[FURTHEST], seen[i, 0])
+            g.settings[CLOSEST] = min(g.settings[CLOSEST], max(seen[i, 0], NEAR_SDS / sqrt(seen[i, 2])))
+        s += 1
+    g.state[SIGHTINGS] = s
+    g.variables[pose, END] = s
 
 
 @compiled

@@ -20,10 +20,12 @@ from ._graph import (
     NEAR,
     NEXT,
     PARENT,
+    PART,
     PLACE,
     ROOT,
     STAMP,
     VARIABLES,
+    WHOLE,
     WIDTH,
     Graph,
 )
@@ -57,15 +59,27 @@ def about(g: Graph, x: int, radius: float, most: int, some: Ints) -> Ints:
 
 @compiled
 def sighted(g: Graph, pose: int) -> Ints:
-    """The variables among the landmarks sighted from a pose."""
-    out = np.empty(g.variables[pose, END] - g.variables[pose, FIRST], np.int64)
+    """The variables among the landmarks sighted from a pose, and among the constant errors of these sightings."""
+    out = np.empty(2 * (g.variables[pose, END] - g.variables[pose, FIRST]), np.int64)
     n = 0
     for s in range(g.variables[pose, FIRST], g.variables[pose, END]):
-        v = g.sightings[s, LANDMARK]
-        if v >= 0 and g.variables[v, WIDTH] == 2:
+        v, part = g.sightings[s, LANDMARK], g.sightings[s, PART]
+        if v >= 0 and g.variables[v, WIDTH] == 2 and (part == WHOLE or not listed(out, n, v)):
             out[n] = v
             n += 1
+        if v >= 0 and part >= 0 and not listed(out, n, part):
+            out[n] = part
+            n += 1
     return out[:n]
+
+
+@compiled
+def listed(out: Ints, n: int, v: int) -> bool:
+    """Tells if `v` is among the first `n` of `out`."""
+    found = False
+    for t in range(n):
+        found = found or out[t] == v
+    return found
 
 
 @compiled

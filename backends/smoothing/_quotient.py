@@ -78,7 +78,7 @@ def quotient(g: Graph, names: Ints, kept: int, stay: Ints) -> tuple[Quotient, In
                 bound += 1
                 k = next_link(g, k, v)
     E = np.zeros((len(stay) + bound + n, FIELDS), np.int64)
-    pool, seen = np.empty(numbers + 2 * bound + 16 * n + 64, np.int64), np.empty(looks, np.int64)
+    pool, seen = np.empty(numbers + 2 * bound + 16 * n + 64, np.int64), np.empty(2 * looks, np.int64)
     e = top = 0
     for t in range(len(stay)):
         q = g.cliques[stay[t]]
@@ -101,6 +101,10 @@ def quotient(g: Graph, names: Ints, kept: int, stay: Ints) -> tuple[Quotient, In
                 landmark = g.sightings[s, _graph.LANDMARK]
                 if landmark >= 0 and g.variables[landmark, _graph.WIDTH]:
                     seen[looks] = g.variables[landmark, _graph.PLACE]
+                    V[seen[looks], WAITS] += 1
+                    looks += 1
+                if landmark >= 0 and g.sightings[s, _graph.PART] >= 0:
+                    seen[looks] = g.variables[g.sightings[s, _graph.PART], _graph.PLACE]
                     V[seen[looks], WAITS] += 1
                     looks += 1
         k = g.variables[v, _graph.LINK]

@@ -35,6 +35,7 @@ from ._graph import (
     NEXT_A,
     NEXT_B,
     PARENT,
+    PART,
     POINT,
     RESUM,
     SIZE,
@@ -118,6 +119,9 @@ def flag(g: Graph, order: Ints, stamp: int, shifted: NDArray[np.bool]) -> None:
             for s in range(g.variables[v, FIRST], g.variables[v, END]):
                 landmark = g.sightings[s, LANDMARK]
                 if landmark >= 0 and g.variables[landmark, MARK] == stamp:
+                    changed = True
+                part = g.sightings[s, PART]
+                if landmark >= 0 and part >= 0 and g.variables[part, MARK] == stamp:
                     changed = True
         for t in range(start + members, start + members + g.cliques[c, BOUND]):
             changed = changed or shifted[g.ints[t]]

@@ -29,6 +29,7 @@ from ._graph import (
     NEAR,
     NEXT,
     PARENT,
+    PART,
     REALS,
     RESUM,
     ROOT,
@@ -100,9 +101,11 @@ def advance(g: Graph, x: int) -> None:
     a, stamp = g.state[LAST], g.state[STAMP] + 1
     g.state[STAMP] = stamp
     for s in range(g.variables[a, FIRST], g.variables[a, END]):
-        v = g.sightings[s, LANDMARK]
+        v, part = g.sightings[s, LANDMARK], g.sightings[s, PART]
         if v >= 0:
             g.variables[v, MARK] = stamp
+            if part >= 0:
+                g.variables[part, MARK] = stamp
     child = g.state[NEAR]
     while child > 0:
         start = g.cliques[child, LISTED]
@@ -137,11 +140,13 @@ def advance(g: Graph, x: int) -> None:
 
 @compiled
 def enter(g: Graph, x: int) -> None:
-    """Adds the landmarks sighted from pose `x` to the root."""
+    """Adds the landmarks sighted from pose `x`, and constant errors of these sightings, to the root."""
     for s in range(g.variables[x, FIRST], g.variables[x, END]):
-        v = g.sightings[s, LANDMARK]
+        v, part = g.sightings[s, LANDMARK], g.sightings[s, PART]
         if v >= 0 and g.variables[v, WIDTH] and g.variables[v, SLOT] < 0:
             into_root(g, v)
+        if v >= 0 and part >= 0 and g.variables[part, SLOT] < 0:
+            into_root(g, part)
 
 
 @compiled

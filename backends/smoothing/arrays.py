@@ -12,6 +12,7 @@ from ._graph import CLASSES, CLIQUES, DSYRK, RESUM, STATE, Graph
 TOGETHER = {
     "variables": ("variables", "values"),
     "sightings": ("sightings", "seen"),
+    "fixed": ("fixed",),
     "links": ("links", "linked"),
     "steps": ("steps", "at"),
     "cliques": ("cliques", "todo"),
@@ -27,8 +28,9 @@ def made(loss: int, scale: float, enough: float = 0.0) -> Graph:
         state=np.zeros(STATE, np.int64),
         variables=np.zeros((64, 9), np.int64),
         values=np.zeros((64, 3)),
-        sightings=np.zeros((256, 2), np.int64),
+        sightings=np.zeros((256, 3), np.int64),
         seen=np.zeros((256, 5)),
+        fixed=np.zeros((0, 11)),
         links=np.zeros((64, 5), np.int64),
         linked=np.zeros((64, 19)),
         steps=np.zeros((64, 12)),

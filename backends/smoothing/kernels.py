@@ -17,6 +17,7 @@ def kernels() -> Kernels:
         (_log.move, (g, table, numbers, table)),
         (_log.add_pose_after, (g, 0, 0)),
         (_log.add_sightings_of, (g, 0, ints, table)),
+        (_log.add_parts_of, (g, 0, ints, ints, table)),
         (_log.add_variable, (g, 0, 0.0, 0.0, 0.0)),
         (_log.add_loop, (g, 0, 0, numbers, table)),
         (_log.split, (g, 0)),

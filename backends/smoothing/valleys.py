@@ -18,7 +18,7 @@ import numpy as np
 from ...core.se2 import Array
 from ..api import Diverged
 from . import _cost, _offsets, _relinearise
-from ._graph import LANDMARK, NEAR_SDS, POINT, POSE, SIGHTINGS, STEPS, Graph
+from ._graph import FIX, LANDMARK, NEAR_SDS, PART, POINT, POSE, SIGHTINGS, STEPS, Graph
 from .forest import FIRST_DAMPING, STILL, TENFOLD, Estimate, Forest
 
 CLOSE, NOTHING = 1e-6, 1e-12
@@ -91,15 +91,15 @@ def descend(forest: Forest, iterations: int) -> bool:
 def at_corner(g: Graph) -> bool:
     """Tells if a sighting is of a landmark at the robot's own place."""
     seen = g.sightings[: g.state[SIGHTINGS]]
-    seen = seen[seen[:, LANDMARK] >= 0]
+    seen = seen[(seen[:, LANDMARK] >= 0) & (seen[:, PART] > FIX)]
     off = g.values[seen[:, LANDMARK], :2] - g.values[seen[:, POSE], :2]
     return bool((np.abs(off).max(axis=1, initial=0.0) < STILL).any())
 
 
 def near(g: Graph) -> bool:
-    """Tells if a sighting is from no further than NEAR_SDS standard deviations of its range."""
+    """Tells if a whole sighting is from no further than NEAR_SDS standard deviations of its range."""
     seen = g.seen[: g.state[SIGHTINGS]]
-    return bool((seen[:, 0] ** 2 * seen[:, 2] < NEAR_SDS**2).any())
+    return bool(((seen[:, 0] ** 2 * seen[:, 2] < NEAR_SDS**2) & (seen[:, 2] > 0) & (seen[:, 4] > 0)).any())
 
 
 def freed(forest: Forest, fit: Callable[[], object]) -> bool:
@@ -132,12 +132,13 @@ def _fitted_again(forest: Forest, fit: Callable[[], object], seen: Sequence[Arra
 def softened(seen: Array, times: float) -> Array:
     """Rows of `seen` (n, 5) whose bearings are no better across than so many times the ranges along."""
     out = seen.copy()
-    r, rr, rb, bb = seen[:, 0], seen[:, 2], seen[:, 3], seen[:, 4]
+    whole = np.flatnonzero((seen[:, 2] > 0) & (seen[:, 4] > 0))
+    r, rr, rb, bb = seen[whole][:, (0, 2, 3, 4)].T
     determinant = rr * bb - rb * rb
     along, both, across = bb / determinant, -rb / determinant, rr / determinant
     across += times**2 * along / np.maximum(r, 1e-3 * np.sqrt(along)) ** 2
     determinant = along * across - both * both
-    out[:, 2], out[:, 3], out[:, 4] = across / determinant, -both / determinant, along / determinant
+    out[whole, 2], out[whole, 3], out[whole, 4] = across / determinant, -both / determinant, along / determinant
     return out
 
 

@@ -9,7 +9,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from ...backends.api import Associates, Backend, Diverged, Solution
+from ...backends.api import Associates, Backend, Constant, Diverged, Solution
 from ...core.errors import SlamduelError
 from ...core.factors import Log, Map
 from ...core.se2 import Array, Ints
@@ -104,7 +104,21 @@ def checked_solution(solution: Any, n: int) -> Solution | None:
     converged = None if solution.converged is None else bool(solution.converged)
     if not isinstance(solution.remark, str):  # pyright: ignore[reportUnnecessaryIsInstance] - a backend may return anything
         raise Broken(f"finish(): the remark is {type(solution.remark).__name__}, expected str")
-    return Solution(path, checked_map(solution.map, "finish()"), cov, converged, solution.remark)
+    landmarks = checked_map(solution.map, "finish()")
+    return Solution(path, landmarks, cov, converged, solution.remark, _checked_constant(solution, len(landmarks.ids)))
+
+
+def _checked_constant(solution: Solution, n: int) -> Constant | None:
+    """Copies a solution's constant errors of n landmarks, or of all."""
+    found: Any = solution.constant
+    if found is None:
+        return None
+    if not isinstance(found, Constant):
+        raise Broken(f"finish(): constant is {type(found).__name__}, expected Constant or None")
+    shape = (n,) if np.shape(found.range_scale) != (1,) else (1,)
+    scale = finite(found.range_scale, shape, "finish(): range_scale")
+    offset = finite(found.range_offset, shape, "finish(): range_offset")
+    return Constant(scale, offset, float(finite(found.heading_offset, (), "finish(): heading_offset")))
 
 
 def is_convergence(value: Any) -> bool:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...backends.api import Diverged, Solution
+from ...backends.api import Constant, Diverged, Solution
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints
 from ...core.truth.doubts import headings_known, judges, never_turns, other_headings, other_ways
@@ -110,7 +110,8 @@ def score(
         log = replace(log, ids=next(end.assigned for end in ends.values() if end.assigned is not None))
     last = outcome.solution or outcome
     path = outcome.online if outcome.solution is None else outcome.solution.path
-    fit = None if path is None else _fit(log, path, last.map)
+    constant = None if outcome.solution is None else outcome.solution.constant
+    fit = None if path is None else _fit(log, path, last.map, constant)
     if fit is not None:
         row |= {"cost_j": fit.total, "j_online" if outcome.solution is None else "j_final": fit.total}
         row |= {f"j_{name}": term for name, term in fit._asdict().items() if name != "loops" or term}
@@ -130,7 +131,7 @@ def _failed(log: Log, solution: Solution, fit: Misfit | None, truth: Truth | Non
     """
     if fit is None or log.prior.start != "known":
         return NOT_CONVERGED if solution.converged is False else ""
-    found = [lowest_near(log, solution.path, solution.map)]
+    found = [lowest_near(log, solution.path, solution.map, solution.constant)]
     if truth is not None and truth.kind == "reference" and not truth.words and truth.places == "reference":
         other = None if truth.map is None else _fit(log, truth.poses, truth.map)
         found.append(None if other is None else other.total)
@@ -257,9 +258,9 @@ def _inner(log: Log, outcome: Outcome) -> dict[str, Any]:
     return row
 
 
-def _fit(log: Log, path: Array, landmarks: Map) -> Misfit | None:
+def _fit(log: Log, path: Array, landmarks: Map, constant: Constant | None = None) -> Misfit | None:
     """Computes J; None where it is not defined."""
     try:
-        return misfit(log, path, landmarks)
+        return misfit(log, path, landmarks, constant)
     except Diverged:  # a landmark at a robot's very place has no bearing
         return None

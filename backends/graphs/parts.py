@@ -1,0 +1,172 @@
+"""Partial sightings and fixes of a log as rows of a forest's tables, and the landmarks that these alone tell of."""
+
+import numpy as np
+
+from ...core.factors import Log, Map, Systematic
+from ...core.fixes import NO_FIXES, FixTable, information
+from ...core.partial import NO_PARTIAL, RANGE, PartialTable
+from ...core.se2 import Array, Ints
+from ...core.truth.errors import rows_of
+from ..api import Constant
+from ..placing import placed
+from ..smoothing import _log
+from ..smoothing._graph import ALONE, FIX, LANDMARK, NO_VARIABLE, POSE
+from ..smoothing.arrays import with_rows
+from ..smoothing.forest import Forest
+from ..smoothing.maps import add_map
+
+NEAREST, FARTHEST = 1e-3, 10.0
+"""m; least distance of a landmark from the pose that it starts at, and that of one with a single bearing."""
+
+HELD = 1e-9
+"""Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""
+
+SIX = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)
+"""Rows and columns of the six numbers of a symmetric matrix."""
+
+
+class ConstantVariables:
+    """The variables of a log's constant errors in a forest: scale and offset of ranges in one, a heading's in another.
+
+    They are created with their prior, as a given map is.
+    """
+
+    def __init__(self, forest: Forest, sds: Systematic, ids: Ints, fixes: bool) -> None:
+        """Ranges are of landmarks `ids` (n,); without `fixes` no heading is measured."""
+        self._each = sds.each
+        ranges = len(ids) > 0 and (sds.range_scale > 0 or sds.range_offset > 0)
+        number = (len(ids) if sds.each else 1) if ranges else 0
+        turns = fixes and sds.heading_offset > 0
+        pairs = [[sds.range_scale or HELD, sds.range_offset or HELD]] * number
+        pairs += [[sds.heading_offset, 1.0]] * turns
+        made = list[int]()
+        if pairs:
+            zero = Map(np.arange(len(pairs)), np.zeros((len(pairs), 2)), np.diag(np.square(pairs).ravel()))
+            made = list(add_map(forest, zero).values())
+        self._ids, self._ranges = ids, np.array(made[:number], np.int64)
+        self.heading = made[number] if turns else NO_VARIABLE
+        """The variable of a heading's error; NO_VARIABLE without one."""
+
+    def of(self, ids: Ints) -> Ints:
+        """(k,) the variable of the errors of ranges to landmarks `ids` (k,); ALONE where they have none."""
+        if not len(self._ranges):
+            return np.full(len(ids), ALONE)
+        return self._ranges[np.searchsorted(self._ids, ids)] if self._each else np.full(len(ids), self._ranges[0])
+
+    @property
+    def all(self) -> Ints:
+        """All their variables."""
+        return np.append(self._ranges, [self.heading] * (self.heading >= 0)).astype(np.int64)
+
+    def write(self, values: Array, landmarks: Ints, constant: Constant) -> None:
+        """Sets the variables to the `constant` errors of these landmarks."""
+        if len(self._ranges):
+            row = rows_of(landmarks, self._ids) if self._each else np.zeros(1, np.int64)
+            known = row >= 0
+            each = np.column_stack((constant.range_scale, constant.range_offset))
+            values[self._ranges[known], :2] = each[row[known] if len(each) > 1 else 0]
+        if self.heading >= 0:
+            values[self.heading, 0] = constant.heading_offset
+
+    def read(self, values: Array, landmarks: Ints) -> Constant | None:
+        """The constant errors of these landmarks; None without any."""
+        if not len(self.all):
+            return None
+        out = np.zeros((len(landmarks) if self._each else 1, 2))
+        if len(self._ranges) and self._each:
+            row = rows_of(self._ids, landmarks)
+            out[row >= 0] = values[self._ranges[row[row >= 0]], :2]
+        elif len(self._ranges):
+            out[0] = values[self._ranges[0], :2]
+        return Constant(out[:, 0], out[:, 1], float(values[self.heading, 0]) if self.heading >= 0 else 0.0)
+
+
+class Parts:
+    """The partial sightings and fixes of a log, in order of step, the partial ones of a step first."""
+
+    def __init__(self, log: Log, forest: Forest) -> None:
+        n, empty = len(log), np.zeros(0, np.int64)
+        table = log.partial or PartialTable.from_arrays(n, empty, *NO_PARTIAL)
+        fixes = log.fixes or FixTable.from_arrays(n, empty, *NO_FIXES)
+        self.constant = ConstantVariables(
+            forest, log.prior.systematic, np.unique(table.ids[table.kind == RANGE]), len(fixes) > 0
+        )
+        self._table, p = table, len(table)
+        order = np.argsort(np.concatenate((table.step, fixes.step)), kind="stable")
+        self.step = np.concatenate((table.step, fixes.step))[order]
+        """(k,) of each row."""
+        self.first = np.searchsorted(self.step, np.arange(n + 1))
+        """(n + 1,) rows of each step, as in a log."""
+        self.before = log.sighting_first[self.step + 1]
+        """(k,) whole sightings that are rows of the forest's before each."""
+        self._row = np.empty(len(order), np.int64)
+        self._row[order] = np.arange(len(order))
+        isrange = table.kind == RANGE
+        seen = np.zeros((p + len(fixes), 5))
+        seen[np.arange(p), np.where(isrange, 0, 1)] = table.z
+        seen[np.arange(p), np.where(isrange, 2, 4)] = 1 / table.var
+        self.seen = seen[order]
+        """(k, 5) as in the forest's table."""
+        part = np.where(isrange, self.constant.of(table.ids) if p else empty, ALONE)
+        self.part = np.concatenate((part, FIX - np.arange(len(fixes))))[order]
+        """(k,) likewise."""
+        self.landmarks = np.full(len(order), NO_VARIABLE)
+        """(k,) the variables of landmarks, NO_VARIABLE while they have no place, or of a heading's error."""
+        if len(fixes):
+            turn = self.constant.heading
+            if turn < 0:
+                forest.room(0, 1, 0, 0, 0)
+                turn = _log.add_variable(forest.g, 0, 0.0, 0.0, 0.0)
+            self.landmarks[self._row[p:]] = turn
+            forest.g = with_rows(forest.g, "fixed", len(fixes))
+            forest.g.fixed[:, :3] = np.nan_to_num(fixes.z)
+            forest.g.fixed[:, 3:9] = information(fixes.cov)[:, SIX[0], SIX[1]]
+            forest.g.fixed[:, 9:] = fixes.arm
+
+    def waits(self, landmark: int) -> bool:
+        """True while a landmark's rows have no variable."""
+        return bool((self.landmarks[self._rows_of(landmark)] == NO_VARIABLE).any())
+
+    def named(self, forest: Forest, landmark: int, variable: int, end: int) -> Ints:
+        """Gives a landmark's rows its variable, those at the steps before `end` in the forest, too.
+
+        Returns the variables of the poses of these.
+        """
+        mine = self._rows_of(landmark)
+        self.landmarks[mine] = variable
+        rows = self.forest_rows(mine[mine < self.first[end]])
+        forest.g.sightings[rows, LANDMARK] = variable
+        return forest.g.sightings[rows, POSE]
+
+    def forest_rows(self, rows: Ints) -> Ints:
+        """The rows in the forest's table of sightings."""
+        return self.before[rows] + rows
+
+    @property
+    def partial_rows(self) -> Ints:
+        """(p,) the forest's row of each partial sighting of the log."""
+        return self.forest_rows(self._row[: len(self._table)])
+
+    def _rows_of(self, landmark: int) -> Ints:
+        return self._row[: len(self._table)][self._table.ids == landmark]
+
+    def place(self, landmark: int, path: Array, *, last: bool) -> Array | None:
+        """(2,) m, the place of a landmark by its partial sightings along a path (k, 3), or the likeliest if `last`.
+
+        None while they do not place it.
+        """
+        mine = self._table.ids == landmark
+        mine &= self._table.step < len(path)
+        poses, kind, z = path[self._table.step[mine]], self._table.kind[mine], self._table.z[mine]
+        if not len(z):
+            return None
+        found = placed(poses, kind, z, self._table.var[mine])
+        if found is not None and (found.sure or last):
+            return found.xy
+        return _somewhere(poses[-1], float(z[-1]), int(kind[-1])) if last else None
+
+
+def _somewhere(pose: Array, z: float, kind: int) -> Array:
+    """A place that fits one range, ahead, or one bearing, at a stated distance."""
+    r, turn = (max(z, NEAREST), 0.0) if kind == RANGE else (FARTHEST, z)
+    return pose[:2] + r * np.array((np.cos(pose[2] + turn), np.sin(pose[2] + turn)))
