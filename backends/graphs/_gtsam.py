@@ -5,19 +5,21 @@ frame, or, for odometry, in the frame before the motion. Every rotation between 
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache, partial
 
 import gtsam
 import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, Step
+from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, rotation
 from ..api import Expected
 from ..common_options import LOSSES
 from ..newcomers import Newcomers
 from ..smoothing._graph import NEAR_SDS
 from ..vicinity import with_held
+from .gtsam_parts import ConstantKeys, LatePlaces, Seen, fix_factors, part_factor
 
 FIXED_SD = 1e-6
 """m; standard deviation that holds a landmark given without covariance in place."""
@@ -71,7 +73,7 @@ class Factors:
 
     Sightings and loop closures have the robust `loss`, with `loss_scale` in standard deviations, 0 being the loss's own
     of `LOSSES`. The sightings of a new landmark are held back until they determine its position and, with a loss, two
-    agree, unless `at_once`.
+    agree, unless `at_once`. Partial ones are held back until they place it.
     """
 
     def __init__(self, prior: Prior, loss: str = "none", loss_scale: float = 0.0, at_once: bool = False) -> None:
@@ -85,6 +87,9 @@ class Factors:
         self.closest = math.inf
         """m; the nearest sighting's range, or NEAR_SDS standard deviations of it if that is more."""
         self._newcomers = None if at_once else Newcomers(two=self._robust)
+        self._late = LatePlaces()
+        self.constant = ConstantKeys(prior.systematic)
+        """The constant errors' variables."""
 
     def prior(self) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
         """The prior at step 0, the given map included."""
@@ -97,12 +102,18 @@ class Factors:
         return graph, values
 
     def step(
-        self, k: int, step: Step, guess: gtsam.Pose2, since: int = 0
+        self,
+        k: int,
+        step: Step,
+        guess: gtsam.Pose2,
+        since: int = 0,
+        estimated: Callable[[Sequence[int]], Array] | None = None,
     ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
         """The factors of step `k`, and initial values of the variables they introduce, seen from pose `guess`.
 
         A new landmark is initialised by ArUco EKF SLAM, eq. (17). A held-back sighting is used if its step is not
-        before `since`.
+        before `since`. `estimated` has the present estimates (k, 3) of the poses of k earlier steps, for landmarks that
+        partial sightings place.
         """
         graph, values, here = gtsam.NonlinearFactorGraph(), gtsam.Values(), FIRST_POSE + k
         if step.odometry is not None:
@@ -113,8 +124,53 @@ class Factors:
                 graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov), self.weighed))
         if self._robust and self._newcomers is not None:
             self._newcomers.move(step.odometry)
-        if not len(step.sightings.ids):
-            return graph, values
+        if len(step.fixes.z):
+            for one in fix_factors(here, self.constant.heading(graph, values), step.fixes):
+                graph.add(one)
+        if len(step.sightings.ids):
+            self._add_sightings(k, step, guess, since, graph, values)
+        if len(step.partial.ids) and estimated is not None:
+            self._add_parts(k, step, guess, estimated, graph, values)
+        return graph, values
+
+    def _add_parts(
+        self,
+        k: int,
+        step: Step,
+        guess: gtsam.Pose2,
+        estimated: Callable[[Sequence[int]], Array],
+        graph: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+    ) -> None:
+        """Adds partial sightings of landmarks on the map, and of those that they place now, all that were held back."""
+
+        def poses(steps: Sequence[int]) -> Array:
+            before = estimated([one for one in steps if one < k])
+            return np.concatenate((before, np.tile(array(guess), (len(steps) - len(before), 1))))
+
+        for landmark, kind, z, var in zip(*(column.tolist() for column in step.partial), strict=True):
+            self._late.hold(landmark, Seen(k, kind, z, var))
+            if landmark not in self.keys.landmarks:
+                xy = self._late.found(landmark, poses)
+                if xy is None:
+                    continue
+                values.insert(self.keys.landmark(landmark), xy)
+            for seen in self._late.taken(landmark):
+                errors = self.constant.of(landmark, graph, values) if seen.kind == RANGE else None
+                pose, to = self.keys.pose(seen.step), self.keys.landmarks[landmark]
+                graph.add(part_factor(pose, to, errors, seen, self.weighed))
+
+    def _add_sightings(
+        self,
+        k: int,
+        step: Step,
+        guess: gtsam.Pose2,
+        since: int,
+        graph: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+    ) -> None:
+        """Adds whole sightings, with those that were held back until now."""
+        here = FIRST_POSE + k
         known, covs = self.keys.landmarks, in_order(step.sightings.cov)  # once per step: one by one is slow
         add, factor, Rot2, noise_of = graph.add, gtsam.BearingRangeFactor2D, gtsam.Rot2, self.noise
         for i, (landmark, z) in enumerate(zip(step.sightings.ids.tolist(), step.sightings.z.tolist(), strict=True)):
@@ -135,7 +191,6 @@ class Factors:
                 r = max(z[0], NEAREST)
                 values.insert(to, guess.transformFrom(np.array((r * math.cos(z[1]), r * math.sin(z[1])))))
             add(factor(here, to, Rot2(z[1]), z[0], noise_of(cov)))
-        return graph, values
 
     def forget(self, landmarks: Iterable[int]) -> None:
         """Removes these landmarks; sighted again they are new ones."""
@@ -144,6 +199,7 @@ class Factors:
 
     def with_newcomers(self, path: Array, landmarks: Map) -> Map:
         """The map, with landmarks still held back added without covariance, at their last sighting."""
+        landmarks = self._late.added_to(landmarks, path)
         return landmarks if self._newcomers is None else self._newcomers.added_to(landmarks, path)
 
     def with_held(self, found: Expected, odometry: Odometry | None, last: int) -> Expected:

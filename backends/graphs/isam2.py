@@ -7,6 +7,7 @@ And variables are checked for relinearization every 50 steps, which saves most o
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -66,7 +67,7 @@ class Isam2:
         if self._vicinity.used:
             self._vicinity.move(step.odometry)
         guess = self._pose if step.odometry is None else self._pose.compose(pose2(step.odometry.delta))
-        graph, values = self._factors.step(self._steps, step, guess)
+        graph, values = self._factors.step(self._steps, step, guess, estimated=self._estimated)
         moved = self._update(graph, values) > 0
         if self._vicinity.used:
             self._around.fold(graph, values, self._factors.keys.pose(self._steps), moved=moved)
@@ -131,7 +132,14 @@ class Isam2:
             else:
                 self._isam, converged = before, False
         path, landmarks = path_and_map(self._factors.keys, self._steps, values)
-        return Solution(path, self._factors.with_newcomers(path, landmarks), None, converged, self._gave_way)
+        landmarks = self._factors.with_newcomers(path, landmarks)
+        constant = self._factors.constant.read(landmarks.ids, values)
+        return Solution(path, landmarks, None, converged, self._gave_way, constant)
+
+    def _estimated(self, steps: Sequence[int]) -> Array:
+        """The estimates (k, 3) of the poses of k steps."""
+        keys = [self._factors.keys.pose(k) for k in steps]
+        return np.array([array(self._isam.calculateEstimatePose2(key)) for key in keys]).reshape(-1, 3)
 
     def _settled(self) -> tuple[bool | None, gtsam.Values]:
         """True if relinearization has ended, None without any, and the best estimate then."""
@@ -222,4 +230,12 @@ def parameters(options: Options, threshold: float, factorization: str) -> gtsam.
     return params
 
 
-build = Builder(Isam2, options=Options, loops=True, minimises=common_options.without_loss, implementation=GTSAM_WHEEL)
+build = Builder(
+    Isam2,
+    options=Options,
+    loops=True,
+    partial=True,
+    fixes=True,
+    minimises=common_options.without_loss,
+    implementation=GTSAM_WHEEL,
+)

@@ -163,10 +163,10 @@ class Parts:
         found = placed(poses, kind, z, self._table.var[mine])
         if found is not None and (found.sure or last):
             return found.xy
-        return _somewhere(poses[-1], float(z[-1]), int(kind[-1])) if last else None
+        return somewhere(poses[-1], float(z[-1]), int(kind[-1])) if last else None
 
 
-def _somewhere(pose: Array, z: float, kind: int) -> Array:
+def somewhere(pose: Array, z: float, kind: int) -> Array:
     """A place that fits one range, ahead, or one bearing, at a stated distance."""
     r, turn = (max(z, NEAREST), 0.0) if kind == RANGE else (FARTHEST, z)
     return pose[:2] + r * np.array((np.cos(pose[2] + turn), np.sin(pose[2] + turn)))

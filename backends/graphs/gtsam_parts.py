@@ -1,0 +1,177 @@
+"""Partial sightings, fixes and constant errors as GTSAM's factors: native ones where the wheel has some.
+
+GTSAM's derivatives by a pose are in the pose's own frame: those of Python's factors are turned into it here.
+"""
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import gtsam
+import numpy as np
+
+from ...core.factors import Map, Systematic
+from ...core.fixes import Fixes, residual
+from ...core.partial import RANGE
+from ...core.se2 import Array, Ints, rotation
+from ..api import Constant
+from ..placing import placed
+from .parts import somewhere
+
+HELD = 1e-6
+"""Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""
+
+MORE = 1.1  # growth of a landmark's sightings after which it is placed again
+
+FIRST_ERRORS, HEADING = gtsam.symbol("e", 0), gtsam.symbol("h", 0)
+"""Keys of the constant errors of ranges, (scale, offset), and of that of a heading, (offset, 0)."""
+
+Weighed = Callable[[gtsam.noiseModel.Base], gtsam.noiseModel.Base]
+
+
+class Seen(NamedTuple):
+    """A partial sighting."""
+
+    step: int
+    kind: int
+    z: float
+    var: float
+
+
+class ConstantKeys:
+    """Names the constant errors' variables, which enter a graph, with their priors, before the first factor of each."""
+
+    def __init__(self, sds: Systematic) -> None:
+        self._sds, self._ranges = sds, sds.range_scale > 0 or sds.range_offset > 0
+        self._keys = dict[int, int]()  # of landmarks, or of all as -1
+        self._turns = False
+
+    def of(self, landmark: int, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> int | None:
+        """The key of the errors of ranges to a landmark, which is added where it is new; None without any."""
+        if not self._ranges:
+            return None
+        name = landmark if self._sds.each else -1
+        if name not in self._keys:
+            key = self._keys[name] = FIRST_ERRORS + len(self._keys)
+            _add(key, (self._sds.range_scale or HELD, self._sds.range_offset or HELD), graph, values)
+        return self._keys[name]
+
+    def heading(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> int | None:
+        """Likewise of headings."""
+        if not self._sds.heading_offset > 0:
+            return None
+        if not self._turns:
+            self._turns = True
+            _add(HEADING, (self._sds.heading_offset, 1.0), graph, values)
+        return HEADING
+
+    def read(self, landmarks: Ints, values: gtsam.Values) -> Constant | None:
+        """The constant errors of these landmarks; None without any."""
+        if not self._keys and not self._turns:
+            return None
+        names = landmarks.tolist() if self._sds.each else [-1]
+        keys = [self._keys.get(name) for name in names]
+        found = np.array([np.zeros(2) if key is None else values.atPoint2(key) for key in keys]).reshape(-1, 2)
+        turn = float(values.atPoint2(HEADING)[0]) if self._turns else 0.0
+        return Constant(found[:, 0], found[:, 1], turn)
+
+
+class LatePlaces:
+    """Holds back partial sightings of landmarks that are on no map until they place them."""
+
+    def __init__(self) -> None:
+        self._held: defaultdict[int, list[Seen]] = defaultdict(list)
+        self._next: dict[int, float] = {}  # sightings at which a landmark is placed next
+
+    def hold(self, landmark: int, seen: Seen) -> None:
+        """Adds a sighting."""
+        self._held[landmark].append(seen)
+
+    def found(self, landmark: int, poses: Callable[[Sequence[int]], Array]) -> Array | None:
+        """(2,) m, a landmark's place by the poses (k, 3) of k steps; None while it is not sure."""
+        held = self._held[landmark]
+        if len(held) < max(2, self._next.get(landmark, 0)):
+            return None
+        self._next[landmark] = MORE * len(held)
+        place = placed(poses([one.step for one in held]), *_columns(held))
+        return place.xy if place is not None and place.sure else None
+
+    def taken(self, landmark: int) -> list[Seen]:
+        """Everything held of a landmark, which is held no more."""
+        self._next.pop(landmark, None)
+        return self._held.pop(landmark, [])
+
+    def added_to(self, landmarks: Map, path: Array) -> Map:
+        """The map with those still held back, without covariance, where they are likeliest."""
+        alone = {i: held for i, held in self._held.items() if i not in landmarks.ids}
+        if not alone:
+            return landmarks
+        more = np.array([likeliest(path[[one.step for one in held]], *_columns(held)) for held in alone.values()])
+        return Map(np.array([*landmarks.ids, *alone], np.int64), np.concatenate((landmarks.xy, more)), None)
+
+
+def likeliest(poses: Array, kind: Ints, z: Array, var: Array) -> Array:
+    """(2,) m, the likeliest place of a landmark by k partial sightings from poses (k, 3)."""
+    found = placed(poses, kind, z, var)
+    return somewhere(poses[-1], float(z[-1]), int(kind[-1])) if found is None else found.xy
+
+
+def part_factor(pose: int, landmark: int, errors: int | None, seen: Seen, weighed: Weighed) -> gtsam.NonlinearFactor:
+    """The factor of a partial sighting, a range with the constant errors of key `errors`, if any."""
+    model = weighed(gtsam.noiseModel.Isotropic.Sigma(1, math.sqrt(seen.var)))
+    if seen.kind != RANGE:
+        return gtsam.BearingFactor2D(pose, landmark, gtsam.Rot2(seen.z), model)
+    if errors is None:
+        return gtsam.RangeFactor2D(pose, landmark, seen.z, model)
+
+    def off(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+        del this
+        at, (scale, offset) = values.atPose2(pose), values.atPoint2(errors)
+        away = values.atPoint2(landmark) - at.translation()
+        distance = math.hypot(*away.tolist())
+        if jacobians is not None:
+            way = (1 + scale) * away / distance
+            jacobians[0] = np.append(-way @ at.rotation().matrix(), 0.0)[None]
+            jacobians[1], jacobians[2] = way[None], np.array([[distance, 1.0]])
+        return np.array([(1 + scale) * distance + offset - seen.z])
+
+    return gtsam.CustomFactor(model, [pose, landmark, errors], off)
+
+
+def fix_factors(pose: int, turn: int | None, fixes: Fixes) -> list[gtsam.NonlinearFactor]:
+    """The factors of a step's fixes, headings with the constant error of key `turn`, if any."""
+    return [_fix_factor(pose, turn, *one) for one in zip(*fixes, strict=True)]
+
+
+def _fix_factor(pose: int, turn: int | None, z: Array, cov: Array, arm: Array) -> gtsam.NonlinearFactor:
+    measured = np.flatnonzero(~np.isnan(z))
+    model = gtsam.noiseModel.Gaussian.Covariance(cov[np.ix_(measured, measured)])
+    turned = turn is not None and 2 in measured
+    if not turned and not arm.any() and measured.tolist() == [0, 1]:
+        return gtsam.PoseTranslationPrior2D(pose, z[:2], model)
+
+    def off(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+        del this
+        at = values.atPose2(pose)
+        error = values.atPoint2(turn)[0] if turned and turn is not None else 0.0
+        here = np.array((at.x(), at.y(), at.theta()))
+        away, jacobian = residual(here, z - np.array((0.0, 0.0, error)), arm)
+        if jacobians is not None:
+            jacobians[0] = np.asfortranarray((jacobian @ rotation(here[2]))[measured])
+            if turned:
+                jacobians[1] = np.asfortranarray(np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])[measured])
+        return -away[measured]
+
+    return gtsam.CustomFactor(model, [pose, turn] if turned else [pose], off)
+
+
+def _columns(held: list[Seen]) -> tuple[Ints, Array, Array]:
+    _, kind, z, var = zip(*held, strict=True)
+    return np.array(kind, np.int64), np.array(z), np.array(var)
+
+
+def _add(key: int, sds: tuple[float, float], graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
+    """Adds constant errors and their prior."""
+    graph.add(gtsam.PriorFactorPoint2(key, np.zeros(2), gtsam.noiseModel.Diagonal.Sigmas(np.array(sds))))
+    values.insert(key, np.zeros(2))
