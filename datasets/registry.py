@@ -83,6 +83,7 @@ BUILTIN = {
     "intel-lab": ".published.laser_logs:intel_lab",
     "jrl": ".graphs.jrl:source",
     "killian": ".published.laser_logs:killian",
+    "laser-all": ".published.laser_logs:all_buildings",
     "laser-floor": ".worlds.laser_floor:source",
     "linear": ".worlds.linear:source",
     "log": ".formats.log_folder:source",
