@@ -73,7 +73,7 @@ BUILTIN = {
     "city-trees10000": ".published.isam_worlds:city_trees10000",
     "city10000": ".published.isam_worlds:city10000",
     "city10000-ambiguous": ".published.gtsam_worlds:city10000_ambiguous",
-    "csv": ".formats.csv_tables:source",
+    "csv": ".tables.csv_tables:source",
     "depth-room": ".worlds.depth_room:source",
     "dlr": ".published.dlr:source",
     "fr079": ".published.laser_logs:fr079",
