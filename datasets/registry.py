@@ -93,6 +93,7 @@ BUILTIN = {
     "mit-csail": ".published.laser_logs:mit_csail",
     "mrclam": ".published.mrclam:source",
     "mrclam-all": ".published.mrclam:all_sets",
+    "plaza": ".beacons.plaza:source",
     "pyfg": ".graphs.pyfg:source",
     "recording": ".recordings.recording:source",
     "toro": ".formats.toro:source",

@@ -66,6 +66,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "own_worlds": {TOP, "worlds", "formats", "on_demand"},
         "graphs": {TOP, "formats"},
         "published": {TOP, "formats", "graphs", "bags", "depth", "noise"},
+        "beacons": {TOP, "formats", "graphs"},
         "bags": {TOP},
         "scans": {TOP, "bags", "formats"},
         "depth": {TOP, "bags"},
