@@ -124,6 +124,7 @@ class Truth(NamedTuple):
     moving: Ints | None = None  # (m,) ids of landmarks that move; the map has them where they were first sighted
     relations: Relations | None = None  # of kind "relations": no path is known, but how some poses lie to one another
     false_loops: Ints | None = None  # (f,) the rows of loop closures that are false, ascending; None: not known
+    assigned_partial: Ints | None = None  # (p,) as `assigned`, of the partial sightings
 
     @property
     def exact(self) -> bool:
