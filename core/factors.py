@@ -315,6 +315,11 @@ class Log:
         return [one for one in found if isinstance(one, str)] if isinstance(found, list) else []
 
     @property
+    def sighted(self) -> int:
+        """The number of sightings, those of a range or a bearing alone among them."""
+        return len(self.ids) + (0 if self.partial is None else len(self.partial))
+
+    @property
     def sighting_step(self) -> Ints:
         """(s,) the step of every sighting."""
         return np.repeat(np.arange(len(self)), np.diff(self.sighting_first))
