@@ -38,6 +38,9 @@ AT_ONCE, NEARLY = 10, 1e-6
 ROUNDING = 1e-11
 """Share of the error below which Levenberg-Marquardt damps more and more to find it fall: it is known no better."""
 
+SIGHTINGS = (gtsam.BearingRangeFactor2D, gtsam.RangeFactor2D, gtsam.BearingFactor2D)
+"""Factors that graduated non-convexity weighs; ranges with constant errors are kept as they are."""
+
 INLIERS = 0.999
 """Share of correct sightings and loops that graduated non-convexity is to keep: chi-square, of 2 and of 3 dof."""
 
@@ -67,12 +70,13 @@ class GtsamBatch:
             raise Diverged(failure(error)) from None
         if not np.isfinite(path).all() or not np.isfinite(landmarks.xy).all():
             raise Diverged("the optimum is not finite")
+        constant = fit.factors.constant.read(landmarks.ids, fit.optimizer.values())
         if not 0 < len(landmarks.ids) <= options.joint_up_to:
-            return Solution(path, landmarks)
+            return Solution(path, landmarks, constant=constant)
         with contextlib.suppress(*FAILURES):  # J may be flat in some direction, as for a landmark at the robot itself
             cov = joint_covariance(fit.factors.keys, gtsam.Marginals(fit.graph, fit.optimizer.values()))
-            return Solution(path, landmarks._replace(cov=cov))
-        return Solution(path, landmarks)
+            return Solution(path, landmarks._replace(cov=cov), constant=constant)
+        return Solution(path, landmarks, constant=constant)
 
     def _fitted(self) -> Fit:
         """All factors and the optimum, from the start that the options say."""
@@ -109,7 +113,8 @@ class GtsamBatch:
             path = self._log.dead_reckoned() if start == "odometry" else by_headings(self._log)
             graph, values = whole(factors, self._log, path)
         else:
-            graph, values = self._robust_start(factors) if self._robust else self._smoothed(factors)
+            late = self._robust or self._log.partial is not None  # landmarks that start late
+            graph, values = self._robust_start(factors) if late else self._smoothed(factors)
         if self._options.gnc:
             graph = self._inliers(graph, values)
         return Fit(factors, graph, self._optimizer(graph, values))
@@ -189,7 +194,7 @@ class GtsamBatch:
 
     def _inliers(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.NonlinearFactorGraph:
         """The graph without what graduated non-convexity rejects; a landmark keeps its best sighting."""
-        sightings = [i for i in range(graph.size()) if isinstance(graph.at(i), gtsam.BearingRangeFactor2D)]
+        sightings = [i for i in range(graph.size()) if isinstance(graph.at(i), SIGHTINGS)]
         params = gtsam.GncLMParams(self._set(gtsam.LevenbergMarquardtParams()))
         params.setLossType(gtsam.GncLossType.TLS)
         params.setKnownInliers(sorted(set(range(graph.size())).difference(sightings, _loops(graph))))

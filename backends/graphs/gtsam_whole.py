@@ -4,10 +4,14 @@ import gtsam
 import numpy as np
 
 from ...core.factors import Log
+from ...core.partial import RANGE, PartialTable
 from ...core.se2 import Array
 from ...core.truth.errors import rows_of
 from ..models import place
 from ._gtsam import BYTES, NEAREST, Factors, in_order, turned
+from .batch import chunks
+from .gtsam_parts import Seen, fix_factors, part_factor
+from .parts import place_of
 
 
 def whole(factors: Factors, log: Log, path: Array) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
@@ -30,7 +34,34 @@ def whole(factors: Factors, log: Log, path: Array) -> tuple[gtsam.NonlinearFacto
         graph.add(between(to, at, Pose2(x, y, turn), factors.weighed(covariance(cov))))
     if len(log.ids):
         _add_sightings(factors, log, path, graph, values)
+    for k in range(len(log)) if log.fixes is not None else ():
+        fixes = log[k].fixes
+        for one in fix_factors(first + k, factors.constant.heading(graph, values), fixes) if len(fixes.z) else ():
+            graph.add(one)
+    if log.partial is not None:
+        _add_parts(factors, log.partial, path, chunks(log), graph, values)
     return graph, values
+
+
+def _add_parts(
+    factors: Factors,
+    table: PartialTable,
+    path: Array,
+    ends: list[int],
+    graph: gtsam.NonlinearFactorGraph,
+    values: gtsam.Values,
+) -> None:
+    """Adds partial sightings, and landmarks of these alone where those until one of the `ends` place them first."""
+    for landmark in np.unique(table.ids).tolist():
+        if landmark in factors.keys.landmarks:
+            continue
+        tried = (place_of(table, landmark, path[:end], last=end == len(path)) for end in ends)
+        values.insert(factors.keys.landmark(landmark), next(xy for xy in tried if xy is not None))
+    columns = table.step, table.ids, table.kind, table.z, table.var
+    for step, landmark, kind, z, var in zip(*(column.tolist() for column in columns), strict=True):
+        errors = factors.constant.of(landmark, graph, values) if kind == RANGE else None
+        ends_at = factors.keys.pose(step), factors.keys.landmarks[landmark]
+        graph.add(part_factor(*ends_at, errors, Seen(step, kind, z, var), factors.weighed))
 
 
 def _add_sightings(

@@ -155,15 +155,23 @@ class Parts:
 
         None while they do not place it.
         """
-        mine = self._table.ids == landmark
-        mine &= self._table.step < len(path)
-        poses, kind, z = path[self._table.step[mine]], self._table.kind[mine], self._table.z[mine]
-        if not len(z):
-            return None
-        found = placed(poses, kind, z, self._table.var[mine])
-        if found is not None and (found.sure or last):
-            return found.xy
-        return somewhere(poses[-1], float(z[-1]), int(kind[-1])) if last else None
+        return place_of(self._table, landmark, path, last=last)
+
+
+def place_of(table: PartialTable, landmark: int, path: Array, *, last: bool) -> Array | None:
+    """(2,) m, the place of a landmark by partial sightings along a path (k, 3), or the likeliest if it is the `last`.
+
+    None while they do not place it.
+    """
+    mine = table.ids == landmark
+    mine &= table.step < len(path)
+    poses, kind, z = path[table.step[mine]], table.kind[mine], table.z[mine]
+    if not len(z):
+        return None
+    found = placed(poses, kind, z, table.var[mine])
+    if found is not None and (found.sure or last):
+        return found.xy
+    return somewhere(poses[-1], float(z[-1]), int(kind[-1])) if last else None
 
 
 def somewhere(pose: Array, z: float, kind: int) -> Array:
