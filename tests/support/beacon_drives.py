@@ -68,7 +68,7 @@ def drive(
     log = Log.from_arrays(
         "beacons",
         Prior(np.zeros(3), np.diag([1e-6, 1e-6, 1e-6]), systematic=Systematic(range_scale=scale_sd)),
-        0.1 * np.arange(steps),
+        np.arange(steps, dtype=np.float64) * 0.1,
         np.array(delta),
         np.tile(np.diag(sd**2), (steps, 1, 1)),
         np.zeros(0, np.int64),

@@ -11,6 +11,10 @@ from slamduel.core.partial import RANGE
 from slamduel.core.se2 import Array, wrap
 
 
+def _wrapped(angle: float) -> float:
+    return float(wrap(np.array(angle)))
+
+
 class _Wait(NamedTuple):
     pose: int  # first of its three entries
     kind: int
@@ -24,9 +28,9 @@ class DensePartial:
 
     def __init__(self, log: Log) -> None:
         self.x = np.concatenate((log.prior.pose, [0.0]))
-        self.P = np.zeros((4, 4))
-        self.P[:3, :3] = log.prior.cov
-        self.P[3, 3] = log.prior.systematic.range_scale**2
+        self.cov = np.zeros((4, 4))
+        self.cov[:3, :3] = log.prior.cov
+        self.cov[3, 3] = log.prior.systematic.range_scale**2
         self.at: dict[int, int] = {}
         self.wait: dict[int, list[_Wait]] = {}
         self.tried: dict[int, float] = {}
@@ -44,7 +48,7 @@ class DensePartial:
             for landmark, kind, z, var in zip(*step.partial, strict=True):
                 if landmark in self.at:
                     h, expected = self._row(0, self.at[landmark], kind, self.x)
-                    off = z - expected if kind == RANGE else wrap(z - expected)
+                    off = z - expected if kind == RANGE else _wrapped(z - expected)
                     self._correct(h[None], np.array([off]), np.array([[var]]))
                 else:
                     held.append((landmark, kind, z, var))
@@ -54,7 +58,7 @@ class DensePartial:
                     self.wait.setdefault(landmark, []).append(_Wait(first, kind, z, var, self.way))
                     self._try(landmark)
             path.append(self.x[:3].copy())
-            covs.append(self.P[:3, :3].copy())
+            covs.append(self.cov[:3, :3].copy())
         return np.array(path), np.array(covs)
 
     def _move(self, delta: Array, cov: Array) -> None:
@@ -64,18 +68,18 @@ class DensePartial:
         F = np.eye(len(self.x))
         F[0, 2], F[1, 2] = -d[1], d[0]
         self.x[:3] += d
-        self.x[2] = wrap(self.x[2])
-        self.P = F @ self.P @ F.T
-        self.P[:3, :3] += R @ cov @ R.T
+        self.x[2] = _wrapped(self.x[2])
+        self.cov = F @ self.cov @ F.T
+        self.cov[:3, :3] += R @ cov @ R.T
         self.way += float(np.hypot(delta[0], delta[1]))
 
     def _correct(self, H: Array, off: Array, R: Array) -> None:
-        S = H @ self.P @ H.T + R
-        K = np.linalg.solve(S, H @ self.P).T
+        S = H @ self.cov @ H.T + R
+        K = np.linalg.solve(S, H @ self.cov).T
         self.x = self.x + K @ off
-        self.x[2] = wrap(self.x[2])
-        self.P = self.P - K @ S @ K.T
-        self.P = (self.P + self.P.T) / 2
+        self.x[2] = _wrapped(self.x[2])
+        self.cov = self.cov - K @ S @ K.T
+        self.cov = (self.cov + self.cov.T) / 2
 
     def _row(self, pose: int, at: int, kind: int, x: Array) -> tuple[Array, float]:
         d = x[at : at + 2] - x[pose : pose + 2]
@@ -84,10 +88,10 @@ class DensePartial:
         if kind == RANGE:
             h[at : at + 2], h[3] = (1 + x[3]) * d / r, r
             h[pose : pose + 2] = -h[at : at + 2]
-            return h, (1 + x[3]) * r
+            return h, float((1 + x[3]) * r)
         h[at : at + 2] = [-d[1] / r**2, d[0] / r**2]
         h[pose : pose + 2], h[pose + 2] = -h[at : at + 2], -1
-        return h, wrap(np.arctan2(d[1], d[0]) - x[pose + 2])
+        return h, _wrapped(np.arctan2(d[1], d[0]) - x[pose + 2])
 
     def _fix(self, z: Array, cov: Array, arm: Array) -> None:
         c, s = np.cos(self.x[2]), np.sin(self.x[2])
@@ -95,18 +99,18 @@ class DensePartial:
         H = np.zeros((3, len(self.x)))
         H[:, :3] = [[1, 0, -a[1]], [0, 1, a[0]], [0, 0, 1]]
         off = z - np.concatenate((self.x[:2] + a, self.x[2:3]))
-        off[2] = wrap(off[2])
+        off[2] = _wrapped(off[2])
         has = ~np.isnan(z)
         self._correct(H[has], off[has], cov[np.ix_(has, has)])
 
     def _grow(self, values: Array, rows: Array, own: Array) -> int:
         n = len(self.x)
         self.x = np.concatenate((self.x, values))
-        self.P = np.block([[self.P, rows.T], [rows, own]])
+        self.cov = np.block([[self.cov, rows.T], [rows, own]])
         return n
 
     def _clone(self) -> int:
-        return self._grow(self.x[:3], self.P[:3], self.P[:3, :3])
+        return self._grow(self.x[:3], self.cov[:3], self.cov[:3, :3])
 
     def _try(self, landmark: int) -> None:
         held = self.wait[landmark]
@@ -122,7 +126,7 @@ class DensePartial:
             D = np.zeros((3, len(self.x)))
             D[:, one.pose : one.pose + 3] += np.eye(3)
             D[:, last : last + 3] -= np.eye(3)
-            between = D @ self.P @ D.T
+            between = D @ self.cov @ D.T
             ranges = one.kind == RANGE
             var.append(one.var + ((between[0, 0] + between[1, 1]) / 2 if ranges else between[2, 2]))
             z.append(one.z / (1 + self.x[3]) if ranges else one.z)
@@ -133,6 +137,6 @@ class DensePartial:
         loose = 1e8 * np.trace(place.cov) * np.eye(2)
         at = self.at[landmark] = self._grow(place.xy, np.zeros((2, len(self.x))), loose)
         rows = [self._row(one.pose, at, one.kind, self.x) for one in held]
-        off = [one.z - e if one.kind == RANGE else wrap(one.z - e) for one, (_, e) in zip(held, rows, strict=True)]
+        off = [one.z - e if one.kind == RANGE else _wrapped(one.z - e) for one, (_, e) in zip(held, rows, strict=True)]
         self._correct(np.array([h for h, _ in rows]), np.array(off), np.diag([one.var for one in held]))
         del self.wait[landmark]
