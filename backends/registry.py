@@ -23,7 +23,7 @@ BUILTIN = {
     "fixed-lag": "slamduel.backends.graphs.fixed_lag:build",
     "g2o": "slamduel.backends.programs.g2o:build",
     "graph": "slamduel.backends.graphs.graph:build",
-    "invariant-ekf": "slamduel.backends.gaussian.invariant_ekf:build",
+    "invariant-ekf": "slamduel.backends.invariant.invariant_ekf:build",
     "isam2": "slamduel.backends.graphs.isam2:build",
     "kf": "slamduel.backends.gaussian.kf:build",
     "mcl": "slamduel.backends.particles.mcl:build",

@@ -124,6 +124,7 @@ class Truth(NamedTuple):
     moving: Ints | None = None  # (m,) ids of landmarks that move; the map has them where they were first sighted
     relations: Relations | None = None  # of kind "relations": no path is known, but how some poses lie to one another
     false_loops: Ints | None = None  # (f,) the rows of loop closures that are false, ascending; None: not known
+    assigned_partial: Ints | None = None  # (p,) as `assigned`, of the partial sightings
 
     @property
     def exact(self) -> bool:
@@ -312,6 +313,11 @@ class Log:
         """Remarks of its reader on what is legal yet odd, one sentence each without its full stop."""
         found = self.notes.get(REMARKS, ())
         return [one for one in found if isinstance(one, str)] if isinstance(found, list) else []
+
+    @property
+    def sighted(self) -> int:
+        """The number of sightings, those of a range or a bearing alone among them."""
+        return len(self.ids) + (0 if self.partial is None else len(self.partial))
 
     @property
     def sighting_step(self) -> Ints:

@@ -22,6 +22,9 @@ from ..core.relations import as_rows, from_rows
 _LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes", *TABLES, *KINDS))
 """The columns."""
 
+_OF_TRUTH = ("assigned", "moving", "relations", "false_loops", "assigned_partial")
+"""Columns that a truth may lack."""
+
 Members = Mapping[str, Any]
 Words = Mapping[str, Any]
 T = TypeVar("T")
@@ -41,14 +44,9 @@ def packed(dataset: Dataset) -> bytes:
         members |= {} if (table := getattr(log, name)) is None else table.columns
     if truth is not None:
         members |= {"truth.t": truth.t, "truth.poses": truth.poses} | _map_members("truth.map", truth.map)
-        if truth.assigned is not None:
-            members["truth.assigned"] = truth.assigned
-        if truth.moving is not None:
-            members["truth.moving"] = truth.moving
-        if truth.relations is not None:
-            members["truth.relations"] = as_rows(truth.relations)
-        if truth.false_loops is not None:
-            members["truth.false_loops"] = truth.false_loops
+        for name in _OF_TRUTH:
+            if (column := getattr(truth, name)) is not None:
+                members[f"truth.{name}"] = as_rows(column) if name == "relations" else column
     for kind in KINDS:
         if (beside := getattr(log, kind)) is not None:
             members |= {f"{kind}.{name}": column for name, column in columns_of(kind, beside).items()}
@@ -123,14 +121,10 @@ def _log(members: Members, words: Words) -> Log:
 def _truth(members: Members, words: Words) -> Truth | None:
     if words["truth"] is None:
         return None
-    assigned = _frozen(members["truth.assigned"]) if "truth.assigned" in members else None
-    moving = _frozen(members["truth.moving"]) if "truth.moving" in members else None
-    false_loops = _frozen(members["truth.false_loops"]) if "truth.false_loops" in members else None
-    relations = from_rows(_frozen(members["truth.relations"])) if "truth.relations" in members else None
+    columns = {name: _frozen(members[f"truth.{name}"]) for name in _OF_TRUTH if f"truth.{name}" in members}
+    columns |= {"relations": from_rows(columns["relations"])} if "relations" in columns else {}
     t, poses, known = _frozen(members["truth.t"]), _frozen(members["truth.poses"]), _map(members, "truth.map")
-    return Truth(
-        t, poses, known, assigned, **words["truth"], moving=moving, relations=relations, false_loops=false_loops
-    )
+    return Truth(t, poses, known, **words["truth"], **columns)
 
 
 def _map_members(name: str, known: Map | None) -> dict[str, Any]:

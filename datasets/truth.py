@@ -67,6 +67,7 @@ def digest(truth: Truth) -> str:
     columns |= {} if truth.moving is None else {"moving": truth.moving}
     columns |= {} if truth.relations is None else {"relations": as_rows(truth.relations)}
     columns |= {} if truth.false_loops is None else {"false_loops": truth.false_loops}
+    columns |= {} if truth.assigned_partial is None else {"assigned_partial": truth.assigned_partial}
     return digest_of(columns)
 
 

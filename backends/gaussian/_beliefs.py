@@ -23,20 +23,6 @@ class JointArrays(Arrays):
     blas: Integers  # (2,) addresses of dgemm and dsyrk
 
 
-class GroupArrays(Arrays):
-    """Those of the invariant filter: see `_invariant`."""
-
-    pose: Numbers
-    mean: Numbers
-    strip: Table
-    flat: Numbers
-    owed: Table
-    owing: Integers
-    known: Table  # (., 2) landmarks held fixed, m from the origin
-    origin: Numbers  # (2,) m, in the world
-    blas: Integers  # (2,) addresses of dgemm and dsyrk
-
-
 class Frame(Arrays):
     """The measurements of a step."""
 
@@ -49,9 +35,6 @@ class Frame(Arrays):
 
 belief_at = at(JointArrays)
 """The joint belief at an address."""
-
-group_at = at(GroupArrays)
-"""The invariant filter's belief at an address."""
 
 frame_at = at(Frame)
 """The frame at an address."""

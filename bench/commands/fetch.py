@@ -12,6 +12,7 @@ from ...datasets.published import installed
 from ...datasets.published.catalogue import PUBLISHED, place
 from ...datasets.published.fetch import fetch, take
 from ..words.console import ProgressBar
+from ..words.numerals import listed
 
 MEGA = 1e6
 
@@ -84,6 +85,8 @@ def _told(name: str, arrival: installed.Arrival | None, console: Console) -> Non
         console.print(f"  the publisher's sha256 is not known here; found and recorded in {installed.SUMS}:")
         for file, digest in arrival.files.items():
             console.print(f"  {digest}  {file}")
+    if without := installed.lacking(name):
+        console.print(f"  without {listed(without, 3)}: what it has is read.")
     if arrival.archive is not None and log.archive is not None:
         same = "is the one" if arrival.archive == log.archive else f"is not the one ({log.archive})"
         console.print(f"  the archive's sha256, {arrival.archive}, {same} that others report.")

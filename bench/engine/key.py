@@ -11,8 +11,9 @@ import json
 from typing import Any
 
 from ...backends import registry as backends
-from ...datasets import archive, cache, ready
+from ...datasets import archive, cache
 from ...datasets import registry as datasets
+from ...datasets.on_demand import ready
 from ..measure import cell as judge
 from ..plan import reference
 from ..plan.plan import Cell

@@ -90,7 +90,7 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     try:
         log = read_log()
         unknown = int((log.ids == UNKNOWN).sum())
-        row |= {"digest": log.digest, "steps": len(log), "sightings": len(log.ids), "ignored": unknown}
+        row |= {"digest": log.digest, "steps": len(log), "sightings": log.sighted, "ignored": unknown}
         if job.missing:
             return Result("error", job.missing, row)
         builder = backends.find(job.name)

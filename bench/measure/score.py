@@ -254,7 +254,7 @@ def _inner(log: Log, outcome: Outcome) -> dict[str, Any]:
         row["nodes_max"] = int(outcome.tried.max())
     refused = int(outcome.refused.sum())
     if refused:
-        row["refused_share"] = refused / (len(log.ids) + len(log.loop_to))
+        row["refused_share"] = refused / (log.sighted + len(log.loop_to) + (0 if log.fixes is None else len(log.fixes)))
     return row
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ...core.errors import InputError
 from ...core.factors import Dataset
-from ...datasets.ready import made_ready
+from ...datasets.on_demand.ready import made_ready
 from .spec import dataset_at, dataset_variants
 from .values import as_text, as_whole
 from .variant import DatasetVariant

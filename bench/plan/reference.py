@@ -22,7 +22,7 @@ from ...core.se2 import Array, act
 from ...core.truth.errors import named
 from ...datasets import archive
 from ...datasets import registry as datasets
-from ...datasets.ready import made_ready
+from ...datasets.on_demand.ready import made_ready
 from ...datasets.remarks import remarked
 from ..measure.accuracy import align
 from ..measure.misfit import loop_misfits, misfits

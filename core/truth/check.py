@@ -54,6 +54,9 @@ def _truth_shapes(log: Log, truth: Truth) -> Iterator[str]:
     ]
     if truth.assigned is not None:
         columns.append(("assigned", truth.assigned, (len(log.ids),), "iu"))
+    if truth.assigned_partial is not None:
+        p = 0 if log.partial is None else len(log.partial)
+        columns.append(("assigned_partial", truth.assigned_partial, (p,), "iu"))
     if truth.map is not None:
         n = np.size(truth.map.ids)
         columns += [("map.ids", truth.map.ids, (n,), "iu"), ("map.xy", truth.map.xy, (n, 2), "iuf")]
@@ -94,6 +97,7 @@ def _truth_rows(log: Log, truth: Truth) -> Iterator[str]:
             yield f"false_loops row {row}: found {false[row]}, expected the row of a loop closure, 0 to {last}"
         for row in np.flatnonzero(false[1:] <= false[:-1]) + 1:
             yield f"false_loops row {row}: found {false[row]}, expected more than {false[row - 1]}"
-    if truth.assigned is not None:
-        for row in np.flatnonzero((truth.assigned < UNKNOWN) | (truth.assigned > MOST)):
-            yield f"assigned row {row}: found {truth.assigned[row]}, expected 0 to {MOST}, or {UNKNOWN} for unknown"
+    for name in ("assigned", "assigned_partial"):
+        if (true := getattr(truth, name)) is not None:
+            for row in np.flatnonzero((true < UNKNOWN) | (true > MOST)):
+                yield f"{name} row {row}: found {true[row]}, expected 0 to {MOST}, or {UNKNOWN} for unknown"

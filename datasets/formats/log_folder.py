@@ -2,7 +2,13 @@
 
     log.toml         name, prior, truth kind, notes: sensor settings, source and licence
     odometry.csv     t,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt          one row per step; step 0 has only t
-    sightings.csv    step,id,range,bearing,crr,crb,cbb[,true_id]     one row per sighting, sorted by step
+    sightings.csv    step,id,range,bearing,crr,crb,cbb[,true_id]     one row per sighting, sorted by step;
+                                                                     optional beside one of the next three
+    ranges.csv       step,id,range,crr[,true_id]                     a range alone, and
+    bearings.csv     step,id,bearing,cbb[,true_id]                   a bearing alone, sorted by step; optional
+    fixes.csv        step,x,y,heading,cxx,cxy,cxt,cyy,cyt,ctt[,arm_x,arm_y]
+                                                                     of the pose in the world, blank where not measured,
+                                                                     and the antenna's place in the body frame; optional
     loops.csv        step,to,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt[,false]
                                                                      one row per loop closure, sorted by step; optional
     truth.tum        t x y z qx qy qz qw                             optional
@@ -14,7 +20,9 @@
 Covariances are stored as upper triangles. Notes that are None, and the covariance of a true map, are left out. The
 table [contents] of log.toml has the number of rows and the digests of the files' contents, both optional: changed files
 are refused. A loop closure that is known to be false has 1 in the column false, others 0. A table [sensor] with x, y,
-yaw and delay says that sightings.csv is of a sensor mounted so, not of the body; it is never written.
+yaw and delay says that sightings.csv is of a sensor mounted so, not of the body; it is never written. A table
+[systematic] has the standard deviations of errors that are constant: range_scale, range_offset (m) and heading_offset
+(rad), and `each = true` where every landmark has its own.
 """
 
 import os
@@ -42,10 +50,11 @@ from ...core.truth.check import check_truth, relation_problems
 from ..registry import Named, Source
 from ..truth import PLACES, POSES, RELATIONS, digest, scan_truth, write_truth
 from .beside_file import read_beside, write_beside
-from .log_toml import NOWHERE, Contents, Words, check_words, scan_words, write_words
+from .log_toml import FILES, NOWHERE, Contents, Words, check_words, scan_words, write_words
+from .part_tables import PARTS, TRUE_ID, as_read, columns_of, rows_of, scan_parts
+from .steps import by_step
 
 WORDS = "log.toml"
-TRUE_ID = ("true_id",)
 FALSE = ("false",)
 
 _NOBODY = Words(TomlTable.parse(WORDS, ""), "", NOWHERE, None, {}, Contents(), NONE)
@@ -132,7 +141,9 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
     """The log and the ground truth, and the content of log.toml."""
     words = (yield from attempted(_scan_words(folder))) or _NOBODY
     odometry = yield from attempted(scan_csv(folder / "odometry.csv", ODOMETRY, blank_after=1))
-    sightings = yield from attempted(scan_csv(folder / "sightings.csv", SIGHTINGS, TRUE_ID))
+    sightings = _empty(folder / "sightings.csv", SIGHTINGS)
+    if os.path.lexists(sightings.path) or not any(os.path.lexists(folder / file) for file in PARTS):
+        sightings = yield from attempted(scan_csv(sightings.path, SIGHTINGS, TRUE_ID))
     loops = _empty(folder / "loops.csv", LOOPS)
     if os.path.lexists(loops.path):
         loops = yield from attempted(scan_csv(loops.path, LOOPS, FALSE))
@@ -147,9 +158,11 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
     sightings = sightings or _empty(folder / "sightings.csv", SIGHTINGS)
     loops = loops or _empty(folder / "loops.csv", LOOPS)
     true_id = TRUE_ID if sightings.columns[-1:] == TRUE_ID else ()
-    sightings = yield from _scan_steps(sightings, len(odometry.rows), "id", *true_id)
+    sightings = yield from by_step(sightings, len(odometry.rows), "id", *true_id)
     told = loops.columns[-1:] == FALSE
-    loops = yield from _scan_steps(loops, len(odometry.rows), "to", *(FALSE if told else ()))
+    loops = yield from by_step(loops, len(odometry.rows), "to", *(FALSE if told else ()))
+    parts = yield from scan_parts(folder, len(odometry.rows))
+    yield from _scan_rows(words, parts.counts)
     log = Log.from_arrays(
         words.name,
         words.prior,
@@ -164,6 +177,8 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
         loop_to=loops.whole("to"),
         loop_delta=loops.rows[:, 2:5],
         loop_cov=symmetric(loops.rows[:, 5 : len(LOOPS)]),
+        partial=parts.partial,
+        fixes=parts.fixes,
         notes=words.notes,
     )
     broken = set(odometry.broken.tolist())
@@ -171,18 +186,21 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
     for problem in problems(log):
         if problem.table == "prior":
             yield words.file.refused("prior", f"{problem.message}.")
+        elif problem.table not in tables:
+            yield parts.fault(problem)
         elif problem.table != "odometry" or problem.row not in broken:
             yield tables[problem.table].fault(problem.row, problem.message)
     truth = yield from scan_truth(folder, None if broken else log.t)
     assigned = sightings.whole(*true_id) if true_id else None
     false = (yield from _scan_false(loops)) if told else None
-    if truth is None and words.truth_kind is None and assigned is None and false is None:
+    if truth is None and words.truth_kind is None and all(one is None for one in (assigned, parts.assigned, false)):
         return Dataset(log, None), words
     for column in (assigned, false):
         if column is not None:
             column.flags.writeable = False
     truth = truth or Truth(np.zeros(0), np.zeros((0, 3)), None, None, "truth")
     truth = truth._replace(assigned=assigned, kind=words.truth_kind or truth.kind, false_loops=false)
+    truth = truth._replace(assigned_partial=parts.assigned)
     if truth.relations is not None:
         for message in relation_problems(log, truth.relations):
             yield InputError(f"{folder / RELATIONS}: {message}.")
@@ -202,20 +220,6 @@ def _empty(path: Path, columns: tuple[str, ...]) -> Table:
     return Table(path, columns, np.zeros((0, len(columns))), np.zeros(0, np.int64))
 
 
-def _scan_steps(table: Table, steps: int, *whole: str) -> Scan[Table]:
-    """The valid rows of `table`, sorted by the column `step`, each of an existing step."""
-    table = yield from table.scan_whole("step", *whole)
-    step = table.column("step")
-    expected = f"expected 0 to {steps - 1}, the steps in odometry.csv"
-    outside = (step < 0) | (step >= steps)
-    table = (yield from table.refuse(outside, lambda row: f"step is {step[row]:.0f}, {expected}")).sound()
-    step = table.whole("step")
-    back = np.flatnonzero(np.diff(step) < 0) + 1
-    for row in back:
-        yield table.fault(row, f"step is {step[row]} after {step[row - 1]}, expected rows sorted by step")
-    return table.take(np.argsort(step, kind="stable")) if len(back) else table
-
-
 def _scan_false(loops: Table) -> Scan[Ints]:
     """The rows of loop closures that are known to be false."""
     flag = loops.column("false")
@@ -227,8 +231,9 @@ def _scan_false(loops: Table) -> Scan[Ints]:
 def _scan_changes(words: Words, found: Contents) -> Scan[None]:
     """Yields a fault for each file that no longer matches log.toml's digests."""
     yield from _scan_rows(words, {file: found.rows.get(file, 0) for file in words.contents.rows})
+    also = "".join(f", or {file}" for file in FILES[3:6] if file in found.rows)
     parts = {
-        "factors": "prior, odometry.csv, sightings.csv or loops.csv",
+        "factors": "prior, odometry.csv, sightings.csv or loops.csv" + also,
         "truth": "truth.tum, landmarks.csv, relations.csv, true_id or false",
     }
     for key, parts_of_it in parts.items():
@@ -248,6 +253,7 @@ def _scan_rows(words: Words, found: Mapping[str, int]) -> Scan[None]:
 def _contents(log: Log, truth: Truth | None) -> Contents:
     """The digests and row counts of the files of this log."""
     rows = {"odometry.csv": len(log), "sightings.csv": len(log.ids), "loops.csv": len(log.loop_to)}
+    rows |= rows_of(log)
     if truth is None:
         return Contents(rows, log.digest)
     places = 0 if truth.map is None else len(truth.map.ids)
@@ -271,15 +277,22 @@ def _write_files(folder: Path, log: Log, truth: Truth | None) -> None:
             false = np.isin(np.arange(len(log.loop_to)), truth.false_loops).astype(np.int64)
             columns, head = [*columns, false], ",".join((*LOOPS, *FALSE))
         _write_rows(folder / "loops.csv", head, columns)
+    true = None if truth is None else truth.assigned_partial
+    for file, (names, of_parts) in columns_of(log, true).items():
+        _write_rows(folder / file, ",".join(names), of_parts)
     write_beside(folder, log)
     # As it will be read: symmetric covariances, and of step 0 nothing but t.
-    log = replace(log, delta_cov=symmetric(motions.T), z_cov=symmetric(sighted.T), loop_cov=symmetric(looped.T))
+    parts, true = as_read(log, true)
+    log = replace(
+        log, delta_cov=symmetric(motions.T), z_cov=symmetric(sighted.T), loop_cov=symmetric(looped.T), **parts
+    )
     log = log.head(len(log))
     if truth is not None:
         write_truth(folder, truth)
         again = strict(scan_truth(folder, log.t)) or Truth(np.zeros(0), np.zeros((0, 3)), None, None, "truth")
         assigned = None if truth.assigned is None else np.asarray(truth.assigned, np.int64)
         truth = again._replace(assigned=assigned, kind=truth.kind, false_loops=truth.false_loops)
+        truth = truth._replace(assigned_partial=true)
     write_words(folder / WORDS, log, None if truth is None else truth.kind, _contents(log, truth))
 
 
@@ -288,4 +301,9 @@ def _write_rows(path: Path, head: str, columns: Sequence[Array | Ints]) -> None:
         file.write(head + "\n")
         for first in range(0, len(columns[0]), CHUNK):
             rows = zip(*(column[first : first + CHUNK].tolist() for column in columns), strict=True)
-            file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+            file.writelines(",".join(map(_cell, row)) + "\n" for row in rows)
+
+
+def _cell(value: float) -> str:
+    """A number of a table, blank for NaN."""
+    return "" if value != value else repr(value)

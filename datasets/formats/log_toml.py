@@ -13,7 +13,7 @@ import numpy as np
 import tomli_w
 
 from ...core.errors import InputError
-from ...core.factors import STARTS, Log, Map, Prior
+from ...core.factors import STARTS, Log, Map, Prior, Systematic
 from ...core.mounting import NONE, Mounting
 from ...core.scan import Scan, attempted
 from ...core.toml.table import LARGEST, TomlTable
@@ -21,7 +21,10 @@ from ...core.toml.table import LARGEST, TomlTable
 T = TypeVar("T")
 P = ParamSpec("P")
 
-FILES = ("odometry.csv", "sightings.csv", "loops.csv", "truth.tum", "landmarks.csv", "relations.csv")
+FILES = (
+    "odometry.csv", "sightings.csv", "loops.csv", "ranges.csv", "bearings.csv", "fixes.csv",
+    "truth.tum", "landmarks.csv", "relations.csv",
+)  # fmt: skip
 
 NOWHERE = Prior(np.zeros(3), np.eye(3))  # replaces an unreadable prior
 
@@ -80,26 +83,29 @@ def write_words(path: Path, log: Log, truth_kind: str | None, contents: Contents
         ids, xy, cov = log.prior.map
         prior["map"] = {"ids": ids.tolist(), "xy": xy.tolist()} | ({} if cov is None else {"cov": cov.tolist()})
     prior |= {} if log.prior.start == "known" else {"start": log.prior.start}
+    constant = log.prior.systematic
+    known = {} if constant == Systematic() else {"systematic": constant._asdict()}
     truth = {} if truth_kind is None else {"truth": {"kind": truth_kind}}
     digests = {key: digest for key in ("factors", "truth") if (digest := getattr(contents, key)) is not None}
     # First the files' contents: if the end of this file is lost, that can be told from a shorter log.
     contained = {"contents": {**digests, "rows": dict(contents.rows)}}
-    words = {"name": log.name, **contained, "prior": prior, **truth, "notes": _notes(log)}
+    words = {"name": log.name, **contained, "prior": prior, **known, **truth, "notes": _notes(log)}
     path.write_text(tomli_w.dumps(words), encoding="utf-8", newline="\n")
 
 
 def scan_words(path: Path) -> Scan[Words]:
     """Scans the metadata in `path`; a fault names the line and the key, what was found and what was expected."""
     file = TomlTable.read(path)
-    yield from file.unknown(("name", "prior", "truth", "contents", "notes", "sensor"))
+    yield from file.unknown(("name", "prior", "systematic", "truth", "contents", "notes", "sensor"))
     name = yield from _tried(_name, file)
     notes = yield from _tried(file.table, "notes")
     prior = yield from attempted(_scan_prior(file))
+    prior = (prior or NOWHERE)._replace(systematic=(yield from attempted(_scan_systematic(file))) or Systematic())
     kind = yield from _tried(_truth_kind, file)
     contents = yield from attempted(_scan_contents(file))
     sensor = yield from attempted(_scan_sensor(file))
     found = {} if notes is None else notes.entries
-    return Words(file, name or "", prior or NOWHERE, kind, found, contents or Contents(), sensor or NONE)
+    return Words(file, name or "", prior, kind, found, contents or Contents(), sensor or NONE)
 
 
 def _name(file: TomlTable) -> str:
@@ -145,6 +151,16 @@ def _scan_sensor(file: TomlTable) -> Scan[Mounting]:
     if abs(values.get("yaw", 0.0)) > np.pi:
         yield given.fault("yaw", "radians from -pi to pi")
     return Mounting(**values)
+
+
+def _scan_systematic(file: TomlTable) -> Scan[Systematic]:
+    """The standard deviations of constant errors."""
+    given = file.table("systematic")
+    yield from given.unknown(Systematic._fields)
+    sds = dict[str, float]()
+    for name in Systematic._fields[:3]:
+        sds[name] = (yield from _tried(given.number, name, 0.0, least=0.0)) or 0.0
+    return Systematic(**sds, each=bool((yield from _tried(given.switch, "each", False))))
 
 
 def _scan_contents(file: TomlTable) -> Scan[Contents]:

@@ -7,7 +7,7 @@ arrival.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -24,8 +24,8 @@ class Published:
     names that must be found, each with its sha256, or None if unknown. `archive` is the sha256 of the download as
     reported by others, which is shown but not enforced. `by_hand` ends the sentence "open `page` and ...". `goes_by` is
     a regular expression for names of its archive and of the folder in it, for logs whose files have the same names as
-    another's. `also` are names that a file has elsewhere; gzipped ones are unpacked. A download of more than `largest`
-    bytes is something else.
+    another's. `also` are names that a file has elsewhere; gzipped ones are unpacked. `spare` are files that a copy may
+    lack: the log is read without them. A download of more than `largest` bytes is something else.
     """
 
     title: str
@@ -40,6 +40,7 @@ class Published:
     archive: str | None = None
     goes_by: str = ""
     also: Mapping[str, str] = field(default_factory=dict[str, str])
+    spare: Collection[str] = ()
     largest: int = 2**30
 
 
@@ -67,6 +68,9 @@ _MRCLAM_6 = {
     "Robot5_Odometry.dat": "11297ae2f083f6d394f093b690ff4b467d3e466ab99525b9f02ee0fa4d15d817",
 }
 
+_OF_ROBOTS = [file for file in _MRCLAM_6 if file.endswith(("_Groundtruth.dat", "_Odometry.dat")) and "Robot" in file]
+"""Copies without the paths, and set 3 without robot 4's odometry, are passed on."""
+
 _MRCLAM_ARCHIVES = {
     1: "57c0166b0e2761680e83ffa67b4f58bad7187c41fd723345a4a45ebd50a6557e",
     9: "013714987dc0f797853689a80146da1fee50478ad884491d0eeac5f6357602d4",
@@ -86,7 +90,13 @@ def _mrclam(number: int) -> Published:
         files=_MRCLAM_6 if number == 6 else dict.fromkeys(_MRCLAM_6),
         archive=_MRCLAM_ARCHIVES.get(number),
         goes_by=rf"MR[CS]LAM[ _-]?(Dataset)?[ _-]?{number}(?!\d)",  # set 4 stands in MRSLAM_Dataset4
+        spare=[] if number == 6 else _OF_ROBOTS,
     )
+
+
+def _gzipped(*files: str) -> dict[str, str]:
+    """The names of these files where they are gzipped, each with the file's own."""
+    return {f"{file}.gz": file for file in files}
 
 
 _SLAM_EVALUATION = "http://ais.informatik.uni-freiburg.de/slamevaluation"
@@ -111,6 +121,7 @@ def _laser(stem: str, title: str, recorded_by: str) -> Published:
         addresses="public scripts download the files from there one by one",
         by_hand=f"download {stem}.clf and {stem}.relations into a folder",
         files={f"{stem}.clf": None, f"{stem}.relations": _RELATIONS.get(stem)},
+        also=_gzipped(f"{stem}.clf", f"{stem}.relations"),
     )
 
 
@@ -156,7 +167,7 @@ def _isam(stem: str, title: str, citation: str, graph: str, truth: str) -> Publi
         addresses="the repositories are iSAM's on GitHub and a copy of it; their archives, all of each, were not tried",
         by_hand=f"download {plain} and {right} into a folder",
         files={plain: graph, right: truth},
-        also={short: right, f"{plain}.gz": plain, f"{right}.gz": right, f"{short}.gz": right},
+        also=_gzipped(plain, right) | {short: right, f"{short}.gz": right},
     )
 
 
@@ -253,6 +264,7 @@ PUBLISHED: dict[str, Published] = {
             "measurements.dat": "b0737e2d312cbb80d466a8f1d6048e11dd06939a5ffb63becc8b954cde149746",
             "gps.dat": "944657cdaacdb9c421bf3a7ec1af95f05a8b9fefb513374f1f617bacc5426c07",
         },
+        also=_gzipped("inputs.dat", "measurements.dat", "gps.dat"),
     ),
 }
 """Name -> catalogue entry."""

@@ -19,13 +19,20 @@ SUMS = "SHA256SUMS"
 
 
 def here(name: str) -> bool:
-    """Tells if the published log `name` is on this machine, with all of its files."""
-    return all((place(name) / file).is_file() for file in PUBLISHED[name].files)
+    """Tells if the published log `name` is on this machine, with all of its files that are not spare."""
+    log = PUBLISHED[name]
+    return all((place(name) / file).is_file() for file in log.files if file not in log.spare)
+
+
+def lacking(name: str) -> list[str]:
+    """The spare files that the installed log is without."""
+    return [file for file in PUBLISHED[name].spare if not (place(name) / file).is_file()]
 
 
 def size(name: str) -> int:
     """Total size, in bytes, of an installed log's files."""
-    return sum((place(name) / file).stat().st_size for file in PUBLISHED[name].files)
+    without = lacking(name)
+    return sum((place(name) / file).stat().st_size for file in PUBLISHED[name].files if file not in without)
 
 
 class Arrival(NamedTuple):
@@ -79,6 +86,8 @@ def faults(name: str) -> list[str]:
     for file, published in PUBLISHED[name].files.items():
         path = place(name) / file
         expected = published or recorded.get(file)
+        if expected is None and file in lacking(name):
+            continue
         try:
             digest = digests[file] = sha256(path)
         except OSError as error:

@@ -1,7 +1,7 @@
 """Laser logs of the Freiburg SLAM benchmark, in CARMEN's format, through the laser front end.
 
 R. Kuemmerle et al., On measuring the accuracy of SLAM algorithms, Autonomous Robots 27(4), 2009. Beside each log lies a
-file of relations: where the robot was at one scan as seen from another, verified by hand.
+file of relations: where the robot was at one scan as seen from another, verified by hand. One dataset is all of them.
 """
 
 from collections.abc import Sequence
@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from ...core.errors import InputError
 from ...core.factors import Dataset
 from ...core.options import option
 from ..formats import carmen
-from ..registry import Source
+from ..registry import Member, Source, find
 from .catalogue import PUBLISHED, fetched, place
 
 
@@ -30,6 +31,18 @@ class Behind(Options):
     """The scanner of Freiburg's robot."""
 
     ahead: float = option(-0.04, "how far the scanner sits ahead of the robot's origin, m", minimum=-10.0, maximum=10.0)
+
+
+@dataclass(frozen=True)
+class Buildings:
+    """Which logs."""
+
+    path: str | None = option(
+        None, "a folder with logs by their published names, such as intel.clf; not given: the copies from bench fetch"
+    )
+
+
+BUILDINGS = ("aces", "fr079", "intel-lab", "killian", "mit-csail")
 
 
 def log_file(name: str) -> str:
@@ -58,3 +71,38 @@ fr079 = _source(
 intel_lab = _source("intel-lab", "Intel Research Lab, Seattle: offices, 13,631 scans, odometry, true relations.")
 killian = _source("killian", "MIT, Killian Court: 1.9 km of corridors, 17,480 scans, odometry, true relations.")
 mit_csail = _source("mit-csail", "MIT, CSAIL building: one floor, 1,988 scans, odometry, true relations.")
+
+
+def _make_all(options: Buildings, rng: np.random.Generator) -> Dataset:
+    """The laser logs with relations in one verdict, each building a cluster: laser-all, laser-all[path=FOLDER]."""
+    del rng
+    raise InputError(f"dataset laser-all: found {len(_members(options))} logs, expected one of them.")
+
+
+def _members(options: Buildings) -> list[Member]:
+    """Lists the buildings that are there; without a path, where none was fetched, all of them."""
+    there = _there(options)
+    if options.path and not there:
+        expected = " or ".join(map(log_file, BUILDINGS))
+        raise InputError(f"{options.path}: found no laser log of the benchmark, expected {expected}.")
+    return [
+        Member(name, replace(find(name).options(), path=path), name, name)
+        for name, path in (there or dict.fromkeys(BUILDINGS)).items()
+    ]
+
+
+def _absent(options: Buildings) -> list[str]:
+    there = _there(options)
+    return [name for name in BUILDINGS if name not in there] if there else []
+
+
+def _there(options: Buildings) -> dict[str, str | None]:
+    """The buildings that are there, each with the file of its scans, None for one that was fetched."""
+    if not options.path:
+        return {name: None for name in BUILDINGS if place(name).is_dir()}
+    files = {name: Path(options.path) / log_file(name) for name in BUILDINGS}
+    found = {name: [file, file.with_name(f"{file.name}.gz")] for name, file in files.items()}
+    return {name: str(file) for name, both in found.items() for file in [one for one in both if one.is_file()][:1]}
+
+
+all_buildings = Source(_make_all, Buildings, many=_members, absent=_absent)

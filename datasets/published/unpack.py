@@ -58,10 +58,11 @@ def unpacked(log: str, source: Path, called: str) -> dict[str, Content]:
             raise NotFound(f"{called}: it contains two different files {name}, and the right one is unknown.")
     if passed_over and not copies:
         raise NotFound(f"{called}: {passed_over}.")
-    if missing := [name for name in wanted if name not in copies]:
+    spare = PUBLISHED[log].spare
+    if missing := [name for name in wanted if name not in copies and name not in spare]:
         more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
         raise NotFound(f"{called}: missing {', '.join(missing[:3])}{more}.")
-    return {name: copies[name][digest or min(copies[name])] for name, digest in wanted.items()}
+    return {name: copies[name][digest or min(copies[name])] for name, digest in wanted.items() if name in copies}
 
 
 def check_page(source: Path, called: str) -> bytes:

@@ -25,19 +25,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...core.elementary import arctan2, hypot, sincos
+from ...core.elementary import sincos
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Dataset, Log, Prior, Truth
 from ...core.options import option
-from ...core.se2 import Array, Ints, wrap
+from ...core.se2 import Array, wrap
 from ...core.table import Table, read_spaced
 from ...frontend.wheels.encoder import Floors, compose, roll
+from ..courses import GAP, courses
 from ..registry import Source
 from .catalogue import fetched
-
-Flags = NDArray[np.bool_]
 
 LENGTH, HALF_AXLE = 2.83, 0.76
 """m, wheel base, and from the middle of the rear axle to the wheel whose speed is measured."""
@@ -46,11 +44,6 @@ AHEAD, LEFT = 3.78, 0.5  # m, of the laser from the middle of the rear axle
 LASTING = 1.0  # s that a steering error lasts
 STANDING = 0.01  # m/s; a slower car stands
 HOLE = 1.0  # s; longest time without a reading of speed and steering, which come every 0.025 s
-GAP = 0.5  # s; steps in longer gaps between GPS fixes, usually 0.2 s apart, have no ground truth
-
-COURSE, LEAST_WAY = 1.1, 1.0
-"""s before and after a fix that its course is taken over, five fixes each, and the least way in m for that."""
-
 START_SD = 1e-3  # m and rad, of the prior, which fixes the world's frame to that of GPS
 TENTH = 10  # of so many detections one is left out
 _LATEST, _FARTHEST, _FASTEST = 1e6, 1e5, 50.0  # s, m and m/s; the log lasts half an hour
@@ -91,7 +84,7 @@ def read(folder: Path, options: Options) -> Dataset:
     t, step = np.unique(seen.column("t"), return_inverse=True)
     _check_driven(inputs, seen)
     delta, delta_cov = _motions(t, inputs, options)
-    poses, known = _interpolated(gps, t)
+    poses, known = courses(gps.rows, t)
     kept = np.arange(len(step)) % TENTH != options.left_out - 1 if options.left_out else slice(None)
     step, z = step[kept], np.stack((seen.column("range"), wrap(seen.column("bearing") - pi / 2)), axis=-1)[kept]
     log = Log.from_arrays(
@@ -187,27 +180,6 @@ def _motions(t: Array, inputs: Table, options: Options) -> tuple[Array, Array]:
         between = slice(first[k - 1], first[k])
         delta[k], delta_cov[k] = compose(pieces[between], cov[between], Floors(0.0, 0.0))
     return delta, delta_cov
-
-
-def _interpolated(gps: Table, t: Array) -> tuple[Array, Flags]:
-    """Poses (n, 3) at `t` (n,), and a mask of those between fixes at most GAP apart, (n,)."""
-    at, x, y = gps.rows.T
-    moving, course = _courses(gps)
-    heading = np.interp(t, at[moving], np.unwrap(course)) if len(course) else np.zeros(len(t))
-    poses = np.stack((np.interp(t, at, x), np.interp(t, at, y), wrap(heading)), axis=-1)
-    after = np.clip(np.searchsorted(at, t), 1, max(len(at) - 1, 1))
-    near = np.diff(at, append=np.inf)[after - 1] <= GAP
-    return poses, (at[0] <= t) & (t <= at[-1]) & (near | np.isin(t, at))
-
-
-def _courses(gps: Table) -> tuple[Ints, Array]:
-    """The fixes (m,) at which the car moves, as rows, and its courses (m,) there."""
-    at, x, y = gps.rows.T
-    first, last = np.searchsorted(at, at - COURSE), np.searchsorted(at, at + COURSE, side="right") - 1
-    dx, dy = x[last] - x[first], y[last] - y[first]
-    unbroken = np.concatenate(([0], np.cumsum(np.diff(at) > GAP)))
-    moving = np.flatnonzero((hypot(dx, dy) > LEAST_WAY) & (unbroken[first] == unbroken[last]))
-    return moving, arctan2(dy[moving], dx[moving])
 
 
 def _notes(options: Options) -> dict[str, Any]:

@@ -9,9 +9,10 @@ from dense_invariant import DenseInvariantEkf, turning
 from driven import asking_changes_nothing
 from random_logs import random_log
 from slamduel.backends.api import Diverged
-from slamduel.backends.gaussian import _invariant, _triangle
-from slamduel.backends.gaussian._beliefs import GroupArrays
-from slamduel.backends.gaussian.invariant_ekf import InvariantEkf, Options
+from slamduel.backends.gaussian import _triangle
+from slamduel.backends.invariant import _invariant
+from slamduel.backends.invariant._arrays import GroupArrays
+from slamduel.backends.invariant.invariant_ekf import InvariantEkf, Options
 from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.core.factors import Log, Map, Prior, RangeBearing
 from slamduel.core.kernels._blas import routine

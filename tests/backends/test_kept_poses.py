@@ -12,8 +12,9 @@ from driven import asking_changes_nothing, final, make, rmse
 from laps import laps
 from random_logs import random_log
 from slamduel.backends.api import Diverged, Solution
-from slamduel.backends.gaussian import _invariant_loops, _loops, _triangle, compressed
+from slamduel.backends.gaussian import _loops, _triangle, compressed
 from slamduel.backends.gaussian.kept_poses import KeptPoses
+from slamduel.backends.invariant import _invariant_loops
 from slamduel.bench.check.small_logs import dead_reckoned
 from slamduel.core.factors import Dataset, Log, RelativePoses
 from slamduel.core.se2 import Array, Ints, between, compose, wrap

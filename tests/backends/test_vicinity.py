@@ -8,7 +8,8 @@ import pytest
 from driven import make
 from slamduel.backends import _vicinity
 from slamduel.backends._vicinity import NOISE, STATE, SUMS
-from slamduel.backends.gaussian import _plain, compressed
+from slamduel.backends.gaussian import compressed
+from slamduel.backends.invariant import _plain
 from slamduel.backends.smoothing import _step
 from slamduel.backends.vicinity import Vicinity
 from slamduel.bench.speed.world import world

@@ -11,7 +11,7 @@ from refusals import refused
 from slamduel.core.factors import Dataset
 from slamduel.core.options import option
 from slamduel.datasets import cache
-from slamduel.datasets.ready import made_ready
+from slamduel.datasets.on_demand.ready import made_ready
 from slamduel.datasets.registry import Source
 from small_log import assert_same, small_log
 

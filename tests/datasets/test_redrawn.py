@@ -20,7 +20,7 @@ from slamduel.core.factors import Dataset, Log, Truth
 from slamduel.datasets import registry
 from slamduel.datasets.cache import generator
 from slamduel.datasets.false_loops import FALSE_NOTE, planted
-from slamduel.datasets.ready import made_ready
+from slamduel.datasets.on_demand.ready import made_ready
 from slamduel.datasets.redrawn import DRAWN_NOTE, redrawn
 from slamduel.datasets.truth import digest
 

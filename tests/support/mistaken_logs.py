@@ -25,8 +25,8 @@ from slamduel.bench.contradiction.remark import remarks
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log
 from slamduel.core.se2 import Array, between, wrap
-from slamduel.datasets.formats.csv_options import Options
-from slamduel.datasets.formats.csv_tables import make
+from slamduel.datasets.tables.csv_options import Options
+from slamduel.datasets.tables.csv_tables import make
 
 FIRST = 1000
 """Seed of the first log; tests have others."""

@@ -5,7 +5,7 @@ import numpy as np
 from driven import NO_LOOPS, NO_SIGHTINGS
 from slamduel.core.factors import Dataset, Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
 from slamduel.core.se2 import Array, Ints, between, compose, wrap
-from slamduel.datasets.formats.csv_sightings import of_points
+from slamduel.datasets.tables.csv_sightings import of_points
 
 RADIUS, REACH, SD = 1.2, 0.5, 0.005  # m; of the way, of the sight, and noise of a sighting's x and y
 

@@ -2,7 +2,7 @@
 
 from slamduel.core.factors import Dataset, Truth
 from slamduel.datasets import registry
-from slamduel.datasets.ready import made_ready
+from slamduel.datasets.on_demand.ready import made_ready
 from slamduel.datasets.worlds.aruco_room import Options
 
 DRIVE = Options(seconds=45.0, frame_rate=1.0)

@@ -152,14 +152,8 @@ def test_ranges_bearings_and_fixes_are_terms_with_their_constant_errors(each: bo
     log, path, landmarks = with_everything(3)
     n, rng = len(log), np.random.default_rng(4)
     ids = landmarks.ids[[0, 1, 1, 2]]
-    partial = PartialTable.from_arrays(
-        n,
-        np.array([0, 3, 3, 9]),
-        ids,
-        np.array([RANGE, RANGE, BEARING, BEARING]),
-        rng.uniform(1, 3, 4),
-        np.full(4, 0.2),
-    )
+    kinds, measured = np.array([RANGE, RANGE, BEARING, BEARING]), rng.uniform(1, 3, 4)
+    partial = PartialTable.from_arrays(n, np.array([0, 3, 3, 9]), ids, kinds, measured, np.full(4, 0.2))
     z, cov, arm = np.array([1.0, math.nan, 3.1]), np.diag([0.2, math.nan, 0.1]), np.array([0.3, -0.1])
     cov[0, 1] = cov[1, 0] = cov[1, 2] = cov[2, 1] = math.nan
     fixes = FixTable.from_arrays(n, np.array([7]), z[None], cov[None], arm[None])

@@ -291,7 +291,7 @@ def test_lost_steps_are_told_as_such(folder: Path):
     [
         ("rows = 3", "contents.rows: found 3, expected a table"),
         ('rows = {"loops.csv" = 1.5}', "contents.rows.loops.csv: found 1.5, expected a whole number, at least 0."),
-        ("rows = {steps = 1}", "contents.rows.steps: there is no such key; expected one of landmarks.csv, "),
+        ("rows = {steps = 1}", "contents.rows.steps: there is no such key; expected one of bearings.csv, "),
         ("factors = 3", "contents.factors: found 3, expected a text in quotes."),
         ("digest = 3", "contents.digest: there is no such key; expected one of factors, rows, truth."),
     ],

@@ -1,5 +1,6 @@
 """The laser logs of the Freiburg benchmark: fetched file by file, whole or not at all, and read by their names."""
 
+import gzip
 import hashlib
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,9 @@ from recorded import at_hand
 from refusals import refused
 from slamduel.bench.cli import main
 from slamduel.bench.plan.load import load
+from slamduel.bench.plan.plan import Plan
+from slamduel.bench.plan.spec import dataset_variants
+from slamduel.bench.run.benchmark import DEFAULTS
 from slamduel.datasets.published import catalogue
 from slamduel.datasets.published.catalogue import FILE, PUBLISHED, place
 from slamduel.datasets.published.laser_logs import log_file
@@ -136,3 +140,29 @@ def test_the_scanner_of_freiburgs_robot_sits_behind_its_origin(scans: bytes, tmp
     assert log.digest == other.digest
     plain, _ = load(f"carmen[path={path}]")
     assert np.abs(plain.delta[1:] - log.delta[1:]).max() > 1e-4
+
+
+def members(text: str) -> list[tuple[str, str | None]]:
+    """The logs that a dataset stands for, each with its cluster."""
+    (variant,) = dataset_variants(text)
+    logs = [variant.log(k) for k in range(len(variant.members))]
+    return [(str(log), log.cluster) for log in logs]
+
+
+def test_all_buildings_are_one_dataset_of_those_that_are_there(scans: bytes, tmp_path: Path, capsys: Printed) -> None:
+    assert [cluster for _, cluster in members("laser-all")] == [*NAMES]  # nothing is there: the run says what to fetch
+    folder = tmp_path / "got"
+    folder.mkdir()
+    label = f"laser-all[path={folder}]"
+    refused(f"{folder}: found no laser log of the benchmark, expected aces.clf or fr079.clf", members, label)
+    (folder / "intel.clf").write_bytes(scans)
+    (folder / "aces.clf.gz").write_bytes(gzip.compress(scans))
+    (folder / "aces.relations").write_bytes(RELATIONS)
+    assert members(label) == [
+        (f"aces[path={folder}/aces.clf.gz]", "aces"), (f"intel-lab[path={folder}/intel.clf]", "intel-lab"),
+    ]  # fmt: skip
+    plan = Plan.from_words(DEFAULTS | {"dataset": label, "backend": "ekf"})
+    assert plan.remarks() == f"{label}: not there, and left out: fr079, killian and mit-csail."
+    assert main(["fetch", "aces", "--from", str(folder)]) == 0  # its scans are gzipped
+    assert members("laser-all") == [("aces", "aces")]
+    capsys.readouterr()

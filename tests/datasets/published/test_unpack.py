@@ -14,6 +14,7 @@ import toy_log
 from slamduel.bench.cli import main
 from slamduel.datasets.published import unpack
 from slamduel.datasets.published.catalogue import PUBLISHED, fetched, place
+from slamduel.datasets.published.installed import here
 from toy_log import FILES, LOG, Printed, Serve, assert_in_place, beside, entry, refusal, sha256, tarred, zipped
 
 quick = pytest.fixture(autouse=True)(toy_log.quick)
@@ -130,7 +131,7 @@ def test_one_file_got_by_hand_is_enough_for_a_log_of_one_file(tmp_path: Path, ca
 def test_of_many_files_that_are_missing_three_are_named(tmp_path: Path, capsys: Printed) -> None:
     (source := tmp_path / "empty.tar").write_bytes(bytes(10240))
     listed = "missing Barcodes.dat, Landmark_Groundtruth.dat, Robot1_Groundtruth.dat and 14 more."
-    assert listed in refusal(capsys, "mrclam-1", "--from", source)
+    assert listed in refusal(capsys, "mrclam-6", "--from", source)
 
 
 def test_a_pipe_is_not_waited_for(tmp_path: Path, capsys: Printed) -> None:
@@ -162,6 +163,22 @@ def sets(tmp_path: Path) -> Path:
 def test_of_several_sets_the_one_that_was_asked_for_is_taken(sets: Path, number: int) -> None:
     assert main(["fetch", f"mrclam-{number}", "--quiet", "--from", str(sets)]) == 0
     assert_in_place(f"mrclam-{number}", mrclam(number))
+
+
+def test_a_copy_without_its_spare_files_is_installed_and_says_what_it_lacks(sets: Path, capsys: Printed) -> None:
+    folder = sets / "MRCLAM_Dataset3"
+    for robot in range(1, 6):
+        (folder / f"Robot{robot}_Groundtruth.dat").unlink()
+    (folder / "Robot4_Odometry.dat").unlink()
+    assert main(["fetch", "mrclam-3", "--from", str(folder)]) == 0
+    words = "without Robot1_Groundtruth.dat, Robot2_Groundtruth.dat, Robot3_Groundtruth.dat and 3 more: what it has"
+    assert words in capsys.readouterr().out
+    assert here("mrclam-3")
+    assert main(["fetch", "mrclam-3", "--check"]) == 0
+    (place("mrclam-3") / "Robot3_Odometry.dat").unlink()  # it was there
+    assert "Robot3_Odometry.dat: No such file" in refusal(capsys, "mrclam-3", "--check")
+    (folder / "Robot3_Measurement.dat").unlink()
+    assert "missing Robot3_Measurement.dat." in refusal(capsys, "mrclam-3", "--from", folder)
 
 
 def test_a_set_of_another_number_is_turned_down(sets: Path, monkeypatch: pytest.MonkeyPatch, capsys: Printed) -> None:

@@ -8,11 +8,11 @@ from ...core.kernels._planar import wrap
 from ...core.kernels._small import cholesky
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from ._beliefs import group_at
+from ..gaussian._loops import whiten
+from ..gaussian._triangle import entry, put, put_row
+from ._arrays import group_at
 from ._group import exponential, logarithm, retract_all
 from ._invariant import RANK, fold, gather, gather_row
-from ._loops import whiten
-from ._triangle import entry, put, put_row
 
 
 @compiled

@@ -7,9 +7,9 @@ from ...core.se2 import Array, Ints
 from .._expected_arrays import expected_at
 from .._rules import conclude
 from .._vicinity import choose, expect, places_at
-from ._beliefs import group_at
+from ..gaussian._triangle import row
+from ._arrays import group_at
 from ._invariant import RANK
-from ._triangle import row
 
 
 @compiled

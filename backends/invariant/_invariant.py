@@ -15,9 +15,9 @@ from ...core.kernels._planar import moved, rotated, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from .._models import placed, sighted
-from ._beliefs import GroupArrays, group_at
+from ..gaussian._triangle import add_square_of, put, take_less, take_row
+from ._arrays import GroupArrays, group_at
 from ._group import retract, retract_all
-from ._triangle import add_square_of, put, take_less, take_row
 
 RANK = 48
 """Most deferred updates."""

@@ -19,7 +19,7 @@ from ...core.mounting import NONE, from_body
 from ...core.se2 import Array, Ints
 from ...core.table import MOST
 from ...frontend.wheels.holes import outside
-from .columns import in_order, read_columns
+from ..formats.columns import in_order, read_columns
 from .csv_options import Options
 
 SIGHTINGS = ("t", "id", "range", "bearing")

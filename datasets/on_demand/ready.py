@@ -7,13 +7,13 @@ these options, and cached once.
 from dataclasses import fields, replace
 from typing import Any
 
-from ..core.factors import Dataset
-from .cache import cached, generator
-from .false_loops import FalseLoops, planted
-from .hidden_ids import KNOWN, HiddenIds, hidden
-from .on_map import OnMap, on_map
-from .redrawn import Drawn, draws, redrawn
-from .registry import Named, Source
+from ...core.factors import Dataset
+from ..cache import cached, generator
+from ..false_loops import FalseLoops, planted
+from ..hidden_ids import KNOWN, HiddenIds, hidden
+from ..on_map import OnMap, on_map
+from ..redrawn import Drawn, draws, redrawn
+from ..registry import Named, Source
 
 
 def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:

@@ -14,7 +14,7 @@ from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
 from slamduel.core.se2 import Array, between, compose, wrap
 from slamduel.core.truth.tum import write_tum
-from slamduel.datasets.formats import csv_sightings, csv_tables
+from slamduel.datasets.tables import csv_sightings, csv_tables
 
 DT = 0.1
 

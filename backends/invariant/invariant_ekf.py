@@ -36,10 +36,11 @@ from ...core.se2 import Array
 from .._expected_arrays import ExpectedArrays
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..expected import as_expected, room_for, roomier
+from ..gaussian import _triangle
+from ..gaussian.kept_poses import NOWHERE, SUMMARY, KeptPoses
 from ..vicinity import Vicinity
-from . import _invariant, _invariant_loops, _plain, _triangle
-from ._beliefs import GroupArrays
-from .kept_poses import NOWHERE, SUMMARY, KeptPoses
+from . import _invariant, _invariant_loops, _plain
+from ._arrays import GroupArrays
 
 SPACE = 64  # state entries reserved at first
 SIGHTINGS = 16  # expected landmarks that there is room for at first

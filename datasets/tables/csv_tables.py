@@ -27,9 +27,9 @@ from ...frontend.wheels.encoder import Floors
 from ...frontend.wheels.holes import Holes
 from ...frontend.wheels.track import Track, TrackNoise
 from ...frontend.wheels.units import fast_turns, in_degrees
+from ..formats.columns import in_order, read_columns
 from ..registry import Source
 from ..truth import other_clock, sample, start
-from .columns import in_order, read_columns
 from .csv_options import Options
 from .csv_sightings import Detections, detections
 

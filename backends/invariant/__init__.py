@@ -1,0 +1,1 @@
+"""EKF-SLAM on a Lie group: the right-invariant error."""

@@ -1,0 +1,1 @@
+"""Published logs of radio and acoustic beacons, whose sightings are ranges alone."""

@@ -1,0 +1,1 @@
+"""A log from CSV tables: odometry, detections, ranges, bearings, positions and headings."""
