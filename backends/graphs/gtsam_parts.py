@@ -47,6 +47,11 @@ class ConstantKeys:
         self._keys = dict[int, int]()  # of landmarks, or of all as -1
         self._turns = False
 
+    @property
+    def used(self) -> bool:
+        """True if a graph has some."""
+        return self._turns or len(self._keys) > 0
+
     def of(self, landmark: int, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> int | None:
         """The key of the errors of ranges to a landmark, which is added where it is new; None without any."""
         if not self._ranges:
@@ -68,7 +73,7 @@ class ConstantKeys:
 
     def read(self, landmarks: Ints, values: gtsam.Values) -> Constant | None:
         """The constant errors of these landmarks; None without any."""
-        if not self._keys and not self._turns:
+        if not self.used:
             return None
         names = landmarks.tolist() if self._sds.each else [-1]
         keys = [self._keys.get(name) for name in names]

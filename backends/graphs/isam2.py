@@ -24,6 +24,9 @@ from ..vicinity import Vicinity, first_expected
 from ._gtsam import FAILURES, Factors, array, failure, joint_covariance, path_and_map, pose2, to_world
 from .neighbourhood import Neighbourhood
 
+FINE = 1e-4
+"""Relinearize threshold at the end with constant errors: a scale of ranges is that of tens of metres."""
+
 NOTHING = gtsam.VectorValues()  # parents of a single variable's marginal: none
 
 
@@ -112,11 +115,11 @@ class Isam2:
     def finish(self) -> Solution:
         """Relinearizes until nothing moves by more than the threshold, then solves with full back-substitution.
 
-        Landmarks that are near lower the threshold: a tree with the new one is made of all factors, and kept if its J
-        is lower.
+        Landmarks that are near lower the threshold, and constant errors do: a tree with the new one is made of all
+        factors, and kept if its J is lower.
         """
         converged, values = self._settled()
-        threshold = self._factors.closest / SMALL
+        threshold = min(self._factors.closest / SMALL, FINE if self._factors.constant.used else math.inf)
         if threshold < self._options.relinearize_threshold:
             graph, before = self._isam.getFactorsUnsafe(), self._isam
             self._threshold = threshold

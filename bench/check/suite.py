@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 from ...backends.api import Builder, Unsuited
 from ...core.errors import InputError
 from ..plan.spec import backend_variants
-from . import contract, data_association, estimates, side_effects
+from . import contract, data_association, estimates, parts, side_effects
 from .adversarial import ends_near_the_batch_answer, stands_logs_without_ids
 from .adversarial_logs import ADVERSARIES
 from .candidate import Candidate, Failed, GaveUp, NotApplicable
@@ -52,7 +52,7 @@ def check_name(function: Callable[[Candidate], str]) -> str:
 
 QUICK: tuple[Check, ...] = (
     *(_of("contract", f) for part in (contract, side_effects, data_association) for f in part.CHECKS),
-    *(_of("estimates", function) for function in estimates.CHECKS),
+    *(_of("estimates", f) for part in (estimates, parts) for f in part.CHECKS),
 )
 """those on small logs, about two seconds in all"""
 ADVERSARIAL: tuple[Check, ...] = (

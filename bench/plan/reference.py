@@ -25,11 +25,11 @@ from ...datasets import registry as datasets
 from ...datasets.on_demand.ready import made_ready
 from ...datasets.remarks import remarked
 from ..measure.accuracy import align
-from ..measure.misfit import loop_misfits, misfits
+from ..measure.misfit import loop_misfits, misfits, partial_misfits
 from .given_map import localising
 
-MEDIAN, LOOP_MEDIAN = 1.386, 2.366  # median of chi-square with 2 degrees of freedom, and 3
-FAR, LOOP_FAR = 18.42, 21.11  # chi-square with 2 degrees of freedom, and 3, exceeds it once in 10,000
+PART_MEDIAN, MEDIAN, LOOP_MEDIAN = 0.455, 1.386, 2.366  # median of chi-square with 1 degree of freedom, 2, and 3
+PART_FAR, FAR, LOOP_FAR = 15.14, 18.42, 21.11  # chi-square with 1, 2 and 3 exceeds it once in 10,000
 MANY = 5e-3  # share of sightings or loops beyond FAR that rules the optimum: fifty times that of correct noise
 NO_REFERENCE = "no true path is known and no batch optimum was found: nothing is measured from either"
 FEWEST = 3  # landmarks needed to align two maps
@@ -99,9 +99,11 @@ def known(log: Log, truth: Truth | None) -> Truth | None:
 def outliers(log: Log, solution: Solution) -> Outliers:
     """Counts the sightings that do not fit an optimum, relative to the typical misfit: noise may be misstated."""
     squared = misfits(log, solution.path, solution.map)
-    if squared is None:
+    parts = partial_misfits(log, solution.path, solution.map, solution.constant)
+    if squared is None or parts is None:
         return Outliers(0, int((log.ids != UNKNOWN).sum()))
-    return _beyond(squared, MEDIAN, FAR)
+    whole, alone = _beyond(squared, MEDIAN, FAR), _beyond(parts, PART_MEDIAN, PART_FAR)
+    return Outliers(whole.found + alone.found, whole.of + alone.of)
 
 
 def loop_outliers(log: Log, solution: Solution) -> Outliers:

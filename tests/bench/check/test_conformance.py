@@ -12,7 +12,7 @@ from slamduel.backends import registry
 from slamduel.backends.api import Backend, Belief, Builder, Map, Pose, Prior, Step, option
 from slamduel.bench.check.candidate import Candidate, Failed, stays_near
 from slamduel.bench.check.contract import BLIND
-from slamduel.bench.check.small_logs import IDS, around, behind, dead_reckoned, drive, with_loop, with_map
+from slamduel.bench.check.small_logs import IDS, NO_SIGHTINGS, around, behind, dead_reckoned, drive, with_loop, with_map
 from slamduel.bench.check.suite import ADVERSARIAL, CHECKS, QUICK, Check, Outcome, check, chosen, examine
 from slamduel.core.se2 import compose
 
@@ -39,6 +39,8 @@ def test_a_sound_backend_passes_everything() -> None:
         "asking-what-is-expected-changes-nothing",
         "loop-closures-are-used",
         "loop-closures-and-sightings-go-together",
+        "halves-of-sightings-count-as-whole-ones",
+        "a-position-each-second-is-used",
     }
     assert len({found.name for found in outcomes}) == len(QUICK) == len(outcomes)
     assert all(found.title.endswith(".") and found.found for found in outcomes)
@@ -48,6 +50,18 @@ def test_a_sound_backend_passes_everything() -> None:
 def test_each_fault_is_caught_where_it_should_be(broken: type[Sound], name: str, found: str) -> None:
     result = outcome(build(broken), name)
     assert (result.status, found in result.found) == ("failed", True), result
+
+
+def test_factors_that_are_taken_and_not_used_are_caught() -> None:
+    class Unused(Sound):
+        """Leaves out what it says it takes."""
+
+        def step(self, step: Step) -> Pose | None:
+            return super().step(step._replace(sightings=NO_SIGHTINGS))
+
+    for name in ("halves-of-sightings-count-as-whole-ones", "a-position-each-second-is-used"):
+        result = outcome(build(Unused, partial=True, fixes=True), name)
+        assert (result.status, "expected less than half of odometry's" in result.found) == ("failed", True), result
 
 
 def test_a_maker_without_help_is_caught() -> None:

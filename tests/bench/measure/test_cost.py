@@ -1,6 +1,7 @@
 """J, the survey's cost, term by term: against plain sums over plain numbers, against GTSAM, and who has the least."""
 
 import math
+from dataclasses import replace
 
 import gtsam
 import numpy as np
@@ -8,11 +9,15 @@ import pytest
 
 from driven import NO_SIGHTINGS
 from random_logs import random_covariance, random_log
+from slamduel.backends import constant_errors
+from slamduel.backends.api import Constant
 from slamduel.backends.registry import find
 from slamduel.bench.measure.drive import drive
 from slamduel.bench.measure.misfit import Misfit, misfit
 from slamduel.bench.measure.score import score
-from slamduel.core.factors import Log, Map, RelativePoses
+from slamduel.core.factors import Log, Map, RelativePoses, Systematic
+from slamduel.core.fixes import FixTable
+from slamduel.core.partial import BEARING, RANGE, PartialTable
 from slamduel.core.se2 import Array, Ints
 
 
@@ -140,3 +145,42 @@ def test_it_is_not_defined_where_a_landmark_that_is_sighted_or_given_was_lost() 
         assert misfit(one, path, landmarks) is not None
         assert misfit(one, path, Map(landmarks.ids[kept], landmarks.xy[kept], None)) is None
     assert misfit(log, path, Map(NO_SIGHTINGS.ids, NO_SIGHTINGS.z, None)) is None
+
+
+@pytest.mark.parametrize("each", [False, True])
+def test_ranges_bearings_and_fixes_are_terms_with_their_constant_errors(each: bool) -> None:
+    log, path, landmarks = with_everything(3)
+    n, rng = len(log), np.random.default_rng(4)
+    ids = landmarks.ids[[0, 1, 1, 2]]
+    kinds, measured = np.array([RANGE, RANGE, BEARING, BEARING]), rng.uniform(1, 3, 4)
+    partial = PartialTable.from_arrays(n, np.array([0, 3, 3, 9]), ids, kinds, measured, np.full(4, 0.2))
+    z, cov, arm = np.array([1.0, math.nan, 3.1]), np.diag([0.2, math.nan, 0.1]), np.array([0.3, -0.1])
+    cov[0, 1] = cov[1, 0] = cov[1, 2] = cov[2, 1] = math.nan
+    fixes = FixTable.from_arrays(n, np.array([7]), z[None], cov[None], arm[None])
+    systematic = Systematic(0.1, 0.2, 0.3, each)
+    more = replace(log, partial=partial, fixes=fixes, prior=log.prior._replace(systematic=systematic))
+    size = len(landmarks.ids) if each else 1
+    constant = Constant(rng.normal(0, 0.1, size), rng.normal(0, 0.1, size), 0.05)
+    place = dict(zip(landmarks.ids.tolist(), landmarks.xy.tolist(), strict=True))
+    terms = 0.0
+    for k, i, kind, z_i in zip((0, 3, 3, 9), ids.tolist(), kinds, measured, strict=True):
+        east, north = place[i][0] - path[k, 0], place[i][1] - path[k, 1]
+        row = landmarks.ids.tolist().index(i) if each else 0
+        far = (1 + constant.range_scale[row]) * math.hypot(east, north) + constant.range_offset[row] - z_i
+        terms += (far if kind == RANGE else turned(math.atan2(north, east) - path[k, 2] - z_i)) ** 2 / 0.2
+    heading = path[7, 2]
+    known = (path[7, 0] + 0.3 * math.cos(heading) + 0.1 * math.sin(heading) - 1.0) ** 2 / 0.2
+    known += turned(heading + 0.05 - 3.1) ** 2 / 0.1
+    known += float(sum((constant.range_scale / 0.1) ** 2 + (constant.range_offset / 0.2) ** 2)) + (0.05 / 0.3) ** 2
+    plain, found = misfit(log, path, landmarks), misfit(more, path, landmarks, constant)
+    assert plain is not None
+    assert found is not None
+    assert found.sightings - plain.sightings == pytest.approx(terms, rel=1e-9)
+    assert found.prior - plain.prior == pytest.approx(known, rel=1e-9)
+    least = misfit(more, path, landmarks)
+    assert least is not None
+    for _ in range(50):
+        off = [part + rng.normal(0, 0.02, np.shape(part)) for part in constant_errors.fitted(more, path, landmarks)]
+        other = misfit(more, path, landmarks, Constant(off[0], off[1], float(off[2])))
+        assert other is not None
+        assert other.total > least.total
