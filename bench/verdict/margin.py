@@ -1,4 +1,4 @@
-"""How much worse than another one the data leave a backend to be, and what would tell.
+"""Margins of a recommendation: by how much a backend may be worse than another, and how many logs would tell.
 
 A backend that is not significantly different from the best may still be many times worse: with few logs the interval of
 the ratio of their errors is wide. One that is recommended in its place has to be non-inferior: the interval's upper end
@@ -24,7 +24,7 @@ MANY = 1000  # logs of which it is tried if they would tell
 
 
 class Limit(NamedTuple):
-    """How much worse one backend may be than another: the ratio of its error to the other's."""
+    """The largest ratio of a backend's error to another's that the data do not rule out."""
 
     rival: str  # the other's label
     most: float  # the upper end of the 95 % interval; NaN with too few logs

@@ -5,6 +5,7 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -227,7 +228,7 @@ def test_a_dataset_that_two_runs_have_is_a_column_of_each() -> None:
 
 
 def test_maps_are_compared_by_the_column_that_the_verdict_goes_by() -> None:
-    def judged(**of_b: list[float]) -> dict[str, str]:
+    def judged(**of_b: Any) -> dict[str, str]:
         one = told("a", "reference", map_rmse_m=[0.2] * 8, final_map_rmse_m=[0.1] * 8, surveyed=[1] * 8)
         other = told("b", "reference", map_rmse_m=[0.3] * 8, surveyed=[1] * 8, **of_b)
         return {purpose: column for purpose, (column, _) in by_purpose(lines(one + other)).items()}

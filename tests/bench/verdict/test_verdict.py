@@ -351,19 +351,27 @@ def test_none_is_advised_where_another_one_may_be_twice_as_close() -> None:
 
 
 def test_as_many_logs_as_are_said_to_tell_do_tell() -> None:
-    def found(n: int, times: float = 1.0, spread: float = 0.5) -> tuple[Ranking, Comparison]:
+    def ranked(n: int, times: float = 1.0, spread: float = 0.5) -> Ranking:
         ratios = times * np.exp(spread * np.tile([-1, 1, -0.5, 0.5, 0.1, -0.1], n // 6))
-        ranked = ranking(lines(told("a", ate_m=[0.1] * n) + told("b", ate_m=(0.1 * ratios).tolist())), "ate_m")
-        (c,) = ranked.comparisons
-        return ranked, c if c.first == "a" else c._replace(low=1 / c.high, high=1 / c.low)
+        found = ranking(lines(told("a", ate_m=[0.1] * n) + told("b", ate_m=(0.1 * ratios).tolist())), "ate_m")
+        assert found is not None
+        return found
 
-    assert found(6)[1].high > NEAR
-    many = telling(found(6)[0], "b", "a", NEAR)
-    assert found(many)[1].high <= NEAR < found(many - 6)[1].high
-    worse = telling(found(6, 1.5)[0], "b", "a", NEAR)  # beyond the margin: as many as show that it is worse
-    assert found(worse, 1.5)[1].low > 1 >= found(worse - 6, 1.5)[1].low
-    assert telling(found(6, spread=20.0)[0], "b", "a", NEAR) is None
+    def ends(found: Ranking) -> tuple[float, float]:
+        """Of b's error over a's."""
+        (c,) = found.comparisons
+        return (c.low, c.high) if c.first == "a" else (1 / c.high, 1 / c.low)
+
+    assert ends(ranked(6))[1] > NEAR
+    many = telling(ranked(6), "b", "a", NEAR)
+    assert many is not None
+    assert ends(ranked(many))[1] <= NEAR < ends(ranked(many - 6))[1]
+    many = telling(ranked(6, 1.5), "b", "a", NEAR)  # beyond the margin: as many as show that it is worse
+    assert many is not None
+    assert ends(ranked(many, 1.5))[0] > 1 >= ends(ranked(many - 6, 1.5))[0]
+    assert telling(ranked(6, spread=20.0), "b", "a", NEAR) is None
     lost = ranking(lines(rows("a", 1, 6) + failing(rows("b", 1, 6), 0, 1, 2)), "ate_m")
+    assert lost is not None
     assert telling(lost, "b", "a", NEAR) == 12  # that fail as often
 
 
