@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 from ..verdict.advice import BELIEF, COST, Use
 from ..verdict.consistency import belief_word
-from ..verdict.ranking import judged_by
-from ..verdict.summary import Line, representative, typical
+from ..verdict.ranking import by_purpose
+from ..verdict.summary import Line, typical
 from ..words.columns import about
 from ..words.numerals import number
 from ..words.styles import BASELINE
@@ -38,7 +38,7 @@ def _best(standing: Standing, use: Use) -> Best:
         return Best(use.purpose, "", NONE_APART, "", "", "", "")
     if line is None:
         return Best(use.purpose, "", use.why, "", "", "", "")
-    column = judged_by(representative(standing.lines)).get(use.purpose, "")
+    column, _ = by_purpose(standing.lines).get(use.purpose, ("", None))
     error, ends = _error(line, column)
     nees = BELIEF.get(use.purpose, "")
     consistency = (belief_word(line, nees) or UNCLEAR) if nees in line.values else ""

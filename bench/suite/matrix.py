@@ -44,6 +44,7 @@ MARKS = {"consistent": ("o", 3.6), "overconfident": ("^", 4.4), "cautious": ("v"
 TITLES = {
     "online": ("Online", "The path as it was known while the robot drove"),
     "final": ("Afterwards", "The path after the last step, with all that was measured"),
+    "map": ("The map", "Landmarks' places, aligned by themselves, where paths are known of few logs or none"),
 }
 
 Place = tuple[float, float]
@@ -53,6 +54,7 @@ class Column(NamedTuple):
     """A dataset of the picture."""
 
     suite: str
+    run: str
     dataset: str
     name: str
 
@@ -82,7 +84,7 @@ class Band(NamedTuple):
 
 def matrix(name: str, scores: Sequence[Score], purpose: str) -> ReportFigure | None:
     """Draws the scores of a purpose; None where there are none."""
-    mine = {(score.suite, score.dataset, score.backend): score for score in scores if score.purpose == purpose}
+    mine = {(*_place(score), score.backend): score for score in scores if score.purpose == purpose}
     bands = list(_bands(list(mine.values()), list(dict.fromkeys(score.backend for score in scores))))
     if not bands:
         return None
@@ -121,14 +123,10 @@ CAPTION = (
 
 def _bands(scores: Sequence[Score], order: Sequence[str]) -> Iterator[Band]:
     """Breaks the columns after whole suites where they are too many; backends are in that order."""
-    names = {
-        (suite, dataset): name
-        for suite in dict.fromkeys(score.suite for score in scores)
-        for dataset, name in called([score.dataset for score in scores if score.suite == suite]).items()
-    }
     by_suite: dict[str, list[Column]] = {}
-    for (suite, dataset), name in names.items():
-        by_suite.setdefault(suite, []).append(Column(suite, dataset, name))
+    for suite in dict.fromkeys(score.suite for score in scores):
+        there = dict.fromkeys(_place(score) for score in scores if score.suite == suite)
+        by_suite[suite] = _columns([*there])
     held: list[Column] = []
     for columns in by_suite.values():
         if held and len(held) + len(columns) > MOST:
@@ -139,10 +137,31 @@ def _bands(scores: Sequence[Score], order: Sequence[str]) -> Iterator[Band]:
         yield _band(held, scores, order)
 
 
+def _place(score: Score) -> tuple[str, str, str]:
+    return score.suite, score.run, score.dataset
+
+
+def _columns(places: Sequence[tuple[str, str, str]]) -> list[Column]:
+    """Names the datasets of a suite; one that several runs have by its run, too, or by that alone."""
+    runs, datasets = [run for _, run, _ in places], [dataset for _, _, dataset in places]
+    names = called(datasets)
+    return [
+        Column(
+            *place,
+            names[dataset]
+            if datasets.count(dataset) == 1
+            else run
+            if runs.count(run) == 1
+            else f"{names[dataset]} ({run})",
+        )
+        for place, run, dataset in zip(places, runs, datasets, strict=True)
+    ]
+
+
 def _band(columns: Sequence[Column], scores: Sequence[Score], order: Sequence[str]) -> Band:
     """Orders the backends: variants below each other, dead reckoning last."""
-    places = {(column.suite, column.dataset) for column in columns}
-    there = {score.backend for score in scores if (score.suite, score.dataset) in places}
+    places = {column[:3] for column in columns}
+    there = {score.backend for score in scores if _place(score) in places}
     bases = list(dict.fromkeys(_base(backend) for backend in order))
     rows = sorted(
         (backend for backend in order if backend in there),
@@ -160,7 +179,7 @@ def _width(suite: str, columns: Sequence[Column]) -> float:
 
 
 def _draw(
-    axes: Axes, top: float, band: Band, backends: Mapping[str, str], scores: Mapping[tuple[str, str, str], Score]
+    axes: Axes, top: float, band: Band, backends: Mapping[str, str], scores: Mapping[tuple[str, str, str, str], Score]
 ) -> None:
     first = top + BLOCK
     last = first + HIGH * len(band.rows)
@@ -175,7 +194,7 @@ def _draw(
             axes.plot((x, right), (first + k * HIGH,) * 2, color=RULE, linewidth=0.5, zorder=0)
         for k, column in enumerate(columns):
             for j, backend in enumerate(band.rows):
-                score = scores.get((suite, column.dataset, backend))
+                score = scores.get((*column[:3], backend))
                 if score is not None:
                     _cell(axes, (x + k * WIDE, first + j * HIGH), score)
             place = x + (k + 0.5) * WIDE + 3, last + 4

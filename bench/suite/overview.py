@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 from ..record.schema import FAILED
 from ..verdict.advice import BELIEF, COST
 from ..verdict.consistency import belief_word
-from ..verdict.ranking import PATHS, RELATIONS, Ranking, judged_by, ranking, standing
+from ..verdict.ranking import MAPS, PATHS, RELATIONS, Ranking, by_purpose, standing
 from ..verdict.statistics import Comparison
-from ..verdict.summary import Line, representative, typical, units_of
+from ..verdict.summary import Line, typical, units_of
 from ..words.styles import BASELINE
 from .best import bests
 from .file import packaged, read
@@ -21,7 +21,7 @@ from .history import Summary
 from .results import SuiteResults, command
 from .standing import Standing
 
-PURPOSES = ("online", "final")  # those of a path
+PURPOSES = ("online", "final", "map")
 DIGITS = 6  # significant ones of a number in the tables
 MADE, SKIPPED, NOT_RUN = "made", "skipped", "not run"  # states of a run
 FROM_THE_BEST = {"better": "worse", "worse": "better"}  # the standing of the second one, by that of the first
@@ -33,6 +33,7 @@ class Named(NamedTuple):
     """The backend to use on a dataset for a purpose."""
 
     suite: str
+    run: str
     dataset: str  # label
     basis: str  # how many logs, and what is known of them
     purpose: str  # online, final or map
@@ -125,8 +126,8 @@ class Overview(NamedTuple):
 def overview(found: Sequence[SuiteResults]) -> Overview:
     """Collects the overview of a site. Its commands are those of the usual place: others read it in one of theirs."""
     named = [
-        Named(one.name, on.dataset, on.verdict.basis, b.purpose, b.backend, b.error, b.ends, b.consistency, b.cost,
-              b.why)
+        Named(one.name, on.run, on.dataset, on.verdict.basis, b.purpose, b.backend, b.error, b.ends, b.consistency,
+              b.cost, b.why)
         for one in found
         for on in one.found
         for b in bests(on)
@@ -139,20 +140,15 @@ def overview(found: Sequence[SuiteResults]) -> Overview:
 
 
 def _gives(lines: Iterable[Line]) -> set[tuple[str, str]]:
-    """The backends that have an online or a final path anywhere, with the column of its error."""
-    columns = (*PATHS.values(), *RELATIONS.values())
+    """The backends that have an online or a final path or map anywhere, with the column of its error."""
+    columns = (*PATHS.values(), *RELATIONS.values(), *MAPS.values())
     return {(line.backend, column) for line in lines for column in columns if column in line.values}
 
 
 def _scores(suite: str, on: Standing, gives: set[tuple[str, str]]) -> Iterator[Score]:
-    """Compares a dataset's backends with the best, by purpose; nothing where no path is known."""
-    judged = judged_by(representative(on.lines))
-    for purpose in PURPOSES:
-        column = judged.get(purpose, "")
-        if column not in (PATHS[purpose], RELATIONS[purpose]):  # a map's error is another matter
-            continue
+    """Compares a dataset's backends with the best, by purpose; nothing where no path or map is known."""
+    for purpose, (column, ranked) in by_purpose(on.lines).items():
         use = next((use.backend for use in on.verdict.uses if use.purpose == purpose), "")
-        ranked = ranking(on.lines, column)
         against = {} if ranked is None else _against_the_best(ranked)
         for line in on.lines:
             if line.backend in against:
@@ -203,7 +199,7 @@ def _score(
         error_m=NAN if error is None else _short(error.value),
         error_low=NAN if error is None else _short(error.low),
         error_high=NAN if error is None else _short(error.high),
-        consistency=belief_word(line, BELIEF[purpose]) if BELIEF[purpose] in values else "",
+        consistency=belief_word(line, nees) if (nees := BELIEF.get(purpose, "")) in values else "",
         cost_us=_short(us),
         alone=int(line.alone),
         done=line.done,

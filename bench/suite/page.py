@@ -147,15 +147,20 @@ def _suite(runs: Sequence[Made], named: Sequence[Named]) -> dict[str, Any]:
     """The section of a suite, as text."""
     mine = [one for one in named if one.suite == runs[0].suite]
     shown = [purpose for purpose in PURPOSES if any(one.purpose == purpose for one in mine)]
-    cells = {(one.dataset, one.purpose): _named(one) for one in mine}
+    cells = {(one.run, one.dataset, one.purpose): _named(one) for one in mine}
+    rows = dict.fromkeys((one.run, one.dataset, one.basis) for one in mine)
+    often = [dataset for _, dataset, _ in rows]
     return {
         "title": runs[0].title,
         "question": runs[0].question,
         "commands": [one.command for one in runs],
         "headings": [PURPOSES[purpose].lower() for purpose in shown],
         "rows": [
-            [f"`{_cell(dataset)}`, {_cell(basis)}", *(cells.get((dataset, purpose), "") for purpose in shown)]
-            for dataset, basis in dict.fromkeys((one.dataset, one.basis) for one in mine)
+            [
+                f"`{_cell(dataset)}`{f' ({run})' * (often.count(dataset) > 1)}, {_cell(basis)}",
+                *(cells.get((run, dataset, purpose), "") for purpose in shown),
+            ]
+            for run, dataset, basis in rows
         ],
     }
 

@@ -1,4 +1,4 @@
-"""Recommends a backend per purpose: the cheapest not significantly beaten whose uncertainty is consistent."""
+"""Recommends a backend per purpose: the cheapest that is hardly worse than the best, and consistent."""
 
 from collections.abc import Mapping, Sequence
 from math import inf, isinf
@@ -11,11 +11,10 @@ from .accuracy import between, unborne
 from .consistency import NO_COVARIANCE, belief_word
 from .cost_words import compared
 from .costs import compare_costs, is_dearer, rounds
+from .margin import FAR, NEAR, Limit, limit, undecided, widest, would_tell
 from .ranking import ESTIMATES, PATHS, Ranking, standing
 from .statistics import FEWEST
 from .summary import Line
-
-NEAR = 1.25  # errors whose ratio is significantly within this and its inverse are of the same order for a user
 
 COST = {"online": "step_us_p50", "final": "cpu_s", "map": "cpu_s"}
 """The cost that counts: a step while the robot drives, else the CPU time of the whole log, as a method with a final
@@ -40,8 +39,9 @@ def advice(purpose: str, found: Ranking) -> Use:
 
     those not significantly different from the best, and significantly better than dead reckoning, else that itself, but
     none where only too few logs stand in the way; those without a failure; those that are not overconfident, and have
-    a covariance at every step; those that none of these is cheaper than; the one with the lowest median error. Costs
-    that are not told apart never decide.
+    a covariance at every step; the first of these and those whose errors are surely at most NEAR times its; those that
+    none of these is cheaper than; the one with the lowest median error. Costs that are not told apart never decide.
+    None is recommended where the data leave it open that another one is closer by more than FAR.
     """
     of = found.units
     if of.n < FEWEST:
@@ -66,9 +66,13 @@ def advice(purpose: str, found: Ranking) -> Use:
     whole = [line for line in level if line.done == len(line.rows)] or level
     word = {line.backend: belief_word(line, BELIEF.get(purpose, "")) for line in whole}
     sure = [line for line in whole if word[line.backend] not in ("overconfident", NO_COVARIANCE)] or whole
-    dear = [line for line in sure if any(is_dearer(line, other, COST[purpose]) for other in sure if other is not line)]
-    cheapest = [line for line in sure if line not in dear] or sure
+    near = [sure[0], *(line for line in sure[1:] if limit(found, line, sure[0]).most <= NEAR)]
+    dear = [line for line in near if any(is_dearer(line, other, COST[purpose]) for other in near if other is not line)]
+    cheapest = [line for line in near if line not in dear] or near
     chosen = cheapest[0]
+    worst = widest(found, chosen, found.lines)
+    if worst is not None and worst.most > FAR:
+        return Use(purpose, "", undecided(found, chosen, worst))
     rival = next((line for line in found.lines if line is not chosen), None)
     parts = [
         _accuracy(found, chosen, rival),
@@ -76,6 +80,8 @@ def advice(purpose: str, found: Ranking) -> Use:
         _failures(chosen, [line for line in level if line not in whole]),
         _cost(COST[purpose], chosen, [_next_cheapest(COST[purpose], chosen, level), rival]),
         _tied(cheapest),
+        _ruled_out(worst, rival),
+        _left_open(found, chosen, COST[purpose], [line for line in sure if line not in near]),
     ]
     why = "; ".join(part for part in parts if part)
     return Use(purpose, chosen.backend, f"{why[0].upper()}{why[1:]}.")
@@ -135,9 +141,11 @@ def _accuracy(found: Ranking, chosen: Line, rival: Line | None) -> str:
     if kind == "alike":
         return f"as accurate as {rival.backend}"
     if kind == "open" or not best:
-        widest = max(1 / c.low if c.low else inf, c.high)
-        said = "as accurate as" if widest <= NEAR else "not significantly different from"
-        return f"{said} {rival.backend}" + (f" (within {larger(widest)})" if widest < inf else "")
+        if max(1 / c.low if c.low else inf, c.high) <= NEAR:
+            return f"as accurate as {rival.backend} (within {larger(max(1 / c.low, c.high))})"
+        most = limit(found, chosen, rival).most
+        worse = f" (at most {larger(max(most, 1.0))} worse)" if most < inf else ""
+        return f"not significantly different from {rival.backend}{worse}"
     if kind == "better" and isinf(c.low):
         return f"the most accurate, as {rival.backend} mostly failed"
     if kind == "better":
@@ -145,6 +153,27 @@ def _accuracy(found: Ranking, chosen: Line, rival: Line | None) -> str:
     if kind == "unproven":
         return f"the most accurate measured ({between(c)} than {rival.backend}), though no test supports it"
     return "the most accurate measured"
+
+
+def _ruled_out(worst: Limit | None, rival: Line | None) -> str:
+    """States what is ruled out of the one that the chosen one may be the most worse than, where it is not the rival."""
+    if worst is None or worst.most <= NEAR or (rival is not None and worst.rival == rival.backend):
+        return ""
+    return worst.is_ruled_out
+
+
+def _left_open(found: Ranking, chosen: Line, column: str, others: Sequence[Line]) -> str:
+    """Names the cheapest of the others that cost less, but may be much worse."""
+    open_ = [line for line in others if limit(found, chosen, line).most >= 1]
+    cheaper = [line for line in open_ if is_dearer(chosen, line, column)]
+    if not cheaper:
+        return ""
+    one = min(cheaper, key=lambda line: line.values[column].median)
+    of = limit(found, one, chosen)
+    return (
+        f"{one.backend} costs less, but may be more than {larger(NEAR)} worse (up to {larger(of.most)} is not ruled "
+        f"out){would_tell(found, one.backend, chosen.backend, NEAR)}"
+    )
 
 
 def _belief(word: str, passed: Mapping[str, str]) -> str:

@@ -106,6 +106,21 @@ def ranking(lines: Sequence[Line], column: str) -> Ranking | None:
     return Ranking(column, entered, errors, found, against, of)
 
 
+def of_the_map(final: Ranking | None, online: Ranking | None) -> Ranking | None:
+    """The ranking that maps go by: of the final ones if several backends have one, else of those while it drove."""
+    return final if final is not None and len(final.lines) > 1 else online or final
+
+
+def by_purpose(lines: Sequence[Line]) -> dict[str, tuple[str, Ranking | None]]:
+    """The column and the ranking of each purpose that a dataset's backends are judged by."""
+    judged = judged_by(representative(lines))
+    found = {column: ranking(lines, column) for column in judged.values()}
+    maps = of_the_map(*(found.get(MAPS[purpose]) for purpose in ("map", "online")))
+    paths = {p: judged[p] for p in PATHS if judged.get(p) in (PATHS[p], RELATIONS[p])}
+    of = paths if maps is None else {**paths, "map": maps.column}
+    return {purpose: (column, found[column]) for purpose, column in of.items()}
+
+
 def _beaten(found: Sequence[Comparison]) -> list[str]:
     """Lists those that another one is significantly better than, once for each."""
     kinds = [(c, standing(c)) for c in found]

@@ -12,7 +12,7 @@ from .association import association_sentences
 from .consistency import belief_sentences
 from .cost_words import basis, compared, repeat_troubles
 from .costs import CostRatio, all_pairs, compare_costs, rounds
-from .ranking import ESTIMATES, PATHS, Ranking, judged_by, ordered, ranking
+from .ranking import ESTIMATES, PATHS, Ranking, judged_by, of_the_map, ordered, ranking
 from .statistics import Comparison
 from .summary import Line, representative
 from .units import Units
@@ -103,9 +103,7 @@ def _uses(lines: Sequence[Line], rankings: Mapping[str, Ranking]) -> list[Use]:
     if known.with_path is not None:
         uses = [advice(purpose, rankings[purpose]) for purpose in PATHS if purpose in rankings]
         online = rankings.get("online map")
-    found = rankings.get("map")
-    if found is None or len(found.lines) == 1:
-        found = online or found
+    found = of_the_map(rankings.get("map"), online)
     return [*uses, advice("map", found)] if found else uses
 
 

@@ -5,26 +5,28 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import pages
 from csv_rows import csv_rows
+from judged_rows import told
 from refusals import refused_at
 from slamduel.bench.cli import main
 from slamduel.bench.record.schema import Row
-from slamduel.bench.suite.cost_panels import cost_panels
+from slamduel.bench.suite.cost_panels import COSTS, cost_panels
 from slamduel.bench.suite.history import keep, summarise
 from slamduel.bench.suite.matrix import MOST, matrix, written
-from slamduel.bench.suite.overview import MADE, NOT_RUN, PURPOSES, SKIPPED, Overview, Score, overview
+from slamduel.bench.suite.overview import MADE, NOT_RUN, SKIPPED, Overview, Score, overview
 from slamduel.bench.suite.page import files, tables_of, write_page
 from slamduel.bench.suite.pictures import pictures
 from slamduel.bench.suite.results import results
 from slamduel.bench.suite.site_folder import suites
 from slamduel.bench.suite.tables import read_overview
 from slamduel.bench.verdict.consistency import belief_word
-from slamduel.bench.verdict.ranking import standing
-from slamduel.bench.verdict.summary import typical
+from slamduel.bench.verdict.ranking import by_purpose, standing
+from slamduel.bench.verdict.summary import lines, typical
 from svg_texts import texts
 
 TEXT = """
@@ -207,7 +209,35 @@ def test_many_datasets_break_into_bands_after_whole_suites() -> None:
     assert shown.count("smoother") == shown.count("ukf") == 1
 
 
-@pytest.mark.parametrize("purpose", PURPOSES)
+def test_a_dataset_that_two_runs_have_is_a_column_of_each() -> None:
+    """Named by its run, where that has no other dataset; the backends of one are not held against the other's."""
+    scores = [
+        SCORE._replace(run=run, dataset=dataset, name=dataset, backend=backend, times=times, standing=kind)
+        for run, dataset, backend, times, kind in (
+            ("all", "room", "ekf", 1.0, "best"),
+            ("all", "hall", "ekf", 1.0, "best"),
+            ("two", "room", "ekf", 1.7, "open"),
+            ("two", "room", "ukf", 1.0, "best"),
+        )
+    ]
+    drawn = matrix("online", scores, "online")
+    assert drawn is not None
+    shown = texts(drawn.svg)
+    assert {"room (all)", "hall", "two", "1.70"} <= set(shown)
+    assert "room" not in shown
+
+
+def test_maps_are_compared_by_the_column_that_the_verdict_goes_by() -> None:
+    def judged(**of_b: Any) -> dict[str, str]:
+        one = told("a", "reference", map_rmse_m=[0.2] * 8, final_map_rmse_m=[0.1] * 8, surveyed=[1] * 8)
+        other = told("b", "reference", map_rmse_m=[0.3] * 8, surveyed=[1] * 8, **of_b)
+        return {purpose: column for purpose, (column, _) in by_purpose(lines(one + other)).items()}
+
+    assert judged() == {"map": "map_rmse_m"}  # b has no final one
+    assert judged(final_map_rmse_m=[0.2] * 8) == {"map": "final_map_rmse_m"}
+
+
+@pytest.mark.parametrize("purpose", [*COSTS])
 def test_without_a_score_there_is_no_picture(purpose: str) -> None:
     assert matrix("name", [], purpose) is None
     assert cost_panels("name", [], purpose) is None

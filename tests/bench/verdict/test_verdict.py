@@ -12,10 +12,13 @@ from slamduel.bench.record.schema import Row
 from slamduel.bench.verdict.accuracy import between
 from slamduel.bench.verdict.association import association_sentences
 from slamduel.bench.verdict.consistency import belief_sentences, belief_word
-from slamduel.bench.verdict.ranking import needed, ordered, ranking, standing
+from slamduel.bench.verdict.margin import NEAR
+from slamduel.bench.verdict.margin import needed as telling
+from slamduel.bench.verdict.ranking import Ranking, needed, ordered, ranking, standing
 from slamduel.bench.verdict.statistics import Comparison
 from slamduel.bench.verdict.summary import Line, lines
 from slamduel.bench.verdict.verdict import Use, Verdict, verdict
+from slamduel.bench.words.numerals import larger
 
 
 def failing(found: list[Row], *seeds: int, status: str = "diverged") -> list[Row]:
@@ -319,6 +322,59 @@ def test_of_those_that_cannot_be_told_apart_the_cheapest_is_advised() -> None:
     assert "consistent" in found.why
 
 
+def test_a_cheaper_one_that_may_be_much_worse_is_not_advised_and_the_logs_that_would_tell_are_estimated() -> None:
+    sure, unsure = rows("ekf", 1, 20, sd=0.05, step=10), rows("ekf", 1.2, 20, sd=0.7, step=10)
+    best = rows("isam2", 1, 20, sd=0.05, step=170)
+    assert use(said(best, sure)).backend == "ekf"  # a few percent worse at most
+    found = use(said(best, unsure))
+    assert found.backend == "isam2"
+    words = re.search(
+        r"ekf costs less, but may be more than 25 % worse \(up to (.*) is not ruled out\); some (\d+) logs",
+        found.why,
+    )
+    assert words
+    (c,) = said(best, unsure).comparisons["ate_m"]
+    assert words[1] == larger(c.high)
+    assert int(words[2]) > 20
+
+
+def test_none_is_advised_where_another_one_may_be_twice_as_close() -> None:
+    def found(n: int) -> Use:
+        return use(said(rows("a", 1, n, sd=0.05), rows("b", 1.2, n, sd=1.2), rows("dead-reckoning", 90, n)))
+
+    assert found(40).why.startswith("Not significantly different from a (at most 1.5 times worse); ")
+    assert re.fullmatch(
+        r"None can be named: b comes first, but may be more than 2 times as far off as a \(up to 3.1 times is not "
+        r"ruled out\); some \d+ logs like these would tell\.",
+        found(8).why,
+    )
+
+
+def test_as_many_logs_as_are_said_to_tell_do_tell() -> None:
+    def ranked(n: int, times: float = 1.0, spread: float = 0.5) -> Ranking:
+        ratios = times * np.exp(spread * np.tile([-1, 1, -0.5, 0.5, 0.1, -0.1], n // 6))
+        found = ranking(lines(told("a", ate_m=[0.1] * n) + told("b", ate_m=(0.1 * ratios).tolist())), "ate_m")
+        assert found is not None
+        return found
+
+    def ends(found: Ranking) -> tuple[float, float]:
+        """Of b's error over a's."""
+        (c,) = found.comparisons
+        return (c.low, c.high) if c.first == "a" else (1 / c.high, 1 / c.low)
+
+    assert ends(ranked(6))[1] > NEAR
+    many = telling(ranked(6), "b", "a", NEAR)
+    assert many is not None
+    assert ends(ranked(many))[1] <= NEAR < ends(ranked(many - 6))[1]
+    many = telling(ranked(6, 1.5), "b", "a", NEAR)  # beyond the margin: as many as show that it is worse
+    assert many is not None
+    assert ends(ranked(many, 1.5))[0] > 1 >= ends(ranked(many - 6, 1.5))[0]
+    assert telling(ranked(6, spread=20.0), "b", "a", NEAR) is None
+    lost = ranking(lines(rows("a", 1, 6) + failing(rows("b", 1, 6), 0, 1, 2)), "ate_m")
+    assert lost is not None
+    assert telling(lost, "b", "a", NEAR) == 12  # that fail as often
+
+
 def test_a_backend_that_is_worse_is_not_advised_however_cheap() -> None:
     found = use(said(rows("isam2", 1, step=170), rows("ekf", 2, step=10)))
     assert found.backend == "isam2"
@@ -440,7 +496,7 @@ def test_too_few_logs_for_so_many_pairs_are_no_reason_to_advise_dead_reckoning()
 
 
 def test_one_that_is_beaten_for_sure_is_not_advised_though_it_is_level_with_the_best() -> None:
-    wide = told("wide", ate_m=(LOGS[:12] * np.exp(np.linspace(-3, 2.6, 12))).tolist(), step_us_p50=[50] * 12)
+    wide = told("wide", ate_m=(LOGS[:12] * np.exp(np.linspace(-1.0, 1.4, 12))).tolist(), step_us_p50=[50] * 12)
     found = said(wide, rows("a", 1, 12, sd=0.001), rows("b", 1.1, 12, sd=0.001, step=1))
     (best,) = [c for c in found.comparisons["ate_m"] if (c.first, c.second) == ("a", "b")]
     assert best.holds
@@ -505,7 +561,9 @@ def test_of_whatever_record_the_verdict_bears_what_it_says() -> None:
             cells += skipping(part, *np.flatnonzero(rng.random(n) < rng.choice((0, 0, 0.5))).tolist())
         found = said(cells)
         words = " ".join([*found.sentences, *(one.why for one in found.uses)])
-        assert not re.search(r"nan|not a number|∞|\binf|None|(?<![\d.,])0(\.0)? (%|times)|by beyond", words), words
+        assert not re.search(
+            r"nan|not a number|∞|\binf|None(?! can be named)|(?<![\d.,])0(\.0)? (%|times)|by beyond", words
+        ), words
         pairs = found.comparisons.get("ate_m", [])
         sure = [c for c in pairs if c.second != "dead-reckoning" and standing(c) in ("better", "worse")]
         for c in sure:
