@@ -343,6 +343,12 @@ class Log:
             columns |= {} if table is None else table.columns
         return digest_of(columns)
 
+    @property
+    def unknown(self) -> int:
+        """The number of sightings of UNKNOWN landmarks, those of a range or a bearing alone included."""
+        partial = 0 if self.partial is None else int((self.partial.ids == UNKNOWN).sum())
+        return int((self.ids == UNKNOWN).sum()) + partial
+
     def identified(self) -> "Log":
         """The log without its sightings of UNKNOWN landmarks; itself if it has none."""
         known, partial = self.ids != UNKNOWN, self.partial

@@ -60,7 +60,7 @@ def _remarks(log: Log) -> Iterator[str]:
     yield from _sizes(log)
     yield from _motions(log)
     if not len(log.ids):
-        if not len(log.loop_to):
+        if not len(log.loop_to) and log.partial is None and log.fixes is None:
             yield NO_SIGHTING
         return
     yield from _sightings(log)
