@@ -269,7 +269,7 @@ class Log:
         return len(self.t)
 
     def __repr__(self) -> str:
-        ids = self.ids if self.partial is None else np.concatenate((self.ids, self.partial.ids))
+        ids = self.seen
         known = ids[ids != UNKNOWN]
         said = [f"{len(self)} steps", f"{len(ids)} sightings of {len(np.unique(known))} landmarks"]
         said += [f"{len(ids) - len(known)} of them unknown"] * (len(known) < len(ids))
@@ -344,10 +344,14 @@ class Log:
         return digest_of(columns)
 
     @property
+    def seen(self) -> Ints:
+        """The ids of all sightings, those of a range or a bearing alone after the whole ones."""
+        return self.ids if self.partial is None else np.concatenate((self.ids, self.partial.ids))
+
+    @property
     def unknown(self) -> int:
         """The number of sightings of UNKNOWN landmarks, those of a range or a bearing alone included."""
-        partial = 0 if self.partial is None else int((self.partial.ids == UNKNOWN).sum())
-        return int((self.ids == UNKNOWN).sum()) + partial
+        return int((self.seen == UNKNOWN).sum())
 
     def identified(self) -> "Log":
         """The log without its sightings of UNKNOWN landmarks; itself if it has none."""

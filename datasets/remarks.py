@@ -196,7 +196,7 @@ def _near(log: Log) -> Iterator[str]:
 
 
 def _landmarks(log: Log) -> Iterator[str]:
-    ids, times = np.unique(log.ids[log.ids != UNKNOWN], return_counts=True)
+    ids, times = np.unique(log.seen[log.seen != UNKNOWN], return_counts=True)
     once = int(np.sum(times == 1))
     if len(ids) >= FEW and once > len(ids) / 4:
         yield f"{once} of {len(ids)} landmarks are sighted only once and do not constrain the path"

@@ -41,7 +41,7 @@ def write_pyfg(path: Path, dataset: Dataset) -> int:
             "jrl need none."
         )
     assert truth is not None
-    ids = np.unique(log.ids if log.partial is None else np.concatenate((log.ids, log.partial.ids)))
+    ids = np.unique(log.seen)
     place = np.full(len(ids), -1) if truth.map is None else rows_of(truth.map.ids, ids)
     for row in np.flatnonzero(place < 0):
         raise InputError(f"{path}: log {log.name} has no true place of landmark {ids[row]}, expected that of all.")
