@@ -269,7 +269,7 @@ class Log:
         return len(self.t)
 
     def __repr__(self) -> str:
-        ids = self.ids if self.partial is None else np.concatenate((self.ids, self.partial.ids))
+        ids = self.seen
         known = ids[ids != UNKNOWN]
         said = [f"{len(self)} steps", f"{len(ids)} sightings of {len(np.unique(known))} landmarks"]
         said += [f"{len(ids) - len(known)} of them unknown"] * (len(known) < len(ids))
@@ -347,6 +347,16 @@ class Log:
         for table in (self.partial, self.fixes):
             columns |= {} if table is None else table.columns
         return digest_of(columns)
+
+    @property
+    def seen(self) -> Ints:
+        """The ids of all sightings, those of a range or a bearing alone after the whole ones."""
+        return self.ids if self.partial is None else np.concatenate((self.ids, self.partial.ids))
+
+    @property
+    def unknown(self) -> int:
+        """The number of sightings of UNKNOWN landmarks, those of a range or a bearing alone included."""
+        return int((self.seen == UNKNOWN).sum())
 
     def identified(self) -> "Log":
         """The log without its sightings of UNKNOWN landmarks; itself if it has none."""

@@ -43,7 +43,11 @@ def hidden(dataset: Dataset, ids: float | str, rng: np.random.Generator) -> Data
     left.flags.writeable = False
     truth = truth or Truth(np.zeros(0), np.zeros((0, 3)))
     notes = {**log.notes, HIDDEN_NOTE: f"{hide.sum()} of {len(hide)}"}
-    return Dataset(
-        replace(log, ids=left, notes=notes),
-        truth._replace(assigned=log.ids if truth.assigned is None else truth.assigned),
-    )
+    truth = truth._replace(assigned=log.ids if truth.assigned is None else truth.assigned)
+    partial = log.partial
+    if partial is not None:
+        of_parts = np.where(rng.uniform(size=len(partial)) < share, UNKNOWN, partial.ids)
+        of_parts.flags.writeable = False
+        true = partial.ids if truth.assigned_partial is None else truth.assigned_partial
+        partial, truth = replace(partial, ids=of_parts), truth._replace(assigned_partial=true)
+    return Dataset(replace(log, ids=left, partial=partial, notes=notes), truth)

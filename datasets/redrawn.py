@@ -35,9 +35,14 @@ def draws(options: object) -> bool:
 def redrawn(dataset: Dataset, rng: np.random.Generator) -> Dataset:
     """The log with other errors: of the prior, the motions, the loops that are not false, and the sightings.
 
-    InputError where a step or a sighted landmark has no true place, and for a range that an error takes below zero.
+    InputError where a step or a sighted landmark has no true place, for a range that an error takes below zero, and for
+    a log with measurements of a part alone.
     """
     log, truth = dataset
+    if log.partial is not None or log.fixes is not None:
+        raise InputError(
+            f"option draw=true: {log.name} has ranges or bearings alone, or fixes, expected whole sightings and loops."
+        )
     starting, moving, closing, seeing = rng.spawn(4)
     path = _true_path(log, truth)
     assert truth is not None

@@ -79,6 +79,7 @@ BUILTIN = {
     "fr079": ".published.laser_logs:fr079",
     "freiburg": ".published.freiburg:source",
     "g2o": ".formats.g2o:source",
+    "goats": ".beacons.goats:source",
     "gtsam": ".formats.gtsam_text:source",
     "intel-lab": ".published.laser_logs:intel_lab",
     "jrl": ".graphs.jrl:source",

@@ -60,7 +60,7 @@ def _remarks(log: Log) -> Iterator[str]:
     yield from _sizes(log)
     yield from _motions(log)
     if not len(log.ids):
-        if not len(log.loop_to):
+        if not len(log.loop_to) and log.partial is None and log.fixes is None:
             yield NO_SIGHTING
         return
     yield from _sightings(log)
@@ -196,7 +196,7 @@ def _near(log: Log) -> Iterator[str]:
 
 
 def _landmarks(log: Log) -> Iterator[str]:
-    ids, times = np.unique(log.ids[log.ids != UNKNOWN], return_counts=True)
+    ids, times = np.unique(log.seen[log.seen != UNKNOWN], return_counts=True)
     once = int(np.sum(times == 1))
     if len(ids) >= FEW and once > len(ids) / 4:
         yield f"{once} of {len(ids)} landmarks are sighted only once and do not constrain the path"

@@ -97,10 +97,13 @@ def _scan(variant: DatasetVariant, seed: int) -> Scan[Dataset | None]:
 
 def _counts(dataset: Dataset) -> str:
     log, truth = dataset
-    landmarks = counted(len(np.unique(log.ids[log.ids != UNKNOWN])), "landmark")
+    ids = log.seen
+    landmarks = counted(len(np.unique(ids[ids != UNKNOWN])), "landmark")
     known = "no truth"
     if truth is not None and (len(truth.t) or truth.map is not None):
         places = "" if truth.map is None else f" and of {counted(len(truth.map.ids), 'landmark')}"
         known = f"{truth.kind} of {counted(len(truth.t), 'step')}{places}"
-    sighted = f"{counted(len(log), 'step')}, {counted(len(log.ids), 'sighting')} of {landmarks}"
+    sighted = f"{counted(len(log), 'step')}, {counted(len(ids), 'sighting')} of {landmarks}"
+    sighted += "" if log.partial is None else f", {len(log.partial):,} of them of a range or a bearing alone"
+    sighted += "" if log.fixes is None else f", {len(log.fixes):,} positions or headings in the world"
     return f"{sighted}, {known}; digest {log.digest[:12]}"

@@ -48,7 +48,7 @@ def _graph(folder: Path, dataset: Dataset, file: str, write: Callable[[Path, Dat
     log, left_out = dataset.log, write(folder / file, dataset)
     what = (
         f"{counted(len(log), 'pose')}, {counted(len(log.loop_to), 'loop closure')}, "
-        f"{counted(len(log.ids) - left_out, 'sighting')}"
+        f"{counted(len(log.seen) - left_out, 'sighting')}"
     )
     if left_out:
         what += f"; {left_out:,} of unknown landmarks are left out, the format has no place for them"
@@ -67,7 +67,7 @@ def _tum(folder: Path, dataset: Dataset) -> list[tuple[str, str]]:
 
 def _log(folder: Path, dataset: Dataset) -> list[tuple[str, str]]:
     log_folder.write(folder / "log", *dataset)
-    return [("log", f"{counted(len(dataset.log), 'step')}, {counted(len(dataset.log.ids), 'sighting')}")]
+    return [("log", f"{counted(len(dataset.log), 'step')}, {counted(len(dataset.log.seen), 'sighting')}")]
 
 
 FORMATS: dict[str, Callable[[Path, Dataset], list[tuple[str, str]]]] = {

@@ -9,7 +9,7 @@ from ..measure.landmark_places import Scattered
 from ..measure.stated_noise import Measured, NoiseCheck
 from ..words.numerals import counted, listed, number, plain
 from .difficulty import Difficulty
-from .numbers import Known, Noise, Numbers, Sd, Sensor, SightingCount
+from .numbers import FixCount, Known, Noise, Numbers, Parts, Sd, Sensor, SightingCount
 
 TRUE_ENOUGH = (0.8, 1.25)  # typical error over the stated one that counts as stated correctly
 OUTLIERS = 0.01  # share of errors far out from which on they are called outliers: ten times that expected by chance
@@ -30,7 +30,13 @@ def headline(found: Numbers) -> str:
     seen = counted(found.seen.sightings, "sighting")
     if found.landmarks is not None:
         seen += f" of {counted(found.landmarks.landmarks, 'landmark')}"
+    if found.parts is not None:
+        alone = [counted(n, what) for n, what in zip(found.parts[:2], ("range", "bearing"), strict=False) if n]
+        seen += f", {' and '.join(alone)} alone"
     parts.append(seen)
+    if found.fixes is not None:
+        fixes = zip(found.fixes[:2], ("position", "heading"), strict=False)
+        parts += [f"{counted(n, what)} in the world" for n, what in fixes if n]
     if found.back.closures:
         parts.append(counted(found.back.closures, "loop closure"))
     return ", ".join([*parts, _comes_back(found)])
@@ -44,6 +50,10 @@ def facts(found: Numbers, path: str, *, mistaken: bool = False) -> Iterator[tupl
     yield "way", _joined(_way(found))
     yield "times", _joined(_times(found))
     yield "sightings", _joined(_seen(found.seen))
+    if found.parts is not None:
+        yield "a part alone", _joined(_parts(found.parts))
+    if found.fixes is not None:
+        yield "in the world", _joined(_fixes(found.fixes))
     if found.landmarks is not None:
         yield "landmarks", _joined(_landmarks(found))
     yield "returns", _joined(_back(found))
@@ -129,6 +139,26 @@ def _seen(seen: SightingCount) -> Iterator[str]:
     yield f"{seen.unknown:,} of unknown landmarks" if seen.unknown else "all with an id"
 
 
+def _parts(parts: Parts) -> Iterator[str]:
+    ends = [number(one) for one in parts[2:5] if isinstance(one, float)]
+    if ends:
+        yield f"{counted(parts.ranges, 'range')}, {ends[0]} to {ends[2]} m, median {ends[1]} m"
+    if parts.range_sd is not None:
+        yield f"stated to {_sd(parts.range_sd, 'm')}"
+    if parts.bearings:
+        yield counted(parts.bearings, "bearing")
+    if parts.bearing_sd is not None:
+        yield f"stated to {_sd(parts.bearing_sd, DEGREE)}"
+
+
+def _fixes(fixes: FixCount) -> Iterator[str]:
+    if fixes.position_sd is not None:
+        yield f"{counted(fixes.positions, 'position')}, stated to {_sd(fixes.position_sd, 'm')} in x and y"
+    if fixes.heading_sd is not None:
+        yield f"{counted(fixes.headings, 'heading')}, stated to {_sd(fixes.heading_sd, DEGREE)}"
+    yield f"at {counted(fixes.steps, 'step')}, at most {fixes.longest_without:,} without in a row"
+
+
 def _landmarks(found: Numbers) -> Iterator[str]:
     marks = found.landmarks
     assert marks is not None
@@ -177,6 +207,8 @@ def _percent(share: float) -> str:
 def _comes_back(found: Numbers) -> str:
     loops = found.back.loops
     if found.seen.sightings and found.back.after_m is None and not found.back.closures:
+        if found.landmarks is not None:
+            return "whether it comes back cannot be told from parts alone"
         return "whether it comes back cannot be told without ids"
     return (
         ("never comes back", "comes back once", "comes back twice")[loops]

@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.factors import UNKNOWN, Dataset, Log, Truth
+from ...core.fixes import FixTable
+from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import Errors, driven_errors, sighting_errors
 from ..contradiction.constant import LEFT, Constant
@@ -46,7 +48,7 @@ class Times(NamedTuple):
 
 
 class SightingCount(NamedTuple):
-    """The number of sightings."""
+    """The number of sightings, those of a range or a bearing alone included."""
 
     sightings: int
     unknown: int  # without the id of a landmark
@@ -59,6 +61,38 @@ class SightingCount(NamedTuple):
     longest_without: int  # steps in a row
     longest_without_m: float
     longest_without_s: float | None
+
+
+class Sd(NamedTuple):
+    """A stated standard deviation over the measurements."""
+
+    p5: float
+    median: float
+    p95: float
+    constant: bool
+
+
+class Parts(NamedTuple):
+    """The sightings of a range or a bearing alone, among all."""
+
+    ranges: int
+    bearings: int
+    range_least: float | None
+    range_median: float | None
+    range_most: float | None
+    range_sd: Sd | None  # as stated
+    bearing_sd: Sd | None
+
+
+class FixCount(NamedTuple):
+    """Measurements of the pose in the world."""
+
+    positions: int  # of x, of y or of both
+    headings: int
+    position_sd: Sd | None  # as stated, of x and of y
+    heading_sd: Sd | None
+    steps: int  # that have one
+    longest_without: int  # steps in a row, between two or at the ends
 
 
 class Landmarks(NamedTuple):
@@ -92,15 +126,6 @@ class Sensor(NamedTuple):
     view: float  # rad, the smallest angle that holds SIGHT of the bearings
     view_right: float  # rad, its ends; from left to right it goes counter-clockwise
     view_left: float
-
-
-class Sd(NamedTuple):
-    """A stated standard deviation over the measurements."""
-
-    p5: float
-    median: float
-    p95: float
-    constant: bool
 
 
 class Noise(NamedTuple):
@@ -154,6 +179,8 @@ class Numbers(NamedTuple):
     noise: Noise
     known: Known
     difficulty: Difficulty | None  # of data association
+    parts: Parts | None = None
+    fixes: FixCount | None = None
 
 
 class Subject(NamedTuple):
@@ -180,12 +207,14 @@ def numbers(dataset: Dataset, drawn: Shown, found: Returns, stays: Constant | No
         _way(log, drawn),
         times(log),
         _seen(log),
-        _landmarks(found),
+        _landmarks(log),
         _back(log, found),
         _sensor(log.z) if len(log.z) else None,
         _noise(log),
         _known(dataset, drawn, stays),
         difficulty(dataset),
+        None if log.partial is None else _parts(log.partial),
+        None if log.fixes is None else _fixes(log.fixes),
     )
 
 
@@ -198,9 +227,15 @@ def times(log: Log) -> Times | None:
     return Times(float(log.t[-1] - log.t[0]), median, float(apart.max()), int((apart > GAP * median).sum()))
 
 
+def sightings_a_step(log: Log) -> Ints:
+    """(n,) the sightings of every step, those of a range or a bearing alone included."""
+    whole = np.diff(log.sighting_first)
+    return whole if log.partial is None else whole + np.diff(log.partial.first)
+
+
 def empty_runs(log: Log) -> Ints:
     """Returns (m, 2) the first and last step of every run of steps without a sighting."""
-    empty = np.concatenate(([False], np.diff(log.sighting_first) == 0, [False]))
+    empty = np.concatenate(([False], sightings_a_step(log) == 0, [False]))
     change = np.flatnonzero(np.diff(empty))
     return np.column_stack((change[::2], change[1::2] - 1))
 
@@ -219,24 +254,42 @@ def _length(poses: Array) -> float:
 
 
 def _seen(log: Log) -> SightingCount:
-    count = np.diff(log.sighting_first)
+    count = sightings_a_step(log)
     p5, p50, p95 = np.percentile(count, (5, 50, 95))
     runs, gone = empty_runs(log), way(log)
     before, after = np.maximum(runs[:, 0] - 1, 0), np.minimum(runs[:, 1] + 1, len(log) - 1)
     longest = int((runs[:, 1] - runs[:, 0] + 1).max(initial=0))
     longest_m = float((gone[after] - gone[before]).max(initial=0))
     longest_s = None if times(log) is None else float((log.t[after] - log.t[before]).max(initial=0))
-    unknown = int((log.ids == UNKNOWN).sum())
     spread = (float(count.mean()), float(p5), float(p50), float(p95), int(count.max()))
-    return SightingCount(len(log.ids), unknown, *spread, int((count == 0).sum()), longest, longest_m, longest_s)
+    return SightingCount(int(count.sum()), log.unknown, *spread, int((count == 0).sum()), longest, longest_m, longest_s)
 
 
-def _landmarks(found: Returns) -> Landmarks | None:
-    if not len(found.row):
+def _landmarks(log: Log) -> Landmarks | None:
+    count = np.unique(log.seen[log.seen != UNKNOWN], return_counts=True)[1]
+    if not len(count):
         return None
-    count = np.bincount(found.rank)
     spread = (int(count.min()), float(np.median(count)), int(count.max()))
     return Landmarks(len(count), *spread, int((count == 1).sum()))
+
+
+def _parts(found: PartialTable) -> Parts:
+    ranges, bearings = (found.kind == kind for kind in (RANGE, BEARING))
+    z = found.z[ranges]
+    spread = (float(z.min()), float(np.median(z)), float(z.max())) if len(z) else (None, None, None)
+    counts = int(ranges.sum()), int(bearings.sum())
+    return Parts(*counts, *spread, _sd(found.var[ranges]), _sd(found.var[bearings]))
+
+
+def _fixes(found: FixTable) -> FixCount:
+    variance = np.einsum("fii->fi", found.cov)
+    position, heading = (one[~np.isnan(one)] for one in (variance[:, :2], variance[:, 2]))
+    at = np.unique(found.step)
+    steps = len(found.first) - 1
+    without = np.diff(np.concatenate(([-1], at, [steps]))) - 1
+    measured = ~np.isnan(found.z)
+    counts = int(measured[:, :2].any(axis=1).sum()), int(measured[:, 2].sum())
+    return FixCount(*counts, _sd(position), _sd(heading), len(at), int(without.max()))
 
 
 def _back(log: Log, found: Returns) -> Back:

@@ -6,13 +6,14 @@ from matplotlib.colors import ListedColormap
 from matplotlib.ticker import MaxNLocator
 
 from ...core.factors import Log, Truth
+from ...core.partial import RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import sighting_errors
 from ..drawing.axes import stretches
 from ..measure.stated_noise import typical
 from ..words.numerals import TIMES, number
 from ..words.styles import COLOURS
-from .numbers import empty_runs, times
+from .numbers import empty_runs, sightings_a_step, times
 from .revisits import Returns
 
 INK = "#222222"
@@ -31,7 +32,7 @@ LEAST_BIN = 8  # sightings; a bin with fewer shows no error
 def seen(axes: Axes, log: Log) -> None:
     """Draws sightings per step along the log, with stretches without one shaded."""
     t = _time(log)
-    count = np.diff(log.sighting_first).astype(float)
+    count = sightings_a_step(log).astype(float)
     middle, mean = stretches(t, count, STRETCHES)
     runs = empty_runs(log)
     half = np.concatenate((np.diff(t) / 2, np.zeros(1)))
@@ -65,13 +66,18 @@ def returns(axes: Axes, log: Log, found: Returns) -> None:
         axes.set_title("Loop closures; far below the line: a large loop")
     else:
         axes.set_yticks([])
-        _nothing(axes, "no landmark is sighted, so there is no return")
+        parts = log.partial is not None
+        _nothing(axes, "parts alone show no return" if parts else "no landmark is sighted, so there is no return")
         axes.set_title("When each landmark was seen")
     _along(axes, log)
 
 
-def sensor(axes: Axes, z: Array) -> None:
-    """Draws where landmarks are seen from the robot, ahead being up."""
+def sensor(axes: Axes, log: Log) -> None:
+    """Draws where landmarks are seen from the robot, ahead being up; of parts alone, their ranges or bearings."""
+    z = log.z
+    if not len(z) and log.partial is not None:
+        _parts(axes, log.partial)
+        return
     axes.set_title("Where it sees, ahead is up")
     if not len(z):
         _nothing(axes, "no sighting")
@@ -96,11 +102,22 @@ def sensor(axes: Axes, z: Array) -> None:
     axes.set_ylabel("ahead, m")
 
 
+def _parts(axes: Axes, found: PartialTable) -> None:
+    """Draws how many ranges alone there are of each length, or else how many bearings of each direction."""
+    ranges = found.z[found.kind == RANGE]
+    name, unit = ("Ranges", "m") if len(ranges) else ("Bearings", "degrees to the left")
+    values = ranges if len(ranges) else np.degrees(found.z)
+    axes.hist(values, bins=min(30, max(5, len(values) // 20)), color=FIRST, alpha=0.6)
+    axes.set_title(f"{name} alone")
+    axes.set_xlabel(f"{name.lower()[:-1]}, {unit}")
+    axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+
+
 def noise(axes: Axes, log: Log, truth: Truth | None, *, medians: bool) -> None:
     """Draws stated noise of sightings over range, m, and errors against a truth, with `medians` of landmarks."""
     axes.set_title("Its noise, as stated")
     if not len(log.z):
-        _nothing(axes, "no sighting")
+        _nothing(axes, "no sighting" if log.partial is None else "no whole sighting")
         axes.set_xticks([])
         axes.set_yticks([])
         return

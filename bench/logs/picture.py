@@ -51,7 +51,7 @@ def write_picture(path: Path, subject: Subject) -> None:
         _map(left, subject)
         seen(panels["seen"], log)
         returns(panels["returns"], log, found)
-        sensor(panels["sensor"], log.z)
+        sensor(panels["sensor"], log)
         right = judge(log, subject.dataset.truth, shown.places)
         noise(panels["noise"], log, right, medians=subject.numbers.known.medians)
         figure.text(0.008, 0.99, subject.label, ha="left", va="top", fontsize=13, fontweight="bold")

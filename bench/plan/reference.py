@@ -85,15 +85,10 @@ def known(log: Log, truth: Truth | None) -> Truth | None:
     path = reference(named(log, truth))
     if path is None or truth is None:
         return path or truth
+    kept = {name: getattr(truth, name) for name in ("assigned", "assigned_partial", "false_loops")}
     if truth.map is None or path.map is None:
-        return path._replace(assigned=truth.assigned, false_loops=truth.false_loops)
-    return path._replace(
-        map=_beside(truth.map, path.map),
-        places="truth",
-        assigned=truth.assigned,
-        moving=truth.moving,
-        false_loops=truth.false_loops,
-    )
+        return path._replace(**kept)
+    return path._replace(map=_beside(truth.map, path.map), places="truth", moving=truth.moving, **kept)
 
 
 def outliers(log: Log, solution: Solution) -> Outliers:

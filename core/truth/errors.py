@@ -66,12 +66,19 @@ def _true_motions(log: Log, truth: Truth) -> tuple[Ints, Array]:
 
 def named(log: Log, truth: Truth | None) -> Log:
     """The log with the true ids of its UNKNOWN sightings, as far as they are known; itself if there are none."""
-    unknown = log.ids == UNKNOWN
-    if truth is None or truth.assigned is None or not unknown.any():
+    if truth is None or not log.unknown:
         return log
-    ids = np.where(unknown, truth.assigned, log.ids)
-    ids.flags.writeable = False
-    return replace(log, ids=ids)
+    partial = log.partial
+    if partial is not None and truth.assigned_partial is not None:
+        partial = replace(partial, ids=_named(partial.ids, truth.assigned_partial))
+    ids = log.ids if truth.assigned is None else _named(log.ids, truth.assigned)
+    return replace(log, ids=ids, partial=partial)
+
+
+def _named(ids: Ints, true: Ints) -> Ints:
+    found = np.where(ids == UNKNOWN, true, ids)
+    found.flags.writeable = False
+    return found
 
 
 def standing(truth: Truth) -> Map | None:

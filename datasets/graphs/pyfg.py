@@ -2,13 +2,14 @@
 
     VERTEX_SE2 t A0 x y theta                                        the true pose A0
     VERTEX_XY L0 x y                                                 the true place of landmark L0
-    VERTEX_SE2:PRIOR t A0 x y theta c11 c12 c13 c22 c23 c33          a measured pose: of the first one
+    VERTEX_SE2:PRIOR t A0 x y theta c11 c12 c13 c22 c23 c33          a measured pose: the prior, or a fix
     EDGE_SE2 t A0 A1 dx dy dtheta c11 c12 c13 c22 c23 c33            pose A1 in the body frame of pose A0
     EDGE_SE2_XY t A0 L0 x y c11 c12 c22                              landmark L0 in the body frame of pose A0
+    EDGE_RANGE t A0 L0 range var                                     a range alone
 
 A. Papalia et al., py-factor-graph (MarineRoboticsGroup/PyFactorGraph). A letter is a robot's, L that of landmarks; the
 six numbers are a covariance, of which the format does not say the frame: that after the motion, as GTSAM has it, which
-the package solves with. Rows EDGE_RANGE, of a range alone, have no place in a log.
+the package solves with. The first VERTEX_SE2:PRIOR of the first pose is the prior of the log, others are fixes.
 """
 
 import re
@@ -23,10 +24,12 @@ from ...core.csv_values import no_number, number, shortened
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Map, Prior, Truth
 from ...core.options import option
+from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ...core.small_matrices import symmetric
 from ...core.table import LARGEST, MOST, Table, text
 from ..false_loops import FalseLoops
+from ..formats.graph_parts import Alone, Placed, with_parts
 from ..formats.pose_graph import START, PoseGraph, log_of, points_seen, wrapped
 from ..formats.tagged import LENGTHS
 from ..redrawn import Drawn
@@ -39,12 +42,12 @@ _KINDS = {
     "VERTEX_SE2:PRIOR": ("t", "id", "x", "y", "theta", *_SIX),
     "EDGE_SE2": ("t", "from", "to", "dx", "dy", "dtheta", *_SIX),
     "EDGE_SE2_XY": ("t", "pose", "id", "x", "y", "c11", "c12", "c22"),
+    "EDGE_RANGE": ("t", "pose", "id", "range", "var"),
 }
-_POINTS = {"VERTEX_XY": "id", "EDGE_SE2_XY": "id"}  # the column of a landmark's name
+_POINTS = {"VERTEX_XY": "id", "EDGE_SE2_XY": "id", "EDGE_RANGE": "id"}  # the column of a landmark's name
 _NAMED = ("id", "from", "to", "pose")
 _NAME = re.compile(r"([A-Za-z])(\d{1,15})", re.ASCII)
 _LEFT_OUT = {
-    "EDGE_RANGE": "ranges without a bearing, which a log has no place for",
     "VERTEX_XY:PRIOR": "priors of landmarks, which a log has no place for",
 }
 _IN_SPACE = re.compile(r"SE3|XYZ")
@@ -81,7 +84,9 @@ def read(path: Path) -> Dataset:
         "licence": "not stated in the file",
         "covariances": "taken to be in the body frame after a motion, converted to the one before it",
     }
-    log, ids = log_of(graph, path.stem, _prior(graph, tables["VERTEX_SE2:PRIOR"]), notes), graph.ids()
+    prior, placed = _priors(graph, tables["VERTEX_SE2:PRIOR"])
+    log, ids, ranges = log_of(graph, path.stem, prior, notes), graph.ids(), tables["EDGE_RANGE"]
+    log = with_parts(log, ids, [Alone(RANGE, ranges, ranges.column("range"), ranges.column("var"))], [placed])
     step = np.searchsorted(ids, vertices.whole("id"))
     order = np.argsort(step)
     log = _timed(log, step, vertices.column("t"))
@@ -89,16 +94,18 @@ def read(path: Path) -> Dataset:
     return Dataset(log, Truth(log.t[step[order]], wrapped(vertices, "theta")[order, 1:4], places))
 
 
-def _prior(graph: PoseGraph, priors: Table) -> Prior | None:
-    """The prior of the first pose, None where the file has none; InputError for another one."""
+def _priors(graph: PoseGraph, priors: Table) -> tuple[Prior | None, Placed]:
+    """The prior of the first pose, its true one where the file has none, None without both; and the other priors."""
     first = int(graph.ids()[0])
-    for row in np.flatnonzero((priors.whole("id") != first) | (np.arange(len(priors.rows)) > 0)):
-        raise priors.fault(row, f"a prior of pose {priors.whole('id')[row]}, expected one of the first pose, {first}")
-    if not len(priors.rows):
-        place = graph.place(first)
-        return None if place is None else Prior(place, START * np.eye(3))
-    pose = wrapped(priors, "theta")[:, 1:4]
-    return Prior(pose[0], before_motion(pose, symmetric(priors.rows[:, 4:10]))[0])
+    poses = wrapped(priors, "theta")[:, 1:4]
+    cov = before_motion(poses, symmetric(priors.rows[:, 4:10]))
+    own = np.flatnonzero(priors.whole("id") == first)[:1]
+    others = np.setdiff1d(np.arange(len(priors.rows)), own)
+    placed = Placed(priors.take(others), poses[others], cov[others])
+    if len(own):
+        return Prior(poses[own[0]], cov[own[0]]), placed
+    place = graph.place(first)
+    return None if place is None else Prior(place, START * np.eye(3)), placed
 
 
 def _timed(log: Log, step: Ints, t: Array) -> Log:

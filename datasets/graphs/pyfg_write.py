@@ -1,7 +1,7 @@
 """Writes a log with its truth as a graph in PyFG's format; it reads back with the same factors, up to rounding.
 
-What the format cannot represent is left out: the name, the notes, which loops are false, and sightings whose landmark
-is unknown.
+What the format cannot represent is left out: the name, the notes, constant errors, which loops are false, and sightings
+whose landmark is unknown. Bearings alone, and fixes that are not of a whole pose, are refused.
 """
 
 from collections.abc import Iterator
@@ -12,8 +12,9 @@ import numpy as np
 from ...core.check import check
 from ...core.coordinates import after_motion, as_points
 from ...core.errors import InputError
-from ...core.factors import UNKNOWN, Dataset, Log
+from ...core.factors import Dataset, Log
 from ...core.files import replaced
+from ...core.partial import BEARING
 from ...core.se2 import Array, Ints
 from ...core.small_matrices import upper
 from ...core.truth.errors import rows_of
@@ -24,13 +25,15 @@ POSE, POINT = "A", "L"
 def write_pyfg(path: Path, dataset: Dataset) -> int:
     """Writes the log and its truth to `path` atomically; returns the number of sightings left out.
 
-    InputError for a given map, and where a pose or a landmark has no true place: the format has no other.
+    InputError for a given map, bearings alone, fixes of a part of a pose, and where a pose or a landmark has no true
+    place: the format has no other.
     """
     log, truth = dataset
     check(log, where=f"log {log.name}")
     if log.prior.map is not None:
         raise InputError(f"{path}: log {log.name} has a given map, which a PyFG file cannot represent.")
-    left_out, log = int((log.ids == UNKNOWN).sum()), log.identified()
+    _check_parts(path, log)
+    left_out, log = log.unknown, log.identified()
     pose = np.full(len(log), -1) if truth is None or truth.kind != "truth" else rows_of(truth.t, log.t)
     for step in np.flatnonzero(pose < 0):
         raise InputError(
@@ -38,7 +41,7 @@ def write_pyfg(path: Path, dataset: Dataset) -> int:
             "jrl need none."
         )
     assert truth is not None
-    ids = np.unique(log.ids)
+    ids = np.unique(log.seen)
     place = np.full(len(ids), -1) if truth.map is None else rows_of(truth.map.ids, ids)
     for row in np.flatnonzero(place < 0):
         raise InputError(f"{path}: log {log.name} has no true place of landmark {ids[row]}, expected that of all.")
@@ -57,6 +60,9 @@ def _factors(log: Log) -> Iterator[str]:
     """The prior, the odometry, the loop closures and the sightings."""
     pose, cov, n = log.prior.pose[None], log.prior.cov[None], np.arange(len(log))
     yield from _rows("VERTEX_SE2:PRIOR", log.t[:1], (POSE, n[:1]), *pose.T, *upper(after_motion(pose, cov)))
+    if (one := log.fixes) is not None:
+        cov, step = after_motion(one.z, one.cov), one.step
+        yield from _rows("VERTEX_SE2:PRIOR", log.t[step], (POSE, step), *one.z.T, *upper(cov))
     cov = after_motion(log.delta[1:], log.delta_cov[1:])
     yield from _rows("EDGE_SE2", log.t[1:], (POSE, n[:-1]), (POSE, n[1:]), *log.delta[1:].T, *upper(cov))
     ends = (POSE, log.loop_to), (POSE, log.loop_step)
@@ -65,6 +71,18 @@ def _factors(log: Log) -> Iterator[str]:
     xy, cov = as_points(log.z, log.z_cov)
     step = log.sighting_step
     yield from _rows("EDGE_SE2_XY", log.t[step], (POSE, step), (POINT, log.ids), *xy.T, *upper(cov))
+    if (one := log.partial) is not None:
+        yield from _rows("EDGE_RANGE", log.t[one.step], (POSE, one.step), (POINT, one.ids), one.z, one.var)
+
+
+def _check_parts(path: Path, log: Log) -> None:
+    if log.partial is not None and (log.partial.kind == BEARING).any():
+        raise InputError(f"{path}: log {log.name} has bearings alone, which a PyFG file cannot represent.")
+    if log.fixes is not None and (np.isnan(log.fixes.z).any() or log.fixes.arm.any()):
+        raise InputError(
+            f"{path}: log {log.name} has fixes of a part of a pose, or of an antenna elsewhere, which a PyFG file "
+            "cannot represent."
+        )
 
 
 def _rows(tag: str, t: Array | None, *columns: Array | tuple[str, Ints]) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """Makes logs ready for backends: turns (name, options, seed) into a log.
 
-Noise is drawn anew here, false loops are planted, ids hidden and maps given, so that the log is otherwise that without
-these options, and cached once.
+Noise is drawn anew here, false loops are planted, ids hidden, sightings reduced to a part, fixes and maps given, so
+that the log is otherwise that without these options, and cached once.
 """
 
 from dataclasses import fields, replace
@@ -14,6 +14,8 @@ from ..hidden_ids import KNOWN, HiddenIds, hidden
 from ..on_map import OnMap, on_map
 from ..redrawn import Drawn, draws, redrawn
 from ..registry import Named, Source
+from .fixes import WorldFixes, with_fixes
+from .parts import Parts, with_parts
 
 
 def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
@@ -26,8 +28,9 @@ def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
         own = replace(own, name=None)
     if isinstance(options, HiddenIds):
         own = replace(own, ids=KNOWN)
-    if isinstance(options, OnMap):
-        own = replace(own, **{one.name: one.default for one in fields(OnMap)})
+    for changing in (OnMap, Parts, WorldFixes):
+        if isinstance(options, changing):
+            own = replace(own, **{one.name: one.default for one in fields(changing)})
     if isinstance(options, FalseLoops):
         own = replace(own, false_loops=0.0)
     if isinstance(options, Drawn):
@@ -39,4 +42,8 @@ def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
         dataset = planted(dataset, options.false_loops, generator(f"false loops of {name}", seed))
     if isinstance(options, HiddenIds):
         dataset = hidden(dataset, options.ids, generator(f"ids of {name}", seed))
+    if isinstance(options, Parts):
+        dataset = with_parts(dataset, options, generator(f"parts of {name}", seed))
+    if isinstance(options, WorldFixes):
+        dataset = with_fixes(dataset, options, generator(f"fixes of {name}", seed))
     return on_map(dataset, options, generator(f"map of {name}", seed)) if isinstance(options, OnMap) else dataset

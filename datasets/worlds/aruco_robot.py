@@ -21,6 +21,8 @@ from ...frontend.camera.mounting import from_matrix
 from ...frontend.markers.noise import ProportionalNoise
 from ...frontend.wheels.encoder import Encoder
 from ..hidden_ids import HiddenIds
+from ..on_demand.fixes import WorldFixes
+from ..on_demand.parts import Parts
 from ..on_map import OnMap
 from ..registry import Source
 from ..rendering.room import Room, wall_point
@@ -59,7 +61,7 @@ LOOP = ClosedPath(
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Faults):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, Faults):
     """The room, the drive, and faults."""
 
     markers: int = option(24, "markers around the walls", minimum=1, maximum=200)

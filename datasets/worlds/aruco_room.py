@@ -20,6 +20,8 @@ from ...frontend.markers.pipeline import Recording, build_log
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.ticks import Ticks, Wheels
 from ..hidden_ids import HiddenIds
+from ..on_demand.fixes import WorldFixes
+from ..on_demand.parts import Parts
 from ..on_map import OnMap
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
@@ -59,7 +61,7 @@ BERTH = 0.3  # m, least distance of the robot's middle from a box
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, WheelFaults, CameraOptions):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, WheelFaults, CameraOptions):
     """The drive and the room."""
 
     markers: int = option(24, "markers in the room, half of them on the floor", minimum=2, maximum=50)

@@ -19,6 +19,8 @@ from ...core.se2 import Array
 from ...core.small_matrices import product
 from ...frontend.wheels.encoder import compose
 from ..hidden_ids import HiddenIds
+from ..on_demand.fixes import WorldFixes
+from ..on_demand.parts import Parts
 from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
@@ -41,7 +43,7 @@ ASIDE = (4.0, 14.0)
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Faults):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, Faults):
     """The world, its noise, and faults."""
 
     landmarks: int = option(35, "landmarks along the loop; smaller sets are part of larger", minimum=1, maximum=10_000)

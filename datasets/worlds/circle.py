@@ -20,6 +20,8 @@ from ...core.factors import Dataset, Log, Map, Truth
 from ...core.options import option
 from ...core.se2 import Array, wrap
 from ..hidden_ids import HiddenIds
+from ..on_demand.fixes import WorldFixes
+from ..on_demand.parts import Parts
 from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
@@ -30,7 +32,7 @@ PERIOD = 1.0  # s between steps
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Faults):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, Faults):
     """The drive, its noise, and faults."""
 
     steps: int = option(2500, "steps, of 1 s", minimum=2, maximum=100_000)

@@ -17,6 +17,8 @@ from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
 from ...frontend.wheels.track import Track, TrackNoise
 from ..hidden_ids import HiddenIds
+from ..on_demand.fixes import WorldFixes
+from ..on_demand.parts import Parts
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
 from ..rendering.depth import NOISE_SD
@@ -66,7 +68,7 @@ class Drive(WheelFaults):
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, Settings, Drive):
+class Options(HiddenIds, Parts, WorldFixes, Settings, Drive):
     """The drive and the front end."""
 
 

@@ -17,6 +17,7 @@ from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
 from ..false_loops import FalseLoops
 from ..grid_file import grid_files, localised
+from ..on_demand.fixes import WorldFixes
 from ..registry import Source
 from ..wheel_faults import WheelFaults, faulty_clock, faulty_poses
 from ._casting import cast
@@ -44,7 +45,7 @@ START_SD = 1e-3  # m and rad; the robot starts exactly at the prior's mean
 
 
 @dataclass(frozen=True)
-class Options(FalseLoops, WheelFaults, Settings):
+class Options(FalseLoops, WorldFixes, WheelFaults, Settings):
     """The drive, the scanner, and the front end."""
 
     drive: int = option(

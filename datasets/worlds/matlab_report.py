@@ -19,6 +19,8 @@ from ...core.options import option
 from ...core.se2 import Array, Ints
 from ...frontend.wheels.encoder import Encoder
 from ..hidden_ids import HiddenIds
+from ..on_demand.fixes import WorldFixes
+from ..on_demand.parts import Parts
 from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
@@ -86,7 +88,7 @@ class Measured(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Faults):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, Faults):
     """The tags, the noise, and faults."""
 
     tags: int = option(6, "number of tags; the first of 12, and the report has 6 or 12", minimum=1, maximum=12)

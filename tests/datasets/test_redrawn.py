@@ -10,6 +10,7 @@ from scipy import stats
 
 from chi2_at_truth import Squared, squared
 from laps import laps
+from partial_logs import partial_log
 from random_logs import random_log
 from recorded import at_hand
 from refusals import refused
@@ -169,3 +170,8 @@ def test_false_loops_are_planted_in_what_was_drawn() -> None:
 def test_a_name_and_its_options_tell_if_each_seed_is_another_log() -> None:
     assert [registry.seeded("w20000", given) for given in ("", "noise=true,draw=true")] == [False, True]
     assert [registry.drawable(name) for name in ("w20000", "victoria-park", "nobody's")] == [True, False, False]
+
+
+def test_parts_alone_are_not_drawn() -> None:
+    parts = Dataset(partial_log(), None)
+    refused("draw=true: small has ranges or bearings alone", redrawn, parts, np.random.default_rng(0))

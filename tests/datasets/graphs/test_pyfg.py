@@ -1,5 +1,6 @@
 """PyFG's graphs: read with their truth, written and read again, or refused with the line."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import gtsam
@@ -8,11 +9,14 @@ import pytest
 
 from fuzzing import survivors
 from graph_round_trip import all_kinds, assert_same_graph
+from random_logs import random_covariance
 from refusals import refused, refused_at
 from slamduel.bench.plan.load import load
 from slamduel.bench.plan.spec import dataset_variants
 from slamduel.core.check import problems
-from slamduel.core.factors import Dataset, Map
+from slamduel.core.factors import UNKNOWN, Dataset, Map
+from slamduel.core.fixes import FixTable
+from slamduel.core.partial import RANGE, PartialTable
 from slamduel.core.se2 import rotation
 from slamduel.core.truth.check import check_truth
 from slamduel.datasets.graphs.pyfg import read
@@ -86,7 +90,10 @@ def test_what_was_read_can_be_drawn_anew(small: Path) -> None:
 
 
 FAULTS = {
-    "EDGE_RANGE 1.5 A2 L7 5 0.1": "line 12: rows EDGE_RANGE are ranges without a bearing",
+    "EDGE_RANGE 1.5 A2 L7 -5 0.1": "line 12: range is -5.0, expected more than 0",
+    "EDGE_RANGE 1.5 A2 L7 5 0": "line 12: crr is 0.0, expected a variance, more than 0",
+    "EDGE_RANGE 1.5 A4 L7 5 0.1": "line 12: a measurement of pose 4, expected a pose of an edge or a vertex",
+    "EDGE_RANGE 1.5 A2 L7 5": "line 12: found 4 words after EDGE_RANGE, expected 5 (t pose id range var)",
     "VERTEX_XY:PRIOR 0 L7 1 2 1 0 1": "line 12: rows VERTEX_XY:PRIOR are priors of landmarks",
     "VERTEX_SE3:QUAT 0 A4 0 0 0 0 0 0 1": "line 12: rows VERTEX_SE3:QUAT are of a graph in space, 3D",
     "EDGE_SE2_XYZ 0 A0 L7 1 1 1": "line 12: rows EDGE_SE2_XYZ are of a graph in space, 3D",
@@ -96,7 +103,7 @@ FAULTS = {
     "EDGE_SE2 1.5 A1 A2 1 0 0 1 0 0 1": "line 12: found 10 words after EDGE_SE2, expected 12",
     "EDGE_SE2 1.5 A1 A2 1 0 one 1 0 0 1 0 1": "line 12: dtheta is 'one'",
     "EDGE_SE2 1.5 A0 A2 1 0 0 -1 0 0 1 0 1": "line 12: the covariance is not positive definite",
-    "VERTEX_SE2:PRIOR 1 A1 0 0 0 1 0 0 1 0 1": "line 12: a prior of pose 1, expected one of the first pose, 0",
+    "VERTEX_SE2:PRIOR 1 A1 0 0 0 1 0 0 0 0 1": "line 12: the covariance is not positive definite",
     "VERTEX_SE2 0 A1 0 0 0": "line 12: vertex 1 occurs twice",
     "FIX 0": "line 12: found the tag 'FIX', expected one of VERTEX_SE2",
 }
@@ -108,9 +115,54 @@ def test_what_a_log_cannot_hold_is_refused_with_its_line(small: Path, row: str) 
     refused_at(small, FAULTS[row], read, small)
 
 
+def test_ranges_alone_and_other_priors_are_read(small: Path) -> None:
+    more = (
+        "VERTEX_SE2:PRIOR 1 A1 2 3 0.5 0.04 0 0 0.09 0 0.01\nEDGE_RANGE 1.5 A2 L7 5 0.1\nEDGE_RANGE 0.5 A0 L8 2 0.2\n"
+    )
+    small.write_text(SMALL + more)
+    log, _ = read(small)
+    assert log.partial is not None
+    assert [column.tolist() for column in log.partial.columns.values()] == [
+        [0, 1, 1, 2], [8, 7], [RANGE, RANGE], [2, 5], [0.2, 0.1],
+    ]  # fmt: skip
+    assert log.fixes is not None
+    assert (log.fixes.step.tolist(), log.fixes.z.tolist()) == ([1], [[2, 3, 0.5]])
+    world = rotation(0.5) @ np.diag([0.04, 0.09, 0.01]) @ rotation(0.5).T
+    np.testing.assert_allclose(log.fixes.cov[0], world, rtol=1e-12, atol=1e-16)
+    assert log.prior.pose.tolist() == [1.1, 2.1, 0.6]
+
+
+def test_ranges_and_fixes_come_back_and_other_parts_are_refused(tmp_path: Path) -> None:
+    log, truth = all_kinds(0)
+    n, rng = len(log), np.random.default_rng(5)
+    ids = np.array([UNKNOWN, 3, 9, 3])
+    partial = PartialTable.from_arrays(
+        n, np.array([0, 0, 4, 7]), ids, np.zeros(4, int), 1 + ids % 5, rng.uniform(1, 2, 4)
+    )
+    cov = np.array([random_covariance(rng, [0.1, 0.2, 0.05]) for _ in range(3)])
+    fixes = FixTable.from_arrays(n, np.array([0, 4, 4]), rng.uniform(-3, 3, (3, 3)), cov)
+    log = replace(log, partial=partial, fixes=fixes)
+    assert write_pyfg(tmp_path / "log.pyfg", Dataset(log, truth)) == 1
+    found = read(tmp_path / "log.pyfg")
+    assert_same_graph(found, Dataset(log, truth), times=True)
+    assert found.log.partial is not None
+    for name, column in partial.rows(ids != UNKNOWN).columns.items():
+        np.testing.assert_array_equal(found.log.partial.columns[name], column)
+    assert found.log.fixes is not None
+    np.testing.assert_array_equal(found.log.fixes.z, fixes.z)
+    np.testing.assert_allclose(found.log.fixes.cov, fixes.cov, rtol=1e-9, atol=1e-12)
+    bearings = replace(log, partial=replace(partial, kind=np.ones(4, int), z=partial.z / 9))
+    refused("bearings alone, which a PyFG file cannot", write_pyfg, tmp_path / "a", Dataset(bearings, truth))
+    part = replace(log, fixes=replace(fixes, arm=np.ones((3, 2))))
+    refused("fixes of a part of a pose", write_pyfg, tmp_path / "a", Dataset(part, truth))
+
+
 def test_the_file_in_gtsams_package_has_ranges_alone() -> None:
-    path = Path(gtsam.findExampleDataFile("goats_15.pyfg"))
-    refused_at(path, "rows EDGE_RANGE are ranges without a bearing", read, path)
+    log, _ = read(Path(gtsam.findExampleDataFile("goats_15.pyfg")))
+    assert log.partial is not None
+    assert (len(log), len(log.ids), len(log.partial)) == (473, 0, 786)
+    assert (log.partial.step[0], log.partial.ids[0], log.partial.z[0]) == (1, 0, 340.67912)
+    assert set(log.partial.var.tolist()) == {0.5625}
 
 
 def test_damaged_files_are_read_or_refused(small: Path) -> None:

@@ -1,0 +1,94 @@
+"""Logs with ranges and bearings alone, positions and headings: shown, validated and exported."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import slamduel
+from partial_logs import partial_log
+from slamduel.bench import cli
+from slamduel.bench.logs.facts import facts, headline
+from slamduel.core.factors import Dataset, Truth
+from slamduel.core.truth.errors import named
+from slamduel.datasets.remarks import NO_SIGHTING, remarks
+
+
+def said(picture: slamduel.LogPicture) -> dict[str, str]:
+    return dict(facts(picture.numbers, "path"))
+
+
+def test_parts_are_counted_among_all_sightings() -> None:
+    found = slamduel.show(partial_log(), solve=False)
+    numbers = found.numbers
+    assert numbers.seen.sightings == 11
+    assert numbers.seen.unknown == 3
+    assert numbers.seen.most == 4
+    assert numbers.seen.steps_without == 1
+    assert numbers.landmarks is not None
+    assert (numbers.landmarks.landmarks, numbers.landmarks.most) == (4, 3)
+    assert numbers.parts is not None
+    assert (numbers.parts.ranges, numbers.parts.bearings) == (3, 2)
+    assert (numbers.parts.range_least, numbers.parts.range_median, numbers.parts.range_most) == (0.7, 1.5, 2.0)
+    assert numbers.fixes is not None
+    assert numbers.fixes[:2] == (3, 2)
+    assert (numbers.fixes.steps, numbers.fixes.longest_without) == (3, 2)
+    assert "11 sightings of 4 landmarks, 3 ranges and 2 bearings alone, 3 positions in the world" in headline(numbers)
+    words = said(found)
+    assert words["a part alone"].startswith("3 ranges, 0.700 to 2.00 m, median 1.50 m")
+    assert "2 bearings" in words["a part alone"]
+    assert words["in the world"].startswith("3 positions, stated to")
+    assert words["in the world"].endswith("at 3 steps, at most 2 without in a row")
+
+
+@pytest.mark.parametrize(
+    "options", ["ranges_only=1", "bearings_only=1", "ranges_only=1,ids=hidden", "gps=20,compass=5"]
+)
+def test_a_log_of_parts_alone_is_shown(tmp_path: Path, options: str, capsys: pytest.CaptureFixture[str]) -> None:
+    log = f"circle[steps=200,{options}]"
+    picture = tmp_path / "log.svg"
+    assert cli.main(["show", log, "--out", str(picture)]) == 0
+    assert picture.stat().st_size > 10_000
+    assert cli.main(["validate", log]) == 0
+    out = capsys.readouterr().out
+    alone = "of them of a range or a bearing alone" in out
+    assert alone == ("only" in options)
+    assert ("positions or headings in the world" in out) == ("gps" in options)
+    assert NO_SIGHTING not in out
+    if "ranges" in options:
+        assert "Ranges alone" in picture.read_text()
+    elif "bearings" in options:
+        assert "Bearings alone" in picture.read_text()
+
+
+def test_without_truth_it_is_drawn_by_dead_reckoning() -> None:
+    log = slamduel.load("circle[steps=100,ranges_only=1]").log
+    found = slamduel.show(log)
+    assert "as parts alone correct no picture" in repr(found)
+    assert "cannot be told from parts alone" in headline(found.numbers)
+    blind = log.without_partial()
+    assert NO_SIGHTING in remarks(Dataset(blind, None))
+    assert NO_SIGHTING not in remarks(Dataset(log, None))
+
+
+def test_true_ids_of_parts_are_named() -> None:
+    log = partial_log()
+    truth = Truth(np.zeros(0), np.zeros((0, 3)), assigned_partial=np.array([3, 12, 12, 8, 7]))
+    found = named(log, truth)
+    assert found.partial is not None
+    assert found.partial.ids.tolist() == [3, 12, 12, 8, 7]
+    assert found.ids is log.ids
+    assert log.unknown == 3
+    assert log.seen.tolist() == [*log.ids.tolist(), 3, 12, 12, -1, 7]
+
+
+def test_an_export_counts_them(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    parts = "circle[steps=50,ranges_only=0.5]"
+    assert cli.main(["export", parts, "--as", "log,pyfg", "--out", str(tmp_path / "b")]) == 0
+    log = slamduel.load(tmp_path / "b" / "log").log
+    assert f"{len(log.seen)} sightings" in capsys.readouterr().out
+    assert (tmp_path / "b" / "log" / "ranges.csv").exists()
+    pyfg = slamduel.load(tmp_path / "b" / "log.pyfg").log
+    assert pyfg.partial is not None
+    assert log.partial is not None
+    np.testing.assert_array_equal(pyfg.partial.z, log.partial.z)
