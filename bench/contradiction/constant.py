@@ -192,17 +192,18 @@ def _mattering(log: Log, found: SystematicFit, of: Weight) -> Iterator[str]:
 def _the_sensor_s(system: System, errors: Systematic, matter: Sequence[str]) -> bool:
     """True where the odometry tells that the true path is the robot's own, and not one of where its sensor seems to be.
 
-    Nor of where some of the errors have it.
+    Nor of where some of the errors have it. Where its clock alone is off, the odometry has no lag left.
     """
     log, path, known = corrected(system.log, errors), system.path, np.flatnonzero(system.known)
     own, count = _unlike(log, path, system.driven)
     turned = path[known].copy()
     turned[:, 2] = np.unwrap(turned[:, 2])
+    alike = corrected(system.log, errors._replace(lag=0.0))
     moving = [name for name in MOVING if name in matter]
     for some in chain.from_iterable(combinations(moving, size + 1) for size in range(len(moving))):
         x, y, delay = (getattr(errors, name) if name in some else 0.0 for name in MOVING)
         then = np.stack([np.interp(log.t - delay, log.t[known], column) for column in turned.T], axis=-1)
-        other = _unlike(log, compose(then, np.array([x, y, 0.0])), system.driven)[0]
+        other = _unlike(alike if "delay" in some else log, compose(then, np.array([x, y, 0.0])), system.driven)[0]
         if own >= other or 3 * count * np.log(other / max(own, LEAST)) < SURE:
             return False
     return True

@@ -22,6 +22,7 @@ FORMS = {
     "turn_scale": (0.01, "%", "the odometry's turns are {} too {of}, as with a wrong base", ("large", "small")),
     "drift": (DEGREE, "degrees a metre", "the odometry turns {} to the {of}, as wheels unlike do", ("left", "right")),
     "heading": (DEGREE, "degrees", "the robot drives {} to the {of} of its heading", ("left", "right")),
+    "lag": (1e-3, "ms", "the odometry is {} {of}", ("late", "ahead of the motion, as commands are")),
 }
 """Unit, its name, the sentence as a clause, and the words for an error above 0 and below."""
 
@@ -37,6 +38,7 @@ TITLES = {
     "turn_scale": "odometry: scale of turns",
     "drift": "odometry: drift",
     "heading": "motion beside the heading",
+    "lag": "odometry: delay",
 }
 
 
