@@ -62,8 +62,8 @@ def before(t: Array, delta: Array, seconds: float) -> Array:
     """(n, 3) poses of the body `seconds` before each step, in its frame at the step, by its motions (n, 3).
 
     Between steps its speed changes as from one to the next, without swinging over (Fritsch and Butland, SIAM Journal on
-    Scientific and Statistical Computing 5(2), 1984): taken to be even, pictures five a second, 50 ms late, would be 1 mm
-    off where the robot sets off. Before the first step it stands, and after the last one.
+    Scientific and Statistical Computing 5(2), 1984): with an even one, pictures five a second, 50 ms late, are 1 mm off
+    where the robot sets off. Before the first step it stands, and after the last one.
     """
     from scipy.interpolate import PchipInterpolator  # a tenth of a second
 
