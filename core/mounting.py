@@ -59,11 +59,20 @@ def mounted(mounting: Mounting, t: Array, delta: Array, step: Ints, z: Array, co
 
 
 def before(t: Array, delta: Array, seconds: float) -> Array:
-    """(n, 3) poses of the body `seconds` before each step, in its frame at the step, by its motions (n, 3)."""
+    """(n, 3) poses of the body `seconds` before each step, in its frame at the step, by its motions (n, 3).
+
+    Between steps its speed changes as from one to the next, without swinging over (Fritsch and Butland, SIAM Journal on
+    Scientific and Statistical Computing 5(2), 1984): with an even one, pictures five a second, 50 ms late, are 1 mm off
+    where the robot sets off. Before the first step it stands, and after the last one.
+    """
+    from scipy.interpolate import PchipInterpolator  # a tenth of a second
+
+    if len(t) < 2:
+        return np.zeros((len(t), 3))
     path = summed(np.zeros(3), delta[1:])
     path[:, 2] = np.concatenate(([0.0], np.cumsum(delta[1:, 2])))
-    then = np.stack([np.interp(t - seconds, t, column) for column in path.T], axis=-1)
-    return between(path, then)
+    then = PchipInterpolator(t, path)(np.clip(t - seconds, t[0], t[-1]))
+    return between(path, np.asarray(then, np.float64))
 
 
 def seen_from(mounting: Mounting, z: Array) -> Array:

@@ -66,6 +66,8 @@ def main(namespace: argparse.Namespace) -> int:
         with announced("measuring the noise", screen_console(quiet=namespace.quiet, aside=True).print):
             noise = measured(datasets, [log.name or names[log.dataset.label] for log in logs])
         model = noise.model
+        if noise.frame is not None:
+            datasets = [noise.frame.put_right(datasets[0])]
         _written(noise, namespace)
         _print(console, noise, namespace)
     if namespace.apply is not None:

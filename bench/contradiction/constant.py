@@ -11,16 +11,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.factors import Log, Map, Truth
-from ...core.se2 import Array, Ints, between, compose
-from ...core.truth.errors import Errors, difference, named, rows_of, sighting_errors
+from ...core.se2 import Array, compose
+from ...core.truth.errors import named, rows_of, sighting_errors
 from ...datasets.noise.systematic import NAMES, SENSOR, Systematic, corrected
 from ..measure.landmark_places import comparable
 from ..measure.stated_noise import normalised, typical_scale
-from ..systematic.fit import CERTAIN, LEAST, SystematicFit, fitted, of_estimate, of_truth
+from ..systematic.fit import CERTAIN, SystematicFit, fitted, of_estimate, of_truth
+from ..systematic.motions_along import SURE, ratio, unlike
 from ..systematic.places import places_of
 from ..systematic.system import System
 from ..systematic.weight import Weight, weight
-from ..systematic.windows import windows
 from ..systematic.words import clause
 from ..words.numerals import listed, number
 from .explain import OUTLYING
@@ -43,9 +43,6 @@ MOVING = ("x", "y", "delay")
 
 MOST = 300
 """Landmarks of a log without a true path, which are then fitted all together: 1,000 would take half a minute."""
-
-SURE = 10.0
-"""Log likelihood by which odometry fits the true path better than one of the sensor, at least, where it is these."""
 
 
 class Constant(NamedTuple):
@@ -126,7 +123,7 @@ class _Off(NamedTuple):
         """
         at = rows_of(truth.t, log.t)
         driven = np.flatnonzero((at[1:] >= 0) & (at[:-1] >= 0)) + 1
-        motions = _unlike(log, truth.poses[np.maximum(at, 0)], driven)[0]
+        motions = unlike(log, truth.poses[np.maximum(at, 0)], driven).size
         found = list[_Off]()
         for one in [truth._replace(map=None)] + [truth] * (truth.map is not None):
             errors = sighting_errors(log, comparable(log, one._replace(assigned=None)))
@@ -163,19 +160,6 @@ def _places_tell(log: Log, landmarks: Map, places: Map, errors: Systematic, matt
     return all(abs(size) > CERTAIN * scale_sd for name, size in sizes.items() if name in matter)
 
 
-def _unlike(log: Log, path: Array, driven: Ints) -> tuple[float, int]:
-    """The typical size of motions to the steps `driven` against a path (n, 3), over what is stated, and their number.
-
-    They are added up over windows.
-    """
-    first = windows(log.t, driven)
-    if not len(first):
-        return 0.0, 0
-    off = difference(log.delta[driven], between(path[driven - 1], path[driven]))
-    off, cov = (np.add.reduceat(one, first) for one in (off, log.delta_cov[driven]))
-    return typical_scale(normalised(Errors(first, off), cov), 3), len(first)
-
-
 def _mattering(log: Log, found: SystematicFit, of: Weight) -> Iterator[str]:
     """Yields the errors of a kind that matter one by one, or the largest, where together they do."""
     for kind, names, size in (("sightings", SENSOR, of.sightings), ("motions", NAMES[len(SENSOR) :], of.motions)):
@@ -192,17 +176,18 @@ def _mattering(log: Log, found: SystematicFit, of: Weight) -> Iterator[str]:
 def _the_sensor_s(system: System, errors: Systematic, matter: Sequence[str]) -> bool:
     """True where the odometry tells that the true path is the robot's own, and not one of where its sensor seems to be.
 
-    Nor of where some of the errors have it.
+    Nor of where some of the errors have it. Where its clock alone is off, the odometry has no lag left.
     """
     log, path, known = corrected(system.log, errors), system.path, np.flatnonzero(system.known)
-    own, count = _unlike(log, path, system.driven)
+    own = unlike(log, path, system.driven)
     turned = path[known].copy()
     turned[:, 2] = np.unwrap(turned[:, 2])
+    alike = corrected(system.log, errors._replace(lag=0.0))
     moving = [name for name in MOVING if name in matter]
     for some in chain.from_iterable(combinations(moving, size + 1) for size in range(len(moving))):
         x, y, delay = (getattr(errors, name) if name in some else 0.0 for name in MOVING)
         then = np.stack([np.interp(log.t - delay, log.t[known], column) for column in turned.T], axis=-1)
-        other = _unlike(log, compose(then, np.array([x, y, 0.0])), system.driven)[0]
-        if own >= other or 3 * count * np.log(other / max(own, LEAST)) < SURE:
+        other = unlike(alike if "delay" in some else log, compose(then, np.array([x, y, 0.0])), system.driven)
+        if ratio(own, other) < SURE:
             return False
     return True

@@ -15,6 +15,7 @@ from ...datasets.noise.systematic import Systematic, corrected
 from ..plan.reference import reference
 from ..systematic.estimated import Estimated
 from ..systematic.fit import SystematicFit, fitted, of_estimate, of_truth
+from ..systematic.frame import PLACE, Frame, PutRight, put_right
 from ..systematic.places import places_of
 from .gauss_markov import Chains, Fitted
 from .gauss_markov import fitted as fitted_chains
@@ -50,6 +51,7 @@ class Noise(NamedTuple):
     innovations: Innovations | None  # without a true path, what the EKF's innovations say
     remarks: Sequence[str]  # what cannot be said, without full stops
     systematic: SystematicFit | None = None  # errors that stay; None: not told. All else is without them.
+    frame: Frame | None = None  # of a true path that is not the wheels' own; all else is by theirs
 
     @property
     def model(self) -> Model:
@@ -75,6 +77,9 @@ def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
         return _without_truth(datasets, labels)
     known = [datasets[k] for k in by_truth]
     stays = fitted(systems) if (systems := [one for log, truth in known if (one := of_truth(log, truth))]) else None
+    own = _put_right(known[0], stays) if stays is not None and len(known) == 1 else None
+    if own is not None:
+        known, stays = [own.dataset], own.fit
     known = [_corrected(dataset, stays) for dataset in known]
     left = [labels[k] for k in range(len(datasets)) if k not in by_truth]
     remarks = [f"{one} has no true path, and is left out" for one in left]
@@ -87,11 +92,19 @@ def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
         remarks.append("too few motions lie between true poses: the odometry's noise stays as stated")
     if motions is None and range_ is None and bearing is None:
         raise InputError(f"{labels[0]}: found too few measurements with a known error, expected some 30.")
-    return Noise([labels[k] for k in by_truth], range_, bearing, motions, None, remarks, stays)
+    return Noise([labels[k] for k in by_truth], range_, bearing, motions, None, remarks, stays, own and own.frame)
 
 
 def _corrected(dataset: Dataset, stays: SystematicFit | None) -> Dataset:
     return dataset if stays is None else dataset._replace(log=corrected(dataset.log, stays.errors))
+
+
+def _put_right(dataset: Dataset, by_truth: SystematicFit) -> PutRight | None:
+    """The true path as that of the robot's wheels, where sightings and motions alone contradict what it tells."""
+    if not set(by_truth.certain) & {*PLACE, "heading"}:
+        return None
+    alone = _systematic(dataset.log, None)
+    return None if alone is None else put_right(dataset, by_truth, alone)
 
 
 def _systematic(log: Log, truth: Truth | None) -> SystematicFit | None:

@@ -37,6 +37,9 @@ class NoiseRow(NamedTuple):
 
 def rows(noise: Noise) -> Iterator[NoiseRow]:
     """Yields all numbers of the noise."""
+    if noise.frame is not None:
+        for title, estimate, unit in systematic.rows_of_frame(noise.frame):
+            yield NoiseRow(title, estimate, unit)
     if noise.systematic is not None:
         for title, estimate, unit in systematic.rows(noise.systematic):
             yield NoiseRow(title, estimate, unit)
@@ -78,7 +81,8 @@ def _sighting_rows(name: str, unit: str, one: SightingNoise, *, sizes: bool) -> 
 
 def sentences(noise: Noise) -> list[str]:
     """Says what was found, the most important first."""
-    said = [] if noise.systematic is None else list(systematic.sentences(noise.systematic))
+    said = [] if noise.frame is None else [systematic.of_frame(noise.frame)]
+    said += [] if noise.systematic is None else list(systematic.sentences(noise.systematic))
     said += [
         sentence
         for name in SENSORS

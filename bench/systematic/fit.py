@@ -43,16 +43,16 @@ ENTANGLED, INVOLVED = 20.0, 5.0
 """Times that others make the variance of an error larger, from which on it is not told apart from them, and from which
 on it is one of these others."""
 
-LAST = ("delay", "bearing_scale", "drift", "range_offset", "turn_scale", "wheel_scale", "yaw", "y", "x")
+LAST = ("lag", "delay", "bearing_scale", "drift", "range_offset", "turn_scale", "wheel_scale", "yaw", "y", "x")
 """Errors that are given up where several are not told apart, the first one first."""
 
 PLAUSIBLE = 0.1
 """Of the bearings' scale where nothing tells scales: what is more is no sensor's error, but the model's."""
 
-GAUGES = ("range_scale", "heading")
+GAUGES = ("range_scale", "heading", "lag")
 """Taken as 0 without a true path: ranges and the way are compared with each other alone, as are sensor and motion."""
 
-VAGUE = Systematic(1.0, 1.0, 0.5, 1.0, 1.0, 0.3, 0.3, 0.3, 0.3, 0.5, 0.5)
+VAGUE = Systematic(1.0, 1.0, 0.5, 1.0, 1.0, 0.3, 0.3, 0.3, 0.3, 0.5, 0.5, 1.0)
 """What is known to no better than this, as standard errors, is not told."""
 
 
@@ -131,7 +131,7 @@ class _Fit:
     def result(self) -> SystematicFit | None:
         by_truth = all(system.fixed for system in self.systems)
         scaled = by_truth or all(system.places is not None for system in self.systems)
-        held = () if by_truth else ("heading",) if scaled else GAUGES
+        held = () if by_truth else GAUGES[1:] if scaled else GAUGES
         free = _told_apart(self._reduced(evenly=True), [name for name in NAMES if name not in held])
         if not self._settle(free):
             return None

@@ -12,12 +12,17 @@ from ...core.factors import Log, Map
 from ...core.mounting import before
 from ...core.se2 import Array, Ints, between, compose, compose_jacobians, inverse, wrap
 from ...core.truth.errors import rows_of
+from ...datasets.noise.clock import motions_after
 from ...datasets.noise.systematic import NAMES, SENSOR, Systematic, measured_motions, measured_sightings, true_motions
 from .windows import windows
 
 ABOUT, STEPS = 0.3, 3
 """s, and steps at least, before and after a sighting, between which odometry tells how fast the body is: noise of the
 step of the sighting itself is in what is measured, too."""
+
+NEAR = 0.1
+"""s, and steps at least, before and after the ends of a motion, between which a known path tells how fast they change
+with its clock."""
 
 PLACED = 0.01
 """m, standard deviation of the known place of a landmark."""
@@ -27,6 +32,9 @@ UNEVEN = 0.05
 
 JITTER = 0.02
 """s, standard deviation of the time of a sighting: what turns fast is seen the worse."""
+
+WHEELS = NAMES[len(SENSOR) : -1]
+"""The wheels' errors without their lag."""
 
 STEP = 1e-5
 """Of the differences that derivatives by systematic errors are made of, in their units."""
@@ -143,8 +151,8 @@ class System:
 
     def _motions(self, errors: Systematic) -> tuple[Array, Array, Array, Array]:
         """Measured minus expected (d, 3), and derivatives of that by the poses before and after and wheels' errors."""
-        a, b = self.path[self.driven - 1], self.path[self.driven]
-        moved = between(a, b)
+        a = self.path[self.driven - 1]
+        moved, inside = self._moved(errors.lag)
         expected, J = measured_motions(moved, errors)
         e = self.log.delta[self.driven] - expected
         e[:, 2] = wrap(e[:, 2])
@@ -152,8 +160,36 @@ class System:
         by_b = np.stack((c, s, zero, -s, c, zero, zero, zero, zero + 1), axis=-1).reshape(-1, 3, 3)
         by_a = -by_b
         by_a[:, 0, 2], by_a[:, 1, 2] = moved[:, 1], -moved[:, 0]
-        slopes = [_slope(lambda at: measured_motions(moved, at)[0], errors, name) for name in NAMES[len(SENSOR) :]]
+        slopes = [_slope(lambda at: measured_motions(moved, at)[0], errors, name) for name in WHEELS]
+        slopes.append(self._by_lag(errors))
+        if not inside.all():
+            e = e * inside[:, None]
+            slopes = [one * inside[:, None] for one in slopes]
         return e, -J @ by_a, -J @ by_b, -self._smoothed(np.stack(slopes, axis=-1))
+
+    def _moved(self, lag: float) -> tuple[Array, NDArray[np.bool_]]:
+        """(d, 3) motions of the path, of a known one `lag` s before, and where that is known, (d,)."""
+        if not lag:
+            return between(self.path[self.driven - 1], self.path[self.driven]), np.ones(len(self.driven), bool)
+        t, known = self.log.t - lag, np.flatnonzero(self.known)
+        inside = (t >= self.log.t[known[0]]) & (t <= self.log.t[known[-1]])
+        last = np.clip(np.searchsorted(self.log.t[known], t, side="left"), 1, len(known) - 1)
+        inside &= known[last] - known[last - 1] == 1
+        columns = self.path[known].T.copy()
+        columns[2] = np.unwrap(columns[2])
+        then = np.stack([np.interp(t, self.log.t[known], column) for column in columns], axis=-1)
+        k = self.driven
+        return between(then[k - 1], then[k]), inside[k - 1] & inside[k]
+
+    def _by_lag(self, errors: Systematic) -> Array:
+        """(d, 3) derivatives of expected motions by the lag; 0 around a path that is not known, which then has it."""
+        if not self.fixed:
+            return np.zeros((len(self.driven), 3))
+        about = max(NEAR, float(np.median(self._lasted)))
+        (late, one), (early, other) = (self._moved(errors.lag + by) for by in (about, -about))
+        slope = measured_motions(late, errors)[0] - measured_motions(early, errors)[0]
+        slope[:, 2] = wrap(slope[:, 2])
+        return slope * (one & other)[:, None] / (2 * about)
 
     def _sightings(self, errors: Systematic, *, evenly: bool) -> tuple[Array, Array, Array, Array]:
         """Measured minus expected (s, 2), and derivatives of that by the pose, the landmark and the sensor's errors."""
@@ -175,8 +211,12 @@ class System:
 
     def _relative(self, errors: Systematic) -> Array:
         """(s, 3) the sensor's pose at each sighting, in the frame of the body at its step."""
-        motions = true_motions(self.log.delta, errors)[0]
-        return compose(before(self.log.t, motions, errors.delay)[self.step], _place(errors))
+        return compose(before(self.log.t, self._true_motions(errors), errors.delay)[self.step], _place(errors))
+
+    def _true_motions(self, errors: Systematic) -> Array:
+        """(n, 3) motions without the wheels' errors."""
+        log, (delta, _) = self.log, true_motions(self.log.delta, errors)
+        return motions_after(log.t, delta, log.delta_cov, errors.lag)[0] if errors.lag else delta
 
     def _uneven(self, cov: Array) -> Array:
         """Covariances (d, 3, 3) of motions whose turn is off by another share, of UNEVEN, in each window."""
@@ -210,7 +250,7 @@ class System:
         if evenly:
             at = np.clip(np.searchsorted(self.driven, self.step), 0, len(self.driven) - 1)
             return self._rates(between(self.path[self.driven - 1], self.path[self.driven]))[at]
-        return self._odometry_speeds(true_motions(self.log.delta, errors)[0])
+        return self._odometry_speeds(self._true_motions(errors))
 
     def _odometry_speeds(self, motions: Array) -> Array:
         """(s, 3) the body's motion a second at each sighting, by motions (n, 3)."""

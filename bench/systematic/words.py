@@ -7,6 +7,7 @@ import numpy as np
 from ...datasets.noise.systematic import NAMES
 from .estimated import Estimated
 from .fit import SystematicFit
+from .frame import Frame
 
 DEGREE = np.pi / 180
 
@@ -22,6 +23,7 @@ FORMS = {
     "turn_scale": (0.01, "%", "the odometry's turns are {} too {of}, as with a wrong base", ("large", "small")),
     "drift": (DEGREE, "degrees a metre", "the odometry turns {} to the {of}, as wheels unlike do", ("left", "right")),
     "heading": (DEGREE, "degrees", "the robot drives {} to the {of} of its heading", ("left", "right")),
+    "lag": (1e-3, "ms", "the odometry is {} {of}", ("late", "ahead of the motion, as commands are")),
 }
 """Unit, its name, the sentence as a clause, and the words for an error above 0 and below."""
 
@@ -37,6 +39,7 @@ TITLES = {
     "turn_scale": "odometry: scale of turns",
     "drift": "odometry: drift",
     "heading": "motion beside the heading",
+    "lag": "odometry: delay",
 }
 
 
@@ -48,19 +51,45 @@ def sentences(fit: SystematicFit) -> Iterator[str]:
 
 def clause(fit: SystematicFit, name: str) -> str:
     """A sentence on an error that is told, without its capital and full stop."""
-    unit, symbol, sentence, signs = FORMS[name]
+    *_, sentence, signs = FORMS[name]
     found = fit.estimates[name]
     by = "" if fit.scaled else " by the other: which of both is wrong, no log without a true path tells"
-    size = f"{_digits(abs(found.value), found, unit)} ± {_digits(_half(found), found, unit)} {symbol}"
-    return sentence.format(size, of=signs[found.value < 0], by=by)
+    return sentence.format(_size(found, name), of=signs[found.value < 0], by=by)
+
+
+def of_frame(frame: Frame) -> str:
+    """Says which point and heading a true path likely has."""
+    size = {name: _size(one, name) for name, one in frame.estimates.items()}
+    side = {name: FORMS[name][3][one.value < 0] for name, one in frame.estimates.items()}
+    place = [f"{size['x']} {side['x']}"] if "x" in size else []
+    place += [f"{size['y']} to the {side['y']} of"] if "y" in size else []
+    parts = [f"is that of a point {' and '.join(place)} the robot's origin"] if place else []
+    if "yaw" in size:
+        parts.append(f"has a heading {size['yaw']} to the {side['yaw']} of where the robot drives")
+    likely = " and ".join(parts)
+    return f"The true path likely {likely}, as sightings and motions tell without it; all else is by the robot's own."
 
 
 def rows(fit: SystematicFit) -> Iterator[tuple[str, Estimated, str]]:
     """Yields title, estimate and unit of all that are told."""
-    for name in NAMES:
-        if name in fit.estimates:
-            unit, symbol, *_ = FORMS[name]
-            yield TITLES[name], Estimated(*(value / unit for value in fit.estimates[name])), symbol
+    return ((TITLES[name], *_in_its_unit(fit.estimates[name], name)) for name in NAMES if name in fit.estimates)
+
+
+def rows_of_frame(frame: Frame) -> Iterator[tuple[str, Estimated, str]]:
+    """Yields title, estimate and unit of a true path's point and heading."""
+    for name, one in frame.estimates.items():
+        yield TITLES[name].replace("sensor", "true path"), *_in_its_unit(one, name)
+
+
+def _in_its_unit(found: Estimated, name: str) -> tuple[Estimated, str]:
+    unit, symbol, *_ = FORMS[name]
+    return Estimated(*(value / unit for value in found)), symbol
+
+
+def _size(found: Estimated, name: str) -> str:
+    """The size of an error with its interval and unit."""
+    unit, symbol, *_ = FORMS[name]
+    return f"{_digits(abs(found.value), found, unit)} ± {_digits(_half(found), found, unit)} {symbol}"
 
 
 def _half(found: Estimated) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from ...core.factors import Log
 from ...core.mounting import Mounting
 from ...core.se2 import Array
+from .clock import motions_after
 
 
 class Systematic(NamedTuple):
@@ -15,7 +16,8 @@ class Systematic(NamedTuple):
 
     A sensor at (x, y, yaw) in the body's frame, `delay` s late, has ranges (1 + range_scale) r + range_offset and
     bearings (1 + bearing_scale) b. Odometry has (1 + wheel_scale) of the way, along the direction of motion, which is
-    `heading` beside the robot's heading, and (1 + turn_scale) of the turn, and `drift` rad more for each metre ahead.
+    `heading` beside the robot's heading, and (1 + turn_scale) of the turn, and `drift` rad more for each metre ahead;
+    all that `lag` s late, or ahead of the motion, as commands are, where it is negative.
     """
 
     x: float = 0.0  # m
@@ -29,6 +31,7 @@ class Systematic(NamedTuple):
     turn_scale: float = 0.0
     drift: float = 0.0  # rad/m
     heading: float = 0.0  # rad
+    lag: float = 0.0  # s
 
 
 NAMES = Systematic._fields
@@ -44,10 +47,12 @@ def corrected(log: Log, errors: Systematic) -> Log:
     if errors == Systematic():
         return log
     delta, J = true_motions(log.delta, errors)
+    delta_cov = J @ log.delta_cov @ J.T
+    if errors.lag:
+        delta, delta_cov = motions_after(log.t, delta, delta_cov, errors.lag)
     scale = np.array([1 + errors.range_scale, 1 + errors.bearing_scale])
     z = (log.z - np.array([errors.range_offset, 0.0])) / scale
     z[:, 0] = np.maximum(z[:, 0], NEAREST)
-    delta_cov = J @ log.delta_cov @ J.T
     changed = replace(
         log,
         delta=_frozen(delta),
@@ -60,7 +65,7 @@ def corrected(log: Log, errors: Systematic) -> Log:
 
 
 def true_motions(delta: Array, errors: Systematic) -> tuple[Array, Array]:
-    """Motions (n, 3) without the wheels' errors, and their derivative (3, 3) by what was measured."""
+    """Motions (n, 3) without the wheels' errors but their lag, and their derivative (3, 3) by what was measured."""
     c, s, k = np.cos(errors.heading), np.sin(errors.heading), 1 / (1 + errors.wheel_scale)
     J = np.array([[c * k, -s, 0.0], [s * k, c, 0.0], [0.0, 0.0, 0.0]])
     turn = 1 / (1 + errors.turn_scale)

@@ -78,8 +78,18 @@ def test_a_late_sensor_saw_from_where_the_body_was(delay: float) -> None:
         np.broadcast_to(np.diag([0.01, 0.0004]), (len(step), 2, 2)),
         sensor=AHEAD._replace(delay=delay),
     )
-    assert log.z[:, 0] == pytest.approx(expected[:, 0], abs=1e-12)
-    assert wrap(log.z[:, 1] - expected[:, 1]) == pytest.approx(0, abs=1e-12)
+    tolerance = 1e-12 if delay in (0.0, 0.1) else 1e-3  # between steps the way is a curve
+    assert log.z[:, 0] == pytest.approx(expected[:, 0], abs=tolerance)
+    assert wrap(log.z[:, 1] - expected[:, 1]) == pytest.approx(0, abs=tolerance)
+
+
+def test_between_steps_a_robot_that_sets_off_does_not_jump_to_its_speed() -> None:
+    """Five steps a second at 0.4 m/s^2, 50 ms before: along straight lines it would be 1.5 mm off everywhere."""
+    t = 0.2 * np.arange(11)
+    delta = np.zeros((11, 3))
+    delta[1:, 0] = np.diff(0.2 * t**2)
+    found = before(t, delta, 0.05)[2:-1, 0]
+    assert found == pytest.approx(0.2 * (t[2:-1] - 0.05) ** 2 - 0.2 * t[2:-1] ** 2, abs=2e-4)
 
 
 def test_before_the_first_step_the_body_stands() -> None:

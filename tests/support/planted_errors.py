@@ -30,13 +30,14 @@ def fit_of(dataset: Dataset, *, by_truth: bool, places: Map | None = None) -> Sy
 SIGMA_Z, SIGMA_U = np.array([0.03, 0.01]), np.array([0.003, 0.001, 0.002])
 
 
-def way(seconds: float, seed: int) -> tuple[Array, Array]:
-    """Times (n,) and poses (n, 3), ten times as dense as a log's."""
+def way(seconds: float, seed: int, late: float = 0.0) -> tuple[Array, Array]:
+    """Times (n,) and poses (n, 3), ten times as dense as a log's; of a robot that is `late` s."""
     rng = np.random.default_rng(seed)
     fine = np.arange(0, seconds + 1e-9, DT / 10)
     phase = rng.uniform(0, 2 * np.pi, 4)
-    v = 0.4 + 0.25 * np.sin(0.9 * fine + phase[0]) + 0.1 * np.sin(0.23 * fine + phase[1])
-    turn = 0.45 * np.sin(0.6 * fine + phase[2]) + 0.25 * np.sin(0.17 * fine + phase[3])
+    at = fine - late
+    v = 0.4 + 0.25 * np.sin(0.9 * at + phase[0]) + 0.1 * np.sin(0.23 * at + phase[1])
+    turn = 0.45 * np.sin(0.6 * at + phase[2]) + 0.25 * np.sin(0.17 * at + phase[3])
     motions = np.column_stack((v, 0 * v, turn)) * DT / 10
     return fine, summed(np.zeros(3), motions[1:])
 
@@ -59,7 +60,8 @@ def drive(
     path = every[::10]
     t = fine[::10]
     landmarks = rng.uniform(-6, 6, (14, 2)) + path[:, :2].mean(axis=0)
-    moved, _ = measured_motions(between(path[:-1], path[1:]), errors)
+    told = way(seconds, seed, errors.lag)[1][::10]
+    moved, _ = measured_motions(between(told[:-1], told[1:]), errors)
     if uneven:
         share = np.random.default_rng(seed + 2000).normal(0, uneven, int(seconds / 4) + 1)
         moved[:, 2] *= 1 + share[(t[1:] / 4).astype(int)]

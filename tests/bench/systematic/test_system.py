@@ -11,7 +11,7 @@ from slamduel.bench.systematic.reduced import Linear
 from slamduel.bench.systematic.system import System
 from slamduel.datasets.noise.systematic import NAMES, SENSOR, Systematic
 
-HERE = Systematic(0.1, -0.05, 0.1, 0.02, -0.03, 0.01, 0.01, 0.02, -0.02, 0.01, 0.03)
+HERE = Systematic(0.1, -0.05, 0.1, 0.02, -0.03, 0.01, 0.01, 0.02, -0.02, 0.01, 0.03, 0.04)
 
 
 @pytest.fixture(autouse=True)
@@ -34,7 +34,8 @@ def around(*, by_truth: bool, seconds: float = 6.0) -> System:
 def test_derivatives_are_those_of_differences(by_truth: bool) -> None:
     """All but those by the wheels' errors, whose factors are averaged over windows."""
     one, h = around(by_truth=by_truth), 1e-6
-    _, sparse, step = one.linearised(HERE)
+    errors = HERE if by_truth else HERE._replace(lag=0.0)
+    _, sparse, step = one.linearised(errors)
     J = sparse.toarray()
     variables = J.shape[1] - len(NAMES)
     for k in range(0, variables, 7):
@@ -44,11 +45,11 @@ def test_derivatives_are_those_of_differences(by_truth: bool) -> None:
             by = np.zeros(J.shape[1])
             by[k] = sign * h
             moved.move(by)
-            slope += sign * moved.linearised(HERE)[0] / (2 * h)
+            slope += sign * moved.linearised(errors)[0] / (2 * h)
         np.testing.assert_allclose(J[:, k], slope, atol=1e-5 * (1 + np.abs(slope).max()))
     for k, name in enumerate(SENSOR):
         here = getattr(HERE, name)
-        up, down = (one.linearised(HERE._replace(**{name: here + s * h}))[0] for s in (1, -1))
+        up, down = (one.linearised(errors._replace(**{name: here + s * h}))[0] for s in (1, -1))
         slope = (up - down) / (2 * h)
         tolerance = 0.2 if name == "delay" else 1e-5  # speeds are those of six tenths of a second
         within = step[:, None] < 50  # past the last step the body stands
@@ -56,12 +57,26 @@ def test_derivatives_are_those_of_differences(by_truth: bool) -> None:
         np.testing.assert_allclose(off, 0, atol=tolerance * (1 + np.abs(slope).max()))
 
 
+def test_the_derivative_by_the_lag_is_that_of_differences_along_a_known_path() -> None:
+    """To what speeds of two tenths of a second lose; the first and the last of those have none."""
+    one, h = around(by_truth=True, seconds=30.0), 1e-6
+    _, sparse, step = one.linearised(HERE)
+    up, down = (one.linearised(HERE._replace(lag=HERE.lag + sign * h))[0] for sign in (1, -1))
+    slope, motions = (up - down) / (2 * h), np.arange(len(step)) < 3 * 10
+    found = sparse.toarray()[motions, -1]
+    within = np.arange(3, 3 * 9)
+    np.testing.assert_allclose(found[within], slope[motions][within], atol=0.02 * np.abs(slope[motions]).max())
+
+
 @pytest.mark.parametrize("by_truth", [True, False])
 def test_elimination_is_that_of_dense_matrices(by_truth: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reduced, "STRETCHES", 5)
     one = around(by_truth=by_truth, seconds=20.0)
     r, J, step = one.linearised(HERE)
-    full, free = J.toarray(), [k for k, name in enumerate(NAMES) if by_truth or name not in ("range_scale", "heading")]
+    full, free = (
+        J.toarray(),
+        [k for k, name in enumerate(NAMES) if by_truth or name not in ("range_scale", "heading", "lag")],
+    )
     kept = [*range(J.shape[1] - len(NAMES)), *(J.shape[1] - len(NAMES) + np.array(free))]
     best = -np.linalg.lstsq(full[:, kept], r)[0]
     found = Linear(one, HERE)

@@ -7,7 +7,7 @@ from planted_errors import drive, way
 from slamduel.core.se2 import between, wrap
 from slamduel.datasets.noise.systematic import NAMES, Systematic, corrected, measured_motions, true_motions
 
-ALL = Systematic(0.2, -0.1, 0.15, 0.07, -0.05, 0.02, 0.01, 0.03, -0.05, 0.02, 0.04)
+ALL = Systematic(0.2, -0.1, 0.15, 0.07, -0.05, 0.02, 0.01, 0.03, -0.05, 0.02, 0.04, 0.1)
 SINGLE = [Systematic(**{name: getattr(ALL, name)}) for name in NAMES]
 
 
@@ -27,11 +27,15 @@ def test_what_wheels_measure_is_undone() -> None:
 
 @pytest.mark.parametrize("errors", [*SINGLE, ALL])
 def test_an_exact_log_is_put_right(errors: Systematic) -> None:
-    """To rounding, but for the delay: between steps the body drives along arcs, and is interpolated along lines."""
+    """To rounding, but for the delay: between steps the body drives along arcs, and is interpolated along lines.
+
+    The odometry is a step late: after its last one nothing is known.
+    """
     wrong, right = (drive(one, noise=0.0, known=99.0).log for one in (errors, Systematic()))
     found = corrected(wrong, errors)
     tolerance = 0.01 if errors.delay else 1e-12
-    assert found.delta[1:] == pytest.approx(right.delta[1:], abs=1e-12)
+    told = slice(1, -1) if errors.lag else slice(1, None)
+    assert found.delta[told] == pytest.approx(right.delta[told], abs=1e-12)
     same = np.isin(right.sighting_step * 100 + right.ids, found.sighting_step * 100 + found.ids)
     other = np.isin(found.sighting_step * 100 + found.ids, right.sighting_step * 100 + right.ids)
     assert same.mean() > 0.99  # a landmark right at the robot is not seen by one of both

@@ -1,0 +1,39 @@
+"""Motions of a log along a path: how far they are from it, and which of two paths they are those of."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core.factors import Log
+from ...core.se2 import Array, Ints, between
+from ...core.truth.errors import Errors, difference
+from ..measure.stated_noise import normalised, typical_scale
+from .windows import windows
+
+SURE = 10.0
+"""Log likelihood by which motions fit one path better than another, at least, where they are said to be its own."""
+
+LEAST = 1e-9
+"""Of sizes that are compared: that of exact motions is 0."""
+
+
+class Unlike(NamedTuple):
+    """What motions are off, over what is stated."""
+
+    size: float  # the typical one of a component
+    windows: int  # of time, over which they are added up
+
+
+def unlike(log: Log, path: Array, driven: Ints) -> Unlike:
+    """The motions of a log to the steps `driven` against a path (n, 3)."""
+    first = windows(log.t, driven)
+    if not len(first):
+        return Unlike(0.0, 0)
+    off = difference(log.delta[driven], between(path[driven - 1], path[driven]))
+    off, cov = (np.add.reduceat(one, first) for one in (off, log.delta_cov[driven]))
+    return Unlike(typical_scale(normalised(Errors(first, off), cov), 3), len(first))
+
+
+def ratio(own: Unlike, other: Unlike) -> float:
+    """The log likelihood by which the motions of as many windows fit the first path better, of any size of noise."""
+    return 3 * own.windows * float(np.log(max(other.size, LEAST) / max(own.size, LEAST)))
