@@ -264,7 +264,7 @@ class Batch:
                     xy = self.parts.place(landmark, path, last=end == len(self.log))
                 if xy is None:
                     continue
-                variable = _log.add_variable(forest.g, 2, *xy.tolist(), 0.0)
+                variable = _log.add_variable(forest.g, 2, float(xy[0]), float(xy[1]), 0.0)
                 self._variable_of[k] = self.variable[landmark] = variable
             elif not self.parts.waits(landmark):
                 continue

@@ -152,23 +152,23 @@ def fix_factors(pose: int, turn: int | None, fixes: Fixes) -> list[gtsam.Nonline
 def _fix_factor(pose: int, turn: int | None, z: Array, cov: Array, arm: Array) -> gtsam.NonlinearFactor:
     measured = np.flatnonzero(~np.isnan(z))
     model = gtsam.noiseModel.Gaussian.Covariance(cov[np.ix_(measured, measured)])
-    turned = turn is not None and 2 in measured
-    if not turned and not arm.any() and measured.tolist() == [0, 1]:
+    constant = turn if 2 in measured else None
+    if constant is None and not arm.any() and measured.tolist() == [0, 1]:
         return gtsam.PoseTranslationPrior2D(pose, z[:2], model)
 
     def off(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         del this
         at = values.atPose2(pose)
-        error = values.atPoint2(turn)[0] if turned and turn is not None else 0.0
+        error = 0.0 if constant is None else values.atPoint2(constant)[0]
         here = np.array((at.x(), at.y(), at.theta()))
         away, jacobian = residual(here, z - np.array((0.0, 0.0, error)), arm)
         if jacobians is not None:
             jacobians[0] = np.asfortranarray((jacobian @ rotation(here[2]))[measured])
-            if turned:
+            if constant is not None:
                 jacobians[1] = np.asfortranarray(np.array([[0.0, 0.0], [0.0, 0.0], [1.0, 0.0]])[measured])
         return -away[measured]
 
-    return gtsam.CustomFactor(model, [pose, turn] if turned else [pose], off)
+    return gtsam.CustomFactor(model, [pose] if constant is None else [pose, constant], off)
 
 
 def _columns(held: list[Seen]) -> tuple[Ints, Array, Array]:
