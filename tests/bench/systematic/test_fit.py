@@ -31,16 +31,16 @@ def test_what_is_planted_is_found_on_eight_logs(by_truth: bool) -> None:
 @pytest.mark.parametrize("lag", [-0.25, 0.1])
 def test_the_odometry_s_own_delay_is_found_beside_the_sensor_s_by_truth(lag: float) -> None:
     """Each within twice its interval; without a true path, the sensor's is what it is late to the odometry."""
-    for seed in range(3):
-        dataset = drive(PLANTED._replace(lag=lag), seed)
-        fit = fit_of(dataset, by_truth=True)
+    made = [drive(PLANTED._replace(lag=lag), seed) for seed in range(3)]
+    fits = [fit_of(dataset, by_truth=True) for dataset in made]
+    for seed, fit in enumerate(fits):
         assert {"lag", "delay"} <= set(fit.certain)
         for name, value in (("lag", lag), ("delay", 0.1)):
             one = fit.estimates[name]
             assert abs(one.value - value) <= one.high - one.low, (seed, name, one)
-    said = [one for one in sentences(fit) if "odometry is" in one]
+    said = [one for one in sentences(fits[0]) if "odometry is" in one]
     assert said[0].endswith("ms ahead of the motion, as commands are." if lag < 0 else "ms late.")
-    alone = fit_of(dataset, by_truth=False)
+    alone = fit_of(made[0], by_truth=False)
     assert "lag" not in alone.estimates
     assert alone.errors.delay == pytest.approx(0.1 - lag, abs=0.01)
 
