@@ -17,6 +17,7 @@
 # make study-laser         63 laser logs, each 20 times with changes that should not matter: two hours; SLAMDUEL_DATA=
 # make study-mistakes      1,050 logs with one of 25 mistakes or none: how often it is named, an hour
 # make study-noise          how often the intervals of bench noise have the true noise: 600 simulated logs
+# make study-mountings      a sensor planted 5 cm ahead and 50 ms late: how often bench noise has it, 25 minutes; LOGS=200, SLAMDUEL_DATA=
 # make study-kills          a study killed at 20 random moments ends as if it had been left in peace
 # All make their own environment in .venv first; another Python is named by PYTHON=python3.12.
 
@@ -32,7 +33,7 @@ PYTEST := env OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-slow test-dist test-older test-newest coverage lint types types-strict unit clean docs docs-tables mrclam-noise gallery study-city \
-	study-statistics study-kills study-mutations study-locating study-noise study-settings study-laser study-mistakes
+	study-statistics study-kills study-mutations study-locating study-noise study-mountings study-settings study-laser study-mistakes
 
 demo: $(VENV)/.installed
 	rm -rf results/demo
@@ -139,6 +140,9 @@ study-mistakes: $(VENV)/.installed-dev
 
 study-noise: $(VENV)/.installed-dev
 	PYTHONPATH=tests/support $(BIN)/python -m noise_coverage 200
+
+study-mountings: $(VENV)/.installed-dev
+	PYTHONPATH=tests/support env OMP_NUM_THREADS=1 $(BIN)/python -m mounting_coverage $(or $(LOGS),200)
 
 study-kills: $(VENV)/.installed-dev
 	$(BIN)/python tests/support/kills.py 20

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from mounting_coverage import ahead, late
 from planted_errors import drive, fit_of
 from slamduel.bench.systematic.fit import fitted, of_truth
 from slamduel.bench.systematic.words import rows, sentences
@@ -107,3 +108,14 @@ def test_logs_with_the_same_errors_tell_more_together() -> None:
     widths = [fit.estimates["x"].high - fit.estimates["x"].low for fit in (together, alone)]
     assert widths[0] < widths[1]
     assert np.isclose(together.errors.x, 0.2, atol=2 * widths[0])
+
+
+def test_a_mounting_that_is_planted_in_a_log_is_that_of_a_log_drawn_with_it() -> None:
+    """What `make study-mountings` plants, without noise: to what a spline between steps is off."""
+    log, truth = drive(Systematic(), noise=0.0, known=99.0, seconds=20)
+    drawn = drive(Systematic(x=0.05, delay=0.05), noise=0.0, known=99.0, seconds=20).log
+    assert truth is not None
+    planted = ahead(late(log, truth, 0.05), 0.05)
+    both = [one.sighting_step * 100 + one.ids for one in (planted, drawn)]  # one right at the sensor is seen by one
+    here, there = (np.isin(one, other) & (one > 300) for one, other in (both, both[::-1]))
+    assert planted.z[here, 0] == pytest.approx(drawn.z[there, 0], abs=1e-3)
