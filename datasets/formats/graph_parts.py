@@ -1,4 +1,4 @@
-"""What tells a part alone in the files of graphs: ranges, bearings, and measurements of poses in the world."""
+"""Ranges and bearings alone, and measurements of poses in the world, in the files of graphs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
