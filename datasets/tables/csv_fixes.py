@@ -53,8 +53,8 @@ def _joined(one: World, other: World, path: Path, noun: str, start: float, end: 
     left_out = int((~inside).sum())
     clock = f"before or after the odometry, {start:.10g} to {end:.10g} s"
     remarks += outside(str(path), left_out, len(inside), noun, clock)
-    columns = (np.concatenate((mine, its[inside])) for mine, its in zip(one[:4], other[:4], strict=True))
-    return World(*columns, one.outside + left_out, one.notes | other.notes)
+    t, z, cov, arm = (np.concatenate((mine, its[inside])) for mine, its in zip(one[:4], other[:4], strict=True))
+    return World(t, z, cov, arm, one.outside + left_out, one.notes | other.notes)
 
 
 def _positions(path: Path, options: Options, remarks: list[str]) -> World:

@@ -47,7 +47,8 @@ def test_the_prior_says_if_there_are_some() -> None:
     assert not log.without_partial().prior.partial
     assert not log.without_fixes().prior.fixes
     assert not small_log().prior.partial
-    empty = PartialTable.from_arrays(6, *np.zeros((3, 0), np.int64), *np.zeros((2, 0)))
+    nothing = np.zeros(0, np.int64)
+    empty = PartialTable.from_arrays(6, nothing, nothing, nothing, np.zeros(0), np.zeros(0))
     assert replace(small_log(), partial=empty).partial is None
 
 

@@ -346,13 +346,14 @@ def test_bearings_and_fixes_come_back_and_ranges_are_refused(tmp_path: Path) -> 
     assert log.fixes is not None
     z, cov = log.fixes.z.copy(), log.fixes.cov.copy()
     z[2, 2], cov[2, 2], cov[2, :, 2] = np.nan, np.nan, np.nan
-    log = replace(log, fixes=replace(log.fixes, z=z, cov=cov))
+    fixes = replace(log.fixes, z=z, cov=cov)
+    log = replace(log, fixes=fixes)
     assert write_g2o(tmp_path / "log.g2o", log) == 1
     assert_same_parts(g2o.read(tmp_path / "log.g2o").log, log)
     refused("has ranges alone, which a g2o file cannot", write_g2o, tmp_path / "a", with_parts(all_kinds(0), RANGE).log)
     refused("which gtsam.readG2o cannot read", write_g2o, tmp_path / "a", log, True)
     z[1, 0], cov[1, 0], cov[1, :, 0] = np.nan, np.nan, np.nan
-    part = replace(log, fixes=replace(log.fixes, z=z, cov=cov))
+    part = replace(log, fixes=replace(fixes, z=z, cov=cov))
     refused("fixes of a part of a pose, which a g2o file", write_g2o, tmp_path / "a", part)
 
 

@@ -32,7 +32,8 @@ def poses(t: Array) -> Array:
 @pytest.fixture
 def files(tmp_path: Path) -> dict[str, Any]:
     """Exact odometry for 30 s, a range, a bearing, a position and a heading each second at times of their own."""
-    t, seen = 0.1 * np.arange(300), np.arange(1.0, 29.0)
+    t: Array = 0.1 * np.arange(300.0)
+    seen = np.arange(1.0, 29.0)
     who = np.arange(28) % 2
     right = [sighted_from(poses(seen + off), PLACES[who]) for off in (0.0, 0.25)]
     return {
