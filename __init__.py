@@ -29,13 +29,22 @@ if TYPE_CHECKING:
     from .core.factors import RangeBearing as RangeBearing
     from .core.factors import RelativePoses as RelativePoses
     from .core.factors import Step as Step
+    from .core.factors import Systematic as Systematic
     from .core.factors import Truth as Truth
+    from .core.fixes import FixTable as FixTable
     from .core.mounting import Mounting as Mounting
+    from .core.partial import BEARING as BEARING
+    from .core.partial import RANGE as RANGE
+    from .core.partial import PartialTable as PartialTable
 
 _HOMES = {
+    "BEARING": ".core.partial",
+    "FixTable": ".core.fixes",
     "InputError": ".core.errors",
     "LogPicture": ".bench.logs.show",
     "Mounting": ".core.mounting",
+    "PartialTable": ".core.partial",
+    "RANGE": ".core.partial",
     "Result": ".bench.run.result",
     "SlamduelError": ".core.errors",
     "check": ".bench.check.suite",
@@ -45,7 +54,19 @@ _HOMES = {
     "show": ".bench.logs.show",
     "study": ".bench.study_report.result",
 } | dict.fromkeys(
-    ("UNKNOWN", "Dataset", "Log", "Map", "Odometry", "Prior", "RangeBearing", "RelativePoses", "Step", "Truth"),
+    (
+        "UNKNOWN",
+        "Dataset",
+        "Log",
+        "Map",
+        "Odometry",
+        "Prior",
+        "RangeBearing",
+        "RelativePoses",
+        "Step",
+        "Systematic",
+        "Truth",
+    ),
     ".core.factors",
 )
 """The public names and the modules that they are imported from, when first asked for."""

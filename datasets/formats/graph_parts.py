@@ -1,15 +1,17 @@
-"""Adds what tells a part alone to the log of a graph: ranges, bearings, and measurements of poses in the world."""
+"""Ranges and bearings alone, and measurements of poses in the world, in the files of graphs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ...core.check import problems
+from ...core.errors import InputError
 from ...core.factors import Log
 from ...core.fixes import FixTable
-from ...core.partial import PartialTable
+from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.table import Table
 
@@ -57,6 +59,25 @@ def with_parts(log: Log, ids: Ints, alone: Sequence[Alone], placed: Sequence[Pla
         log = replace(log, fixes=fixes)
         _check(log, ("fixes",), [one.table for one in placed], order)
     return log
+
+
+def check_parts(path: Path, log: Log, file: str, kind: int | None, *, positions: bool = False) -> None:
+    """Raises InputError for sightings of a part that is not of `kind`, and fixes, that a `file` cannot represent.
+
+    It can represent fixes of whole poses, and with `positions` of x and y.
+    """
+    partial, fixes = log.partial, log.fixes
+    for other, words in ((RANGE, "ranges"), (BEARING, "bearings")):
+        if partial is not None and other != kind and (partial.kind == other).any():
+            raise InputError(f"{path}: log {log.name} has {words} alone, which a {file} cannot represent.")
+    if fixes is None:
+        return
+    if fixes.arm.any():
+        raise InputError(f"{path}: log {log.name} has fixes of an antenna elsewhere, which a {file} cannot represent.")
+    measured = ~np.isnan(fixes.z)
+    fits = measured.all(axis=1) | (positions & measured[:, :2].all(axis=1))
+    if not fits.all():
+        raise InputError(f"{path}: log {log.name} has fixes of a part of a pose, which a {file} cannot represent.")
 
 
 def _check(log: Log, names: Sequence[str], tables: Sequence[Table], order: Ints) -> None:

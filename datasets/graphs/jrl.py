@@ -5,9 +5,10 @@
      "groundtruth": {"a": [{"key": ..., "type": "Pose2", "x": ..., "y": ..., "theta": ...}, ...]},     optional
      "outlier_factors": {"a": [[entry, measurement], ...]}}                                            optional
 
-    PriorFactorPose2        key, prior, covariance                   of the first pose
+    PriorFactorPose2        key, prior, covariance                   of the first pose the prior, others are fixes
     BetweenFactorPose2      key1, key2, measurement, covariance      pose key2 in the body frame of pose key1
     BearingRangeFactor2D    key1, key2, measurement, covariance      landmark key2 from pose key1; bearing, range
+    RangeFactor2D           key1, key2, measurement, covariance      likewise the range alone
 
 D. McGann, jrl (rpl-cmu/jrl). A key is a symbol of GTSAM: a letter in the highest of eight bytes, a number in the
 others; one of the letters is the robot's, and landmarks have another, or numbers from a billion on. Covariances are all
@@ -25,8 +26,10 @@ from ...core.csv_values import shortened
 from ...core.errors import InputError
 from ...core.factors import Dataset, Map, Prior, Truth
 from ...core.options import option
+from ...core.partial import RANGE
 from ...core.table import Table
 from ..false_loops import FalseLoops
+from ..formats.graph_parts import Alone, Placed, with_parts
 from ..formats.pose_graph import START, PoseGraph, log_of, loop_edges, wrapped
 from ..redrawn import Drawn
 from ..registry import Named, Source
@@ -36,8 +39,8 @@ from .jrl_rows import (
     POINT,
     POSE,
     PRIOR,
+    RANGES,
     SIGHTING,
-    Placed,
     Values,
     factors_of,
     outliers_of,
@@ -89,7 +92,10 @@ def read(path: Path) -> Dataset:
     if outliers is not None:
         of_loops = np.isin(outliers, edges.lines[loop_edges(graph)]).sum()
         notes["outliers"] = f"{len(outliers)}, {of_loops} of them loop closures, which alone are marked"
-    log = log_of(graph, path.stem, _prior(graph, factors[PRIOR], truth[POSE]), notes)
+    prior, placed = _priors(graph, factors[PRIOR], truth[POSE])
+    ranges = factors[RANGES]
+    alone = Alone(RANGE, ranges, ranges.column("range"), ranges.column("c11"))
+    log = with_parts(log_of(graph, path.stem, prior, notes), graph.ids(), [alone], [placed])
     false = None if outliers is None else np.flatnonzero(np.isin(edges.lines[loop_edges(graph)], outliers))
     poses, places = truth[POSE], truth[POINT]
     if not len(poses.rows) and not len(places.rows):
@@ -102,13 +108,15 @@ def read(path: Path) -> Dataset:
     return Dataset(log, Truth(log.t[step], wrapped(poses, "theta")[known, 1:4], points, false_loops=false))
 
 
-def _prior(graph: PoseGraph, priors: Placed, truth: Values) -> Prior | None:
-    """The prior of the first pose; where the file has none, its true pose, None where that is not known either."""
+def _priors(graph: PoseGraph, priors: Table, truth: Values) -> tuple[Prior | None, Placed]:
+    """The prior of the first pose, its true pose where the file has none, None without both; and the other priors."""
     first = int(graph.ids()[0])
-    for row in np.flatnonzero((priors.whole("id") != first) | (np.arange(len(priors.rows)) > 0)):
-        raise priors.fault(row, f"a prior of pose {priors.whole('id')[row]}, expected one of the first pose, {first}")
-    if len(priors.rows):
-        pose = wrapped(priors, "theta")[:, 1:4]
-        return Prior(pose[0], before_motion(pose, priors.rows[:, 4:].reshape(-1, 3, 3))[0])
+    poses = wrapped(priors, "theta")[:, 1:4]
+    cov = before_motion(poses, priors.rows[:, 4:].reshape(-1, 3, 3))
+    own = np.flatnonzero(priors.whole("id") == first)[:1]
+    others = np.setdiff1d(np.arange(len(priors.rows)), own)
+    placed = Placed(priors.take(others), poses[others], cov[others])
+    if len(own):
+        return Prior(poses[own[0]], cov[own[0]]), placed
     rows = np.flatnonzero(truth.column("id") == first)
-    return Prior(wrapped(truth, "theta")[rows[0], 1:4], START * np.eye(3)) if len(rows) else None
+    return Prior(wrapped(truth, "theta")[rows[0], 1:4], START * np.eye(3)) if len(rows) else None, placed

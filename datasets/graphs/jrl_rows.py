@@ -14,7 +14,7 @@ from ...core.table import LARGEST, MOST, Table, text
 from ..formats.symbols import BITS
 from ..formats.tagged import LENGTHS
 
-PRIOR, BETWEEN, SIGHTING = "PriorFactorPose2", "BetweenFactorPose2", "BearingRangeFactor2D"
+PRIOR, BETWEEN, SIGHTING, RANGES = "PriorFactorPose2", "BetweenFactorPose2", "BearingRangeFactor2D", "RangeFactor2D"
 POSE, POINT = "Pose2", "Point2"
 
 _MOST_A_STEP = 10**6  # measurements of an entry: where one stands is a number
@@ -24,10 +24,11 @@ COLUMNS = {
     PRIOR: ("id", "x", "y", "theta", *_NINE),
     BETWEEN: ("from", "to", "dx", "dy", "dtheta", *_NINE),
     SIGHTING: ("pose", "id", "bearing", "range", *_FOUR),
+    RANGES: ("pose", "id", "range", "c11"),
     POSE: ("id", "x", "y", "theta"),
     POINT: ("id", "x", "y"),
 }
-_POINTS = (SIGHTING, POINT)  # their id is a landmark's
+_POINTS = (SIGHTING, RANGES, POINT)  # their id is a landmark's
 
 
 class Placed(Table):
@@ -36,6 +37,10 @@ class Placed(Table):
     def fault(self, row: SupportsIndex, message: str) -> InputError:
         """The error `message` about `row`."""
         return InputError(f"{self.path}, {_said(int(self.lines[row]))}: {message}.")
+
+    def take(self, rows: Ints) -> "Placed":
+        """The given rows, in that order."""
+        return Placed(self.path, self.columns, self.rows[rows], self.lines[rows])
 
 
 class Values(Table):
@@ -77,7 +82,7 @@ def robot_of(path: Path, content: Mapping[str, Any]) -> str:
 
 def factors_of(path: Path, entries: Any, letters: dict[str, int]) -> dict[str, Placed]:
     """The rows of each kind of factor, in the order of the file."""
-    rows = {kind: list[list[float]]() for kind in (PRIOR, BETWEEN, SIGHTING)}
+    rows = {kind: list[list[float]]() for kind in (PRIOR, BETWEEN, SIGHTING, RANGES)}
     lines = {kind: list[int]() for kind in rows}
     for place, where, factor in _measurements(path, entries):
         kind = factor.get("type")
@@ -120,7 +125,7 @@ def _why(kind: str) -> str:
     if kind.endswith(("3", "3D")):
         return ", in space"
     if kind.startswith("RangeFactor"):
-        return ", a range without a bearing, which a log has no place for"
+        return ", a range between poses or of a sensor elsewhere, which a log has no place for"
     return ", a prior of a landmark, which a log has no place for" if kind == "PriorFactorPoint2" else ""
 
 
@@ -134,6 +139,8 @@ def _factor(where: _Where, kind: str, factor: Mapping[str, Any], letters: dict[s
         ends = [_key(where, factor.get("key1"), "poses", letters), _key(where, factor.get("key2"), second, letters)]
         value = factor.get("measurement")
         names = ("x", "y", "theta") if kind == BETWEEN else ("bearing", "range")
+    if kind == RANGES:
+        names, value = ("range",), {"range": value}
     if not isinstance(value, dict):
         raise where.fault("found no object of what was measured, expected one")
     size = len(names) ** 2

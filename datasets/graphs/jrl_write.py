@@ -1,7 +1,7 @@
 """Writes a log, and its truth, as a JSON Robot Log; it reads back with the same factors, up to rounding.
 
-What the format cannot represent is left out: the notes, times (a stamp is the number of its step), and sightings whose
-landmark is unknown.
+What the format cannot represent is left out: the notes, constant errors, times (a stamp is the number of its step), and
+sightings whose landmark is unknown. Bearings alone, and fixes that are not of a whole pose, are refused.
 """
 
 import json
@@ -14,12 +14,14 @@ import numpy as np
 from ...core.check import check
 from ...core.coordinates import after_motion
 from ...core.errors import InputError
-from ...core.factors import UNKNOWN, Dataset, Log, Truth
+from ...core.factors import Dataset, Log, Truth
 from ...core.files import replaced
+from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import rows_of
+from ..formats.graph_parts import check_parts
 from ..formats.symbols import BITS
-from .jrl_rows import BETWEEN, POINT, POSE, PRIOR, SIGHTING
+from .jrl_rows import BETWEEN, POINT, POSE, PRIOR, RANGES, SIGHTING
 
 ROBOT = "a"
 POSES, LANDMARKS = ord(ROBOT) << BITS, ord("l") << BITS
@@ -35,7 +37,8 @@ def write_jrl(path: Path, dataset: Dataset) -> int:
     check(log, where=f"log {log.name}")
     if log.prior.map is not None:
         raise InputError(f"{path}: log {log.name} has a given map, which a JSON Robot Log cannot represent.")
-    left_out, log = int((log.ids == UNKNOWN).sum()), log.identified()
+    check_parts(path, log, "JSON Robot Log", RANGE)
+    left_out, log = log.unknown, log.identified()
     entries, loops = _entries(log)
     content: dict[str, Any] = {"name": log.name, "robots": [ROBOT], "measurements": {ROBOT: entries}}
     content["initialization"] = {ROBOT: _poses(np.arange(len(log)), log.dead_reckoned())}
@@ -74,7 +77,20 @@ def _entries(log: Log) -> tuple[list[dict[str, Any]], list[list[int]]]:
         }
         keys = {"key1": POSES + k, "key2": LANDMARKS + name}
         measurements[k].append({"type": SIGHTING, **keys, "measurement": seen, "covariance": _all(cov[::-1, ::-1])})
+    for k, one in _parts(log):
+        measurements[k].append(one)
     return [{"stamp": k, "measurements": found} for k, found in enumerate(measurements)], loops
+
+
+def _parts(log: Log) -> Iterator[tuple[int, dict[str, Any]]]:
+    """The step and the factor of each range alone and each fix."""
+    if (one := log.partial) is not None:
+        for k, name, z, var in zip(*(c.tolist() for c in (one.step, one.ids, one.z, one.var)), strict=True):
+            keys = {"key1": POSES + k, "key2": LANDMARKS + name}
+            yield k, {"type": RANGES, **keys, "measurement": {"type": "Scalar", "value": z}, "covariance": [var]}
+    if (fixes := log.fixes) is not None:
+        for k, z, cov in zip(fixes.step.tolist(), fixes.z, after_motion(fixes.z, fixes.cov), strict=True):
+            yield k, {"type": PRIOR, "key": POSES + k, "prior": _pose(z), "covariance": _all(cov)}
 
 
 def _between(first: Ints, last: Ints, delta: Array, cov: Array) -> Iterator[dict[str, Any]]:

@@ -14,10 +14,11 @@ from ...core.coordinates import after_motion, as_points
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log
 from ...core.files import replaced
-from ...core.partial import BEARING
+from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ...core.small_matrices import upper
 from ...core.truth.errors import rows_of
+from ..formats.graph_parts import check_parts
 
 POSE, POINT = "A", "L"
 
@@ -32,7 +33,7 @@ def write_pyfg(path: Path, dataset: Dataset) -> int:
     check(log, where=f"log {log.name}")
     if log.prior.map is not None:
         raise InputError(f"{path}: log {log.name} has a given map, which a PyFG file cannot represent.")
-    _check_parts(path, log)
+    check_parts(path, log, "PyFG file", RANGE)
     left_out, log = log.unknown, log.identified()
     pose = np.full(len(log), -1) if truth is None or truth.kind != "truth" else rows_of(truth.t, log.t)
     for step in np.flatnonzero(pose < 0):
@@ -73,16 +74,6 @@ def _factors(log: Log) -> Iterator[str]:
     yield from _rows("EDGE_SE2_XY", log.t[step], (POSE, step), (POINT, log.ids), *xy.T, *upper(cov))
     if (one := log.partial) is not None:
         yield from _rows("EDGE_RANGE", log.t[one.step], (POSE, one.step), (POINT, one.ids), one.z, one.var)
-
-
-def _check_parts(path: Path, log: Log) -> None:
-    if log.partial is not None and (log.partial.kind == BEARING).any():
-        raise InputError(f"{path}: log {log.name} has bearings alone, which a PyFG file cannot represent.")
-    if log.fixes is not None and (np.isnan(log.fixes.z).any() or log.fixes.arm.any()):
-        raise InputError(
-            f"{path}: log {log.name} has fixes of a part of a pose, or of an antenna elsewhere, which a PyFG file "
-            "cannot represent."
-        )
 
 
 def _rows(tag: str, t: Array | None, *columns: Array | tuple[str, Ints]) -> Iterator[str]:

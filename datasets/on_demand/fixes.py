@@ -41,7 +41,7 @@ def with_fixes(dataset: Dataset, options: WorldFixes, rng: np.random.Generator) 
     if truth is None or not (options.gps or options.compass):
         return dataset
     positioning, pointing = rng.spawn(2)
-    at, by_gps = _true(log, truth.t, truth.poses, _due(log, options.gps))
+    at, by_gps = _true(log, truth.t, truth.poses, due(log.t, options.gps))
     s, c = sincos(by_gps[:, 2])
     arm = np.tile((options.gps_x, options.gps_y), (len(at), 1))
     ahead = np.column_stack((c * arm[:, 0] - s * arm[:, 1], s * arm[:, 0] + c * arm[:, 1]))
@@ -50,7 +50,7 @@ def with_fixes(dataset: Dataset, options: WorldFixes, rng: np.random.Generator) 
     cov = np.full((len(at), 3, 3), np.nan)
     cov[:, :2, :2] = options.gps_sd**2 * np.eye(2)
     offset = options.compass_offset * pointing.standard_normal()
-    then, by_compass = _true(log, truth.t, truth.poses, _due(log, options.compass))
+    then, by_compass = _true(log, truth.t, truth.poses, due(log.t, options.compass))
     heading = by_compass[:, 2] + offset + options.compass_sd * pointing.standard_normal(len(then))
     nothing = np.full((len(then), 2), np.nan)
     compass_cov = np.full((len(then), 3, 3), np.nan)
@@ -69,11 +69,11 @@ def with_fixes(dataset: Dataset, options: WorldFixes, rng: np.random.Generator) 
     return Dataset(replace(log, prior=log.prior._replace(systematic=constant), fixes=fixes, notes=notes), truth)
 
 
-def _due(log: Log, period: float) -> Ints:
+def due(t: Array, period: float) -> Ints:
     """The first step at or after each multiple of the period, from the first one on; none without a period."""
     if not period:
         return np.zeros(0, np.int64)
-    passed = np.floor((log.t - log.t[0]) / period * (1 + 1e-12))
+    passed = np.floor((t - t[0]) / period * (1 + 1e-12))
     return np.flatnonzero(np.diff(passed) > 0) + 1
 
 

@@ -16,6 +16,9 @@ covariances: those of the factors follow from the options. A steering error that
 same effect over a longer time. Dead reckoning is 71 m from GPS in the median, and 48 or 78 m with a tenth of a degree
 more or less of steering.
 
+With `gps_every`, a fix of GPS every so many seconds is a measurement, at the first scan then that has one; the truth is
+GPS at the other scans. The receiver's errors last and jump by metres among the trees, so they are no white noise.
+
 GPS has no heading: the true one is its course, over a second before and after, which the car keeps while it stands.
 """
 
@@ -29,11 +32,13 @@ import numpy as np
 from ...core.elementary import sincos
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Dataset, Log, Prior, Truth
+from ...core.fixes import FixTable
 from ...core.options import option
-from ...core.se2 import Array, wrap
+from ...core.se2 import Array, Ints, wrap
 from ...core.table import Table, read_spaced
 from ...frontend.wheels.encoder import Floors, compose, roll
 from ..courses import GAP, courses
+from ..on_demand.fixes import due
 from ..registry import Source
 from .catalogue import fetched
 
@@ -61,6 +66,10 @@ class Options:
     turn: float = option(0.0175, "noise of the turn, rad per root second", minimum=1e-6)
     steering: float = option(0.035, "error of the steering angle, rad, which lasts a second", minimum=0.0)
     rest: float = option(0.05, "share of the motion noise while the car stands", minimum=1e-6)
+    gps_every: float = option(0.0, "time between positions by GPS in the log, s; 0: none", minimum=0.0, maximum=1e6)
+    gps_sd: float = option(
+        2.0, "standard deviation of x and y of these, m", minimum=1e-3, maximum=1e3, beside="gps_every"
+    )
     left_out: int = option(
         0,
         "leave out every tenth detection, from the first to the tenth on: ten logs of one drive",
@@ -87,6 +96,7 @@ def read(folder: Path, options: Options) -> Dataset:
     poses, known = courses(gps.rows, t)
     kept = np.arange(len(step)) % TENTH != options.left_out - 1 if options.left_out else slice(None)
     step, z = step[kept], np.stack((seen.column("range"), wrap(seen.column("bearing") - pi / 2)), axis=-1)[kept]
+    fixed = np.flatnonzero(known)[due(t[known], options.gps_every)]
     log = Log.from_arrays(
         "victoria-park-raw",
         Prior(poses[0], START_SD**2 * np.eye(3)),
@@ -97,9 +107,19 @@ def read(folder: Path, options: Options) -> Dataset:
         ids=np.full(len(step), UNKNOWN),
         z=z,
         z_cov=np.broadcast_to(np.diag([options.range_sd**2, options.bearing_sd**2]), (len(step), 2, 2)),
+        fixes=_fixes(len(t), fixed, poses, options.gps_sd),
         notes=_notes(options),
     )
+    known[fixed] = False
     return Dataset(log, Truth(t[known], poses[known], words="GPS"))
+
+
+def _fixes(steps: int, step: Ints, poses: Array, sd: float) -> FixTable:
+    """The positions of the poses (n, 3) at those steps."""
+    z, cov = poses[step].copy(), np.full((len(step), 3, 3), np.nan)
+    z[:, 2] = np.nan
+    cov[:, :2, :2] = sd**2 * np.eye(2)
+    return FixTable.from_arrays(steps, step, z, cov)
 
 
 def _inputs(folder: Path) -> Table:

@@ -9,7 +9,7 @@ from ...core.mounting import Mounting
 from ...core.options import option
 from ..registry import Named
 
-ANGLED = ("odometry", "detections", "truth")  # files that have angles
+ANGLED = ("odometry", "detections", "bearings", "headings", "truth")  # files that have angles
 
 
 @dataclass(frozen=True)
@@ -18,6 +18,10 @@ class Options(Named):
 
     odometry: str | None = option(None, "CSV file with t,x,y,heading or t,dx,dy,dtheta or t,v,omega")
     detections: str | None = option(None, "CSV file with t,id,range,bearing or t,id,x,y; id -1 is unknown")
+    ranges: str | None = option(None, "CSV file with t,id,range: ranges alone, with range_sd and range_share")
+    bearings: str | None = option(None, "CSV file with t,id,bearing: bearings alone, with bearing_sd")
+    positions: str | None = option(None, "CSV file with t,x,y or, in degrees, t,lat,lon, and perhaps sd, m")
+    headings: str | None = option(None, "CSV file with t,heading, of a compass, and perhaps sd, rad")
     truth: str | None = option(None, "CSV file with t,x,y,heading, or a TUM file")
     landmarks: str | None = option(None, "CSV file with the landmarks' true positions: id,x,y")
     ignore: str = option("", "ids to leave out, such as those of moving objects: 5;14;23")
@@ -27,6 +31,33 @@ class Options(Named):
     bearing_sd: float = option(0.02, "standard deviation of a bearing, rad", minimum=1e-6, maximum=3.0)
     xy_sd: float | None = option(
         None, "standard deviation of x and of y of t,id,x,y, m, in place of these three", minimum=1e-6, maximum=1e3
+    )
+    position_sd: float | None = option(
+        None, "standard deviation of x and of y of positions, m, that have none", minimum=1e-6, maximum=1e6
+    )
+    origin_lat: float | None = option(
+        None,
+        "latitude of the origin, degrees; not given: the first one's",
+        minimum=-90,
+        maximum=90,
+        beside="positions",
+    )
+    origin_lon: float | None = option(None, "its longitude", minimum=-360, maximum=360, beside="positions")
+    antenna_x: float = option(0.0, "place of the antenna, m ahead", minimum=-99, maximum=99, beside="positions")
+    antenna_y: float = option(0.0, "likewise, m to the left", minimum=-99, maximum=99, beside="positions")
+    heading_sd: float = option(0.05, "standard deviation of headings, rad, that have none", minimum=1e-6, maximum=3.0)
+    headings_from: str = option(
+        "x", "headings are counter-clockwise from x, or clockwise from north", choices=("x", "north"), beside="headings"
+    )
+    declination: float = option(
+        0.0, "by which magnetic north is east of north, rad", minimum=-np.pi, maximum=np.pi, beside="headings"
+    )
+    range_scale: float = option(
+        0.0, "standard deviation of an unknown scale of ranges alone", minimum=0.0, maximum=1.0, beside="ranges"
+    )
+    range_offset: float = option(0.0, "likewise of their offset, m", minimum=0.0, maximum=1e3, beside="ranges")
+    heading_offset: float = option(
+        0.0, "likewise of a constant error of headings, rad", minimum=0.0, maximum=3.0, beside="headings"
     )
     forward: float = option(0.05, "motion noise, m per root metre driven", minimum=0.0, maximum=10.0)
     turning: float = option(0.03, "motion noise, rad per root metre driven", minimum=0.0, maximum=10.0)

@@ -48,6 +48,10 @@ class Detections(NamedTuple):
     ignored: int
 
 
+NO_DETECTIONS = Detections(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0, 0)
+"""Those of a log without a file of them."""
+
+
 def detections(path: Path, options: Options, start: float, end: float, remarks: list[str]) -> Detections:
     """Reads the detections from `start` to `end`, s."""
     table = in_order(read_columns(path, SIGHTINGS, POINTS, remarks=remarks), strictly=False)

@@ -1,13 +1,15 @@
-"""A log from two CSV tables: odometry and detections.
+"""A log from CSV tables: odometry and detections, or ranges, bearings, positions and headings alone.
 
     odometry     t,x,y,heading      poses of the robot's own odometry, in its own frame; or
                  t,dx,dy,dtheta     the motion since the row before, in the body frame before it; or
                  t,v,omega          m/s and rad/s, held until the next row
     detections   t,id,range,bearing or t,id,x,y, the landmark in the body frame: x ahead, y to the left
+    ranges       t,id,range; bearings t,id,bearing; positions t,x,y or t,lat,lon; headings t,heading
 
-Keyframes are the times of detections, with regular ones between; the motion up to each is one factor. Between two rows
-of odometry, motion is interpolated evenly; where rows are missing, with the noise of `frontend.wheels.holes` and
-without regular keyframes. The noise is set by the options. What is legal yet odd is a remark on the log.
+Keyframes are the times of detections and of all others, with regular ones between; the motion up to each is one factor.
+Between two rows of odometry, motion is interpolated evenly; where rows are missing, with the noise of
+`frontend.wheels.holes` and without regular keyframes. The noise is set by the options. What is legal yet odd is a
+remark on the log.
 """
 
 from pathlib import Path
@@ -17,7 +19,7 @@ import numpy as np
 
 from ...core.csv_values import digits_lost
 from ...core.errors import InputError
-from ...core.factors import REMARKS, Dataset, Log, Map, Prior, Truth
+from ...core.factors import REMARKS, Dataset, Log, Map, Prior, Systematic, Truth
 from ...core.pauses import longest_pause
 from ...core.se2 import Array, summed, wrap
 from ...core.table import LARGEST, Table
@@ -30,13 +32,18 @@ from ...frontend.wheels.units import fast_turns, in_degrees
 from ..formats.columns import in_order, read_columns
 from ..registry import Source
 from ..truth import other_clock, sample, start
+from .csv_fixes import World, world
 from .csv_options import Options
-from .csv_sightings import Detections, detections
+from .csv_parts import Alone, alone
+from .csv_sightings import NO_DETECTIONS, Detections, detections
 
 POSES = ("t", "x", "y", "heading")
 MOTIONS = ("t", "dx", "dy", "dtheta")
 SPEEDS = ("t", "v", "omega")
 PLACES = ("id", "x", "y")
+
+MEASURED = ("detections", "ranges", "bearings", "positions", "headings")
+"""Options of files with measurements, one of which there has to be."""
 
 EARLY = 0.25  # share of the steps, after which a truth that begins does not tell the start
 
@@ -46,15 +53,26 @@ MOST_KEYFRAMES = 500_000
 
 def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
     """Your own log from a CSV of odometry and a CSV of detections: csv[odometry=FILE,detections=FILE]."""
-    if options.odometry is None or options.detections is None:
+    measured = [name for name in MEASURED if getattr(options, name) is not None]
+    if options.odometry is None or not measured:
         missing = "odometry" if options.odometry is None else "detections"
         raise InputError(f"option {missing} of dataset csv is not given, expected csv[odometry=FILE,detections=FILE].")
     remarks = list[str]()
     track = _track(Path(options.odometry), options, remarks)
-    seen = detections(Path(options.detections), options, track.t[0], track.t[-1], remarks)
-    t = _keyframes(track.t[0], track.t[-1], seen.t, options.every, track.holes)
+    ends = track.t[0], track.t[-1]
+    seen = NO_DETECTIONS
+    if options.detections is not None:
+        seen = detections(Path(options.detections), options, *ends, remarks)
+    parts, fixes = alone(options, *ends, remarks), world(options, *ends, remarks)
+    t = _keyframes(*ends, np.concatenate((seen.t, parts.t, fixes.t)), options.every, track.holes)
     motions = track.motions(t)
     truth = _truth(options, t, remarks)
+    starts = options.start_x, options.start_y, options.start_heading
+    if len(fixes.t) and (truth is None or not len(truth.t)) and None in starts:
+        remarks.append(
+            "positions or headings are in the world, but the start there is not known: options start_x, start_y, "
+            "start_heading and start_sd state it"
+        )
     if not isinstance(options.start_sd, tuple) and options.start_sd > np.pi:
         sd = f"start_sd={options.start_sd:g}"
         remarks.append(f"option {sd} is of the heading in rad, too: {sd};0.1 says that it is known to 0.1 rad")
@@ -70,8 +88,10 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         ids=seen.ids,
         z=seen.z,
         z_cov=seen.z_cov,
-        notes=_notes(options, seen)
-        | longest_pause(t[0], t[-1], track.t, seen.t)
+        partial=parts.table(t),
+        fixes=fixes.table(t),
+        notes=_notes(options, seen, parts, fixes)
+        | longest_pause(t[0], t[-1], track.t, np.sort(np.concatenate((seen.t, parts.t, fixes.t))))
         | ({REMARKS: remarks} if remarks else {}),
     )
     return Dataset(log, truth)
@@ -186,20 +206,25 @@ def _prior(options: Options, truth: Truth | None, t: Array, delta: Array) -> Pri
         if given is not None:
             pose[k] = given
     position, heading = sd if isinstance(sd := options.start_sd, tuple) else (sd, sd)
-    return Prior(pose, np.diag([position**2, position**2, heading**2]))
+    constant = Systematic(options.range_scale, options.range_offset, options.heading_offset)
+    return Prior(pose, np.diag([position**2, position**2, heading**2]), systematic=constant)
 
 
-def _notes(options: Options, seen: Detections) -> dict[str, Any]:
+def _notes(options: Options, seen: Detections, parts: Alone, fixes: World) -> dict[str, Any]:
     files = {
         name: Path(given).name
-        for name in ("odometry", "detections", "truth", "landmarks")
+        for name in ("odometry", *MEASURED, "truth", "landmarks")
         if (given := getattr(options, name)) is not None
     }
     sights = ("range_sd", "range_share", "bearing_sd") if options.xy_sd is None else ("xy_sd",)
     noise = (*sights, "forward", "turning", "turning_by_turn")
+    dropped = {"detections before or after the odometry": seen.outside, "of ignored ids": seen.ignored}
+    if more := parts.outside + fixes.outside:
+        dropped["other measurements before or after it"] = more
     return {
         "source": "CSV files: " + ", ".join(files.values()),
         "files": files,
         "noise": {name: getattr(options, name) for name in noise},
-        "dropped": {"detections before or after the odometry": seen.outside, "of ignored ids": seen.ignored},
+        "dropped": dropped,
+        **fixes.notes,
     }

@@ -66,7 +66,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "noise": {TOP},
         "own_worlds": {TOP, "worlds", "formats", "on_demand"},
         "graphs": {TOP, "formats"},
-        "published": {TOP, "formats", "graphs", "bags", "depth", "noise"},
+        "published": {TOP, "on_demand", "formats", "graphs", "bags", "depth", "noise"},
         "beacons": {TOP, "formats", "graphs"},
         "bags": {TOP},
         "scans": {TOP, "bags", "formats"},

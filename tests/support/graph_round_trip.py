@@ -1,10 +1,14 @@
 """A log with every kind of factor and their truth, and its comparison with what came back from a file."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from laps import laps
 from random_logs import random_covariance
-from slamduel.core.factors import Dataset, Log, Map, Prior, Truth
+from slamduel.core.factors import UNKNOWN, Dataset, Log, Map, Prior, Truth
+from slamduel.core.fixes import FixTable
+from slamduel.core.partial import PartialTable
 from slamduel.core.se2 import Array
 from slamduel.core.truth.errors import sighted_from
 from slamduel.datasets.false_loops import planted
@@ -29,6 +33,31 @@ def all_kinds(seed: int) -> Dataset:
         loop_step=log.loop_step, loop_to=log.loop_to, loop_delta=log.loop_delta, loop_cov=log.loop_cov,
     )  # fmt: skip
     return Dataset(full, Truth(full.t, truth.poses, places, false_loops=truth.false_loops))
+
+
+def with_parts(dataset: Dataset, kind: int) -> Dataset:
+    """With four sightings of that kind alone, the first of an unknown landmark, and three fixes of whole poses."""
+    log, rng = dataset.log, np.random.default_rng(5)
+    n, ids = len(log), np.array([UNKNOWN, 3, 9, 3])
+    z, var = rng.uniform(0.5, 3, 4), rng.uniform(1, 2, 4)
+    partial = PartialTable.from_arrays(n, np.array([0, 0, 4, 7]), ids, np.full(4, kind), z, var)
+    cov = np.array([random_covariance(rng, [0.1, 0.2, 0.05]) for _ in range(3)])
+    fixes = FixTable.from_arrays(n, np.array([0, 4, 4]), rng.uniform(-3, 3, (3, 3)), cov)
+    return dataset._replace(log=replace(log, partial=partial, fixes=fixes))
+
+
+def assert_same_parts(found: Log, expected: Log) -> None:
+    """The same sightings of a part alone, of known landmarks, and the same fixes; covariances up to rounding."""
+    expected = expected.identified()
+    assert found.partial is not None
+    assert expected.partial is not None
+    for name, column in expected.partial.columns.items():
+        np.testing.assert_allclose(found.partial.columns[name], column, rtol=1e-14)
+    assert found.fixes is not None
+    assert expected.fixes is not None
+    np.testing.assert_array_equal(found.fixes.step, expected.fixes.step)
+    np.testing.assert_array_equal(found.fixes.z, expected.fixes.z)
+    np.testing.assert_allclose(found.fixes.cov, expected.fixes.cov, rtol=1e-9, atol=1e-12)
 
 
 def assert_same_graph(found: Dataset, expected: Dataset, *, times: bool) -> None:

@@ -30,9 +30,9 @@ def along(t: Array) -> Array:
 
 def tables() -> dict[str, Any]:
     """20 s, odometry every 0.2 s, ranges every 0.3 s without errors but 10 % too long; one of them is there twice."""
-    t = np.arange(101, dtype=np.float64) * 0.2 + 100
+    t: Array = 100 + 0.2 * np.arange(101.0)
     true = np.column_stack((t, along(t - 100)))
-    seen = np.arange(60, dtype=np.float64) * 0.3 + 100.1
+    seen: Array = 100.1 + 0.3 * np.arange(60.0)
     who = np.arange(60) % 2
     z = 1.1 * np.hypot(*(along(seen - 100)[:, :2] - BEACONS[who, 1:]).T)
     rows = np.column_stack((seen, np.full(60, 2.0), BEACONS[who, 0], z))

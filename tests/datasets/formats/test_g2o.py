@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,12 @@ from hypothesis import strategies as st
 
 from differences import central
 from fuzzing import survivors
+from graph_round_trip import all_kinds, assert_same_parts, with_parts
 from refusals import refusal, refused, refused_at
 from slamduel.core.check import problems
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log, Map
+from slamduel.core.partial import BEARING, RANGE
 from slamduel.core.se2 import Array, inverse, rotation
 from slamduel.datasets.cache import generator
 from slamduel.datasets.formats import g2o
@@ -149,7 +152,7 @@ def test_without_a_belief_the_first_pose_is_held_where_it_is_put(small: Path) ->
         ("0.2 10 1", "20 10 1", "line 7: dtheta is 20.0, expected radians"),
         ("0.2 10 1", "6.2 10 1", ""),
         ("VERTEX_SE2 11", "VERTEX_SE2 10", "line 4: vertex 10 occurs twice"),
-        ("EDGE_PRIOR_SE2 10", "EDGE_PRIOR_SE2 12", "line 6: a prior of vertex 12, expected only a prior of"),
+        ("EDGE_PRIOR_SE2 10", "EDGE_PRIOR_SE2 99", "line 6: a measurement of pose 99, expected a pose of an edge"),
         ("VERTEX_XY 3 4 4", "FIX 10", "line 5: the first pose has two priors"),
         ("VERTEX_XY 3 4 4", "FIX 12", "line 5: vertex 12 is fixed, expected only that of the first pose, 10"),
         ("VERTEX_XY 3 4 4", "FIX", "line 5: found 0 numbers after the tag, expected 1 (id)"),
@@ -318,6 +321,52 @@ def test_simulated_logs_come_back(name: str, options: dict[str, int], tmp_path: 
     log = source.make(source.options(**options), generator(name, 1)).log
     write_g2o(tmp_path / "log.g2o", log)
     assert_same_factors(g2o.read(tmp_path / "log.g2o").log, log, rtol=1e-11)
+
+
+def test_bearings_alone_and_priors_of_other_poses_are_read(small: Path) -> None:
+    more = (
+        "EDGE_BEARING_SE2_XY 11 7 0.4 25\nEDGE_PRIOR_SE2 12 1 2 0.5 100 0 0 25 0 400\nEDGE_PRIOR_SE2_XY 11 5 6 4 0 1\n"
+    )
+    small.write_text(SMALL + more)
+    log = g2o.read(small).log
+    assert log.partial is not None
+    first, *columns, var = (column.tolist() for column in log.partial.columns.values())
+    assert (first, columns, var) == ([0, 0, 1, 1], [[7], [BEARING], [0.4]], [pytest.approx(0.04)])
+    assert log.fixes is not None
+    assert log.fixes.step.tolist() == [1, 2]
+    np.testing.assert_array_equal(log.fixes.z, [[5, 6, np.nan], [1, 2, 0.5]])
+    np.testing.assert_allclose(log.fixes.cov[0, :2, :2], np.diag([0.25, 1]))
+    turned = rotation(0.5)
+    np.testing.assert_allclose(log.fixes.cov[1], turned @ np.diag([0.01, 0.04, 0.0025]) @ turned.T, atol=1e-15)
+    np.testing.assert_array_equal(log.prior.pose, [1.5, 2.5, 0.25])
+
+
+def test_bearings_and_fixes_come_back_and_ranges_are_refused(tmp_path: Path) -> None:
+    log = with_parts(all_kinds(0), BEARING).log
+    assert log.fixes is not None
+    z, cov = log.fixes.z.copy(), log.fixes.cov.copy()
+    z[2, 2], cov[2, 2], cov[2, :, 2] = np.nan, np.nan, np.nan
+    fixes = replace(log.fixes, z=z, cov=cov)
+    log = replace(log, fixes=fixes)
+    assert write_g2o(tmp_path / "log.g2o", log) == 1
+    assert_same_parts(g2o.read(tmp_path / "log.g2o").log, log)
+    refused("has ranges alone, which a g2o file cannot", write_g2o, tmp_path / "a", with_parts(all_kinds(0), RANGE).log)
+    refused("which gtsam.readG2o cannot read", write_g2o, tmp_path / "a", log, True)
+    z[1, 0], cov[1, 0], cov[1, :, 0] = np.nan, np.nan, np.nan
+    part = replace(log, fixes=replace(fixes, z=z, cov=cov))
+    refused("fixes of a part of a pose, which a g2o file", write_g2o, tmp_path / "a", part)
+
+
+def test_a_landmark_that_bearings_alone_see_starts_on_the_first(tmp_path: Path) -> None:
+    log = with_parts(all_kinds(0), BEARING).log
+    assert log.partial is not None
+    ids = np.array([99, 3, 9, 3])
+    log = replace(log, partial=replace(log.partial, ids=ids))
+    write_g2o(tmp_path / "log.g2o", log)
+    rows = [line.split() for line in (tmp_path / "log.g2o").read_text().split("\n") if line.startswith("VERTEX_XY 99 ")]
+    bearing = log.prior.pose[2] + log.partial.z[0]
+    expected = log.prior.pose[:2] + np.array([np.cos(bearing), np.sin(bearing)])
+    np.testing.assert_allclose(np.array(rows[0][2:], float), expected, atol=1e-12)
 
 
 def test_an_optimiser_starts_from_dead_reckoning(tmp_path: Path) -> None:

@@ -13,11 +13,12 @@ import pytest
 import graph_in_gtsam
 import slamduel
 from fuzzing import survivors
-from graph_round_trip import all_kinds, assert_same_graph
+from graph_round_trip import all_kinds, assert_same_graph, assert_same_parts, with_parts
 from refusals import refused, refused_at
 from slamduel.bench.plan.spec import dataset_variants
 from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
+from slamduel.core.partial import BEARING, RANGE
 from slamduel.core.se2 import Array
 from slamduel.core.truth.check import check_truth
 from slamduel.datasets.formats.g2o_write import write_g2o
@@ -145,6 +146,22 @@ def test_a_log_comes_back_with_factors_truth_and_false_loops(tmp_path: Path, see
     np.testing.assert_array_equal(found.truth.false_loops, dataset.truth.false_loops)
 
 
+def test_ranges_alone_and_priors_of_other_poses_come_back(tmp_path: Path) -> None:
+    dataset = with_parts(all_kinds(0), RANGE)
+    assert write_jrl(tmp_path / "log.jrl", dataset) == 1
+    found = read(tmp_path / "log.jrl")
+    assert_same_graph(found, dataset, times=False)
+    assert_same_parts(found.log, dataset.log)
+    bearings = with_parts(all_kinds(0), BEARING)
+    refused("has bearings alone, which a JSON Robot Log cannot", write_jrl, tmp_path / "x.jrl", bearings)
+
+
+def test_a_range_may_be_a_plain_number(tmp_path: Path) -> None:
+    log, _ = read(written(tmp_path, ranges))
+    assert log.partial is not None
+    assert [column.tolist() for column in log.partial.columns.values()] == [[0, 0, 1, 1], [5], [RANGE], [2.0], [0.1]]
+
+
 def test_unknown_sightings_and_a_missing_truth_are_left_out(tmp_path: Path) -> None:
     def change(parts: dict[str, Any]) -> None:
         parts["prior"] = parts["prior"]._replace(map=None)
@@ -161,11 +178,22 @@ def first(content: dict[str, Any]) -> dict[str, Any]:
     return content["measurements"]["a"][1]["measurements"][0]
 
 
+def ranges(content: dict[str, Any]) -> dict[str, Any]:
+    """A range alone that is added to the content."""
+    found = {"type": "RangeFactor2D", "key1": A + 1, "key2": L + 5, "measurement": 2.0, "covariance": [0.1]}
+    content["measurements"]["a"][1]["measurements"].append(found)
+    return found
+
+
 FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "3D": (lambda c: first(c).update(type="BetweenFactorPose3"),
         "entry 1, measurement 0: found a 'BetweenFactorPose3', in space"),
-    "a range": (lambda c: first(c).update(type="RangeFactor2D"),
-        "entry 1, measurement 0: found a 'RangeFactor2D', a range without"),
+    "a range": (lambda c: first(c).update(type="RangeFactorPose2"),
+        "entry 1, measurement 0: found a 'RangeFactorPose2', a range between poses"),
+    "a range without a number": (lambda c: ranges(c).update(measurement={"value": "far"}), "range is 'far', expected"),
+    "a range below zero": (lambda c: ranges(c).update(measurement={"type": "Scalar", "value": -2}),
+        "entry 1, measurement 1: range is -2.0, expected more than 0"),
+    "a range without noise": (lambda c: ranges(c).update(covariance=[0]), "measurement 1: crr is 0.0, expected a var"),
     "a mark's prior": (lambda c: first(c).update(type="PriorFactorPoint2"), "a prior of a landmark"),
     "another robot": (lambda c: c["measurements"].update(b=[{"stamp": 0}]), "found measurements of 2 robots"),
     "its key": (lambda c: first(c).update(key2=(ord("b") << 56) + 1), "entry 1, measurement 0: found the letter 'b'"),
@@ -175,7 +203,8 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "covariance": (lambda c: first(c).update(covariance=[1, 2]), "found no covariance of 9 numbers"),
     "not definite": (lambda c: first(c).update(covariance=[-1] * 9), "entry 1, measurement 0: the covariance is not"),
     "degrees": (lambda c: first(c)["measurement"].update(theta=90), "entry 1, measurement 0: dtheta is 90.0"),
-    "a late prior": (lambda c: c["measurements"]["a"][0]["measurements"][0].update(key=A + 1), "a prior of pose 1"),
+    "a prior of no pose": (lambda c: c["measurements"]["a"][0]["measurements"][0].update(key=A + 9),
+        "a measurement of pose 9, expected a pose of an edge"),
     "a gap": (lambda c: c["measurements"]["a"].pop(1), "no edge connects pose 0 to pose 1"),
     "twice": (lambda c: c["groundtruth"]["a"].append(c["groundtruth"]["a"][0]),
         "value 4 of the truth: its key occurs"),

@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 from fuzzing import survivors
-from graph_round_trip import all_kinds, assert_same_graph
-from random_logs import random_covariance
+from graph_round_trip import all_kinds, assert_same_graph, assert_same_parts, with_parts
 from refusals import refused, refused_at
 from slamduel.bench.plan.load import load
 from slamduel.bench.plan.spec import dataset_variants
 from slamduel.core.check import problems
-from slamduel.core.factors import UNKNOWN, Dataset, Map
-from slamduel.core.fixes import FixTable
-from slamduel.core.partial import RANGE, PartialTable
+from slamduel.core.factors import Dataset, Map
+from slamduel.core.partial import BEARING, RANGE
 from slamduel.core.se2 import rotation
 from slamduel.core.truth.check import check_truth
 from slamduel.datasets.graphs.pyfg import read
@@ -133,28 +131,17 @@ def test_ranges_alone_and_other_priors_are_read(small: Path) -> None:
 
 
 def test_ranges_and_fixes_come_back_and_other_parts_are_refused(tmp_path: Path) -> None:
-    log, truth = all_kinds(0)
-    n, rng = len(log), np.random.default_rng(5)
-    ids = np.array([UNKNOWN, 3, 9, 3])
-    partial = PartialTable.from_arrays(
-        n, np.array([0, 0, 4, 7]), ids, np.zeros(4, int), 1 + ids % 5, rng.uniform(1, 2, 4)
-    )
-    cov = np.array([random_covariance(rng, [0.1, 0.2, 0.05]) for _ in range(3)])
-    fixes = FixTable.from_arrays(n, np.array([0, 4, 4]), rng.uniform(-3, 3, (3, 3)), cov)
-    log = replace(log, partial=partial, fixes=fixes)
-    assert write_pyfg(tmp_path / "log.pyfg", Dataset(log, truth)) == 1
+    dataset = with_parts(all_kinds(0), RANGE)
+    log, truth = dataset
+    assert write_pyfg(tmp_path / "log.pyfg", dataset) == 1
     found = read(tmp_path / "log.pyfg")
-    assert_same_graph(found, Dataset(log, truth), times=True)
-    assert found.log.partial is not None
-    for name, column in partial.rows(ids != UNKNOWN).columns.items():
-        np.testing.assert_array_equal(found.log.partial.columns[name], column)
-    assert found.log.fixes is not None
-    np.testing.assert_array_equal(found.log.fixes.z, fixes.z)
-    np.testing.assert_allclose(found.log.fixes.cov, fixes.cov, rtol=1e-9, atol=1e-12)
-    bearings = replace(log, partial=replace(partial, kind=np.ones(4, int), z=partial.z / 9))
-    refused("bearings alone, which a PyFG file cannot", write_pyfg, tmp_path / "a", Dataset(bearings, truth))
-    part = replace(log, fixes=replace(fixes, arm=np.ones((3, 2))))
-    refused("fixes of a part of a pose", write_pyfg, tmp_path / "a", Dataset(part, truth))
+    assert_same_graph(found, dataset, times=True)
+    assert_same_parts(found.log, log)
+    bearings = with_parts(all_kinds(0), BEARING)
+    refused("has bearings alone, which a PyFG file cannot", write_pyfg, tmp_path / "a", bearings)
+    assert log.fixes is not None
+    elsewhere = replace(log, fixes=replace(log.fixes, arm=np.ones((3, 2))))
+    refused("fixes of an antenna elsewhere, which a PyFG", write_pyfg, tmp_path / "a", Dataset(elsewhere, truth))
 
 
 def test_the_file_in_gtsams_package_has_ranges_alone() -> None:

@@ -117,6 +117,21 @@ def test_the_settings_are_the_noise(folder: Path):
     assert log.notes["settings"]["range_sd"] == 0.5
 
 
+def test_gps_every_so_often_is_measured_and_the_truth_of_the_rest(folder: Path):
+    plain, before = made(folder)
+    log, truth = made(folder, Options(gps_every=3.0, gps_sd=0.5))
+    assert log.fixes is not None
+    at = log.t[log.fixes.step]
+    assert 4 <= len(at) <= 6
+    assert ((np.diff(at) > 2.9) & (np.diff(at) < 7.5)).all()  # from 7.8 to 12 s there is none
+    np.testing.assert_allclose(log.fixes.z[:, :2], laser(at)[:, :2], atol=2e-3)
+    assert np.isnan(log.fixes.z[:, 2]).all()
+    np.testing.assert_array_equal(log.fixes.cov[0, :2, :2], 0.25 * np.eye(2))
+    np.testing.assert_array_equal(truth.t, np.setdiff1d(before.t, at))
+    np.testing.assert_array_equal(log.z, plain.z)
+    assert plain.fixes is None
+
+
 def test_packed_files_are_the_same_log(folder: Path):
     plain, _ = made(folder)
     for file in list(folder.iterdir()):
