@@ -47,8 +47,8 @@ def test_the_prior_says_if_there_are_some() -> None:
     assert not log.without_partial().prior.partial
     assert not log.without_fixes().prior.fixes
     assert not small_log().prior.partial
-    nothing = np.zeros(0, np.int64)
-    empty = PartialTable.from_arrays(6, nothing, nothing, nothing, np.zeros(0), np.zeros(0))
+    none = np.zeros(0, np.int64)
+    empty = PartialTable.from_arrays(6, none, none, none, np.zeros(0), np.zeros(0))
     assert replace(small_log(), partial=empty).partial is None
 
 
@@ -198,7 +198,9 @@ def test_a_backend_gets_what_it_takes() -> None:
 
     takes: Builder = Builder(make, loops=True, partial=True, fixes=True)  # pyright: ignore[reportArgumentType]
     assert refused_by(takes, log) == ""
-    assert given(takes, log) == (log, 0, 0, 0)
+    took = given(takes, log)
+    assert (took.loops, took.partial, took.fixes) == (0, 1, 0)
+    assert partial_of(took.log).ids.tolist() == [3, 12, 12, 7]
     without = replace(takes, partial=False)
     assert "a range or a bearing alone" in refused_by(without, log)
     left = given(replace(without, leaves_out=("partial",)), log)
