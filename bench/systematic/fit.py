@@ -78,7 +78,7 @@ def of_truth(log: Log, truth: Truth | None) -> System | None:
     at = rows_of(truth.t, log.t)
     row = np.flatnonzero((at >= 0)[log.sighting_step])
     ids, first = np.unique(log.ids[row], return_index=True)
-    if len(row) - len(ids) < FEWEST:
+    if len(row) - len(ids) < FEWEST or not ((at[1:] >= 0) & (at[:-1] >= 0)).any():
         return None
     path, first = truth.poses[np.maximum(at, 0)], row[first]
     places = place(path[log.sighting_step[first]], log.z[first])[0]
