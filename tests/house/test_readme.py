@@ -215,10 +215,10 @@ def test_the_owners_map_is_mended_and_better_with_the_errors_that_its_log_tells(
     assert "the true places of landmarks 5 and 6 look swapped" in printed
     said = re.findall(r"^ {4}(The |Ranges )(.*?)([\d.]+) ± ", page, re.MULTILINE)
     assert len(said) == 6
-    for first, words, number in said:  # the last digit of a number is not the same on every machine
+    for first, words, stated in said:  # the last digit of a number is not the same on every machine
         found = re.search(re.escape(first + words) + r"([\d.]+) ± ", printed)
         assert found is not None, words
-        assert float(found[1]) == pytest.approx(float(number), rel=0.02)
+        assert float(found[1]) == pytest.approx(float(stated), rel=0.02)
     log, truth = load("corrected/")
     assert run(log, "graph", truth=truth).cells[0]["final_map_rmse_m"] < 0.015
 
