@@ -52,6 +52,14 @@ def test_of_none_none_is_fit_of(by_truth: bool) -> None:
     assert sum(map(len, certain)) <= 1  # of 72 or more, at 1 in 1,500
 
 
+def test_true_poses_at_every_other_step_tell_no_motion() -> None:
+    """No two of them bound a motion, so there is nothing to fit."""
+    log, truth = drive(Systematic(), 0)
+    assert truth is not None
+    assert of_truth(log, truth) is not None
+    assert of_truth(log, truth._replace(t=truth.t[::2], poses=truth.poses[::2])) is None
+
+
 def test_known_places_tell_scales_and_a_surer_place_of_the_sensor() -> None:
     """Ranges 3 % long, which sightings and motions alone cannot tell from a way that is short."""
     planted = PLANTED._replace(range_scale=0.03)
