@@ -245,11 +245,23 @@ class System:
         count = np.diff(np.append(self._windows, len(moved)))
         return np.repeat(total / lasted[:, None], count, axis=0)
 
+    def _beyond_noise(self, rates: Array) -> Array:
+        """(d, 3) rates of which as much of their variation is left as motions' noise does not explain.
+
+        At one speed an estimated path has that noise, and a delay would look as if it were told by it.
+        """
+        noise, lasted = (np.add.reduceat(one, self._windows) for one in (self._motion_cov, self._lasted))
+        explained = (np.diagonal(noise, axis1=1, axis2=2) / lasted[:, None] ** 2).mean(axis=0)
+        middle = rates.mean(axis=0)
+        varies = np.maximum(((rates - middle) ** 2).mean(axis=0), 1e-300)
+        return middle + np.sqrt(np.maximum(1 - explained / varies, 0.0)) * (rates - middle)
+
     def _speeds(self, errors: Systematic, *, evenly: bool) -> Array:
         """(s, 3) the body's motion a second at each sighting: by its odometry, or by its path, which has less noise."""
         if evenly:
             at = np.clip(np.searchsorted(self.driven, self.step), 0, len(self.driven) - 1)
-            return self._rates(between(self.path[self.driven - 1], self.path[self.driven]))[at]
+            rates = self._rates(between(self.path[self.driven - 1], self.path[self.driven]))
+            return (rates if self.fixed else self._beyond_noise(rates))[at]
         return self._odometry_speeds(self._true_motions(errors))
 
     def _odometry_speeds(self, motions: Array) -> Array:

@@ -126,7 +126,7 @@ def test_a_scanner_taken_to_be_at_the_origin_is_a_remark_and_its_noise_is_that_w
     subject = described("woods", whole, solve=False)
     words = dict(facts(subject.numbers, "truth", mistaken=subject.remarks.mistaken))
     assert "The odometry's turns are 4.37" in words["errors that stay"]
-    assert "range_sd=0.0198" in words["sightings against truth"]
+    assert "range_sd=0.0197" in words["sightings against truth"]
     assert "0.547 times" in words["odometry against truth"]
 
 
