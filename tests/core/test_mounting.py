@@ -85,11 +85,7 @@ def test_a_late_sensor_saw_from_where_the_body_was(delay: float) -> None:
 
 def test_between_steps_a_robot_that_sets_off_does_not_jump_to_its_speed() -> None:
     """Five steps a second at 0.4 m/s^2, 50 ms before: along straight lines it would be 1.5 mm off everywhere."""
-<<<<<<< HEAD
     t = np.arange(11, dtype=np.float64) * 0.2
-=======
-    t = np.linspace(0.0, 2.0, 11)
->>>>>>> r41b
     delta = np.zeros((11, 3))
     delta[1:, 0] = np.diff(0.2 * t**2)
     found = before(t, delta, 0.05)[2:-1, 0]

@@ -39,12 +39,7 @@ def test_the_odometry_s_own_delay_is_found_beside_the_sensor_s_by_truth(lag: flo
         for name, value in (("lag", lag), ("delay", 0.1)):
             one = fit.estimates[name]
             assert abs(one.value - value) <= one.high - one.low, (seed, name, one)
-<<<<<<< HEAD
     said = [one for one in sentences(fits[0]) if "odometry is" in one]
-=======
-    dataset = drive(PLANTED._replace(lag=lag), 3)
-    said = [one for one in sentences(fit_of(dataset, by_truth=True)) if "odometry is" in one]
->>>>>>> r41b
     assert said[0].endswith("ms ahead of the motion, as commands are." if lag < 0 else "ms late.")
     alone = fit_of(made[0], by_truth=False)
     assert "lag" not in alone.estimates
