@@ -74,7 +74,7 @@ def _unlike(system: System, fit: SystematicFit) -> Unlike:
 
 
 def of_another(by_truth: SystematicFit, alone: SystematicFit) -> Frame | None:
-    """Where the true path's point and heading are, as those without it have the sensor; None where they agree.
+    """Returns the true path's point and heading, as those without it have the sensor; None where they agree.
 
     They differ where that is more than both intervals together.
     """

@@ -18,7 +18,7 @@ LEAST = 1e-9
 
 
 class Unlike(NamedTuple):
-    """What motions are off, over what is stated."""
+    """Errors of motions, over the noise stated."""
 
     size: float  # the typical one of a component
     windows: int  # of time, over which they are added up

@@ -5,6 +5,7 @@ import re
 import runpy
 import sys
 from importlib import import_module
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -85,7 +86,7 @@ def test_the_generated_parts_are_as_make_docs_tables_writes_them() -> None:
     written: dict[Path, str] = runpy.run_path(str(ROOT / "docs" / "tables.py"))["pages"]()
     assert {path.name for path in written} == {
         "backends.md", "datasets.md", "studies.md", "standing.md",
-        "online.svg", "online-cost.svg", "afterwards.svg", "afterwards-cost.svg",
+        "online.svg", "online-cost.svg", "afterwards.svg", "afterwards-cost.svg", "map.svg",
     }  # fmt: skip
     for path, text in written.items():
         found = path.read_text(encoding="utf-8")
@@ -98,9 +99,10 @@ def test_the_generated_parts_are_as_make_docs_tables_writes_them() -> None:
 def test_the_tables_of_the_results_agree_with_each_other() -> None:
     folder = ROOT / "docs" / "standing"
     named, backends, runs = map(csv_rows, (ROOT / "docs/standing.csv", folder / "backends.csv", folder / "runs.csv"))
-    frames = {(row["suite"], row["dataset"], row["purpose"]): row for row in backends if row["named"] == "1"}
+    key = itemgetter("suite", "run", "dataset", "purpose")
+    frames = {key(row): row for row in backends if row["named"] == "1"}
     for row in named:
-        frame = frames.pop((row["suite"], row["dataset"], row["purpose"]), None)
+        frame = frames.pop(key(row), None)
         if frame is None:
             assert not row["backend"] or row["purpose"] == "map"
             continue

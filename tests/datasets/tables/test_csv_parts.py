@@ -35,12 +35,13 @@ def files(tmp_path: Path) -> dict[str, Any]:
     t: Array = 0.1 * np.arange(300.0)
     seen = np.arange(1.0, 29.0)
     who = np.arange(28) % 2
+    named = who.astype(np.float64)
     right = [sighted_from(poses(seen + off), PLACES[who]) for off in (0.0, 0.25)]
     return {
         "odometry": csv(tmp_path / "odometry.csv", "t,x,y,heading", np.column_stack((t, poses(t)))),
-        "ranges": csv(tmp_path / "ranges.csv", "t,id,range", np.column_stack((seen, who, right[0][:, 0]))),
+        "ranges": csv(tmp_path / "ranges.csv", "t,id,range", np.column_stack((seen, named, right[0][:, 0]))),
         "bearings": csv(
-            tmp_path / "bearings.csv", "t,id,bearing", np.column_stack((seen + 0.25, who, wrap(right[1][:, 1])))
+            tmp_path / "bearings.csv", "t,id,bearing", np.column_stack((seen + 0.25, named, wrap(right[1][:, 1])))
         ),
         "positions": csv(tmp_path / "positions.csv", "t,x,y", np.column_stack((seen + 0.5, poses(seen + 0.5)[:, :2]))),
         "headings": csv(
