@@ -16,10 +16,11 @@ from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, rotation
 from ..api import Expected
 from ..common_options import LOSSES
+from ..late_places import LatePlaces, Seen
 from ..newcomers import Newcomers
 from ..smoothing._graph import NEAR_SDS
 from ..vicinity import with_held
-from .gtsam_parts import ConstantKeys, LatePlaces, Seen, fix_factors, part_factor
+from .gtsam_parts import ConstantKeys, fix_factors, part_factor
 
 FIXED_SD = 1e-6
 """m; standard deviation that holds a landmark given without covariance in place."""

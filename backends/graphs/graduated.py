@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.se2 import Array, Ints
-from ..smoothing._graph import FIX, LANDMARK, NO_VARIABLE, PART, SIGHTINGS, WHOLE
+from ..smoothing._graph import LANDMARK, NO_VARIABLE, PART, PRIOR, SIGHTINGS, WHOLE
 from .batch import Batch
 from .distances import of_loops
 
@@ -43,7 +43,7 @@ def leave_out(batch: Batch, iterations: int) -> None:
     s = int(g.state[SIGHTINGS])
     information = g.seen[:s, 2:].copy()
     parts = g.sightings[:s, PART]
-    of_sighting = np.where(parts == WHOLE, INLIER, np.where(parts > FIX, INLIER_PART, np.inf))
+    of_sighting = np.where(parts == WHOLE, INLIER, np.where(parts > PRIOR, INLIER_PART, np.inf))
     inlier = np.concatenate((of_sighting, np.full(len(batch.log.loop_to), INLIER_LOOP)))
     weights, mu, before = np.ones(len(inlier)), 0.0, np.inf
     if not len(batch.log.loop_to):

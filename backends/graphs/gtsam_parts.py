@@ -4,39 +4,25 @@ GTSAM's derivatives by a pose are in the pose's own frame: those of Python's fac
 """
 
 import math
-from collections import defaultdict
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable
 
 import gtsam
 import numpy as np
 
-from ...core.factors import Map, Systematic
+from ...core.factors import Systematic
 from ...core.fixes import Fixes, residual
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, rotation
 from ..api import Constant
-from ..placing import placed
-from .parts import somewhere
+from ..late_places import Seen
 
 HELD = 1e-6
 """Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""
-
-MORE = 1.1  # growth of a landmark's sightings after which it is placed again
 
 FIRST_ERRORS, HEADING = gtsam.symbol("e", 0), gtsam.symbol("h", 0)
 """Keys of the constant errors of ranges, (scale, offset), and of that of a heading, (offset, 0)."""
 
 Weighed = Callable[[gtsam.noiseModel.Base], gtsam.noiseModel.Base]
-
-
-class Seen(NamedTuple):
-    """A partial sighting."""
-
-    step: int
-    kind: int
-    z: float
-    var: float
 
 
 class ConstantKeys:
@@ -80,46 +66,6 @@ class ConstantKeys:
         found = np.array([np.zeros(2) if key is None else values.atPoint2(key) for key in keys]).reshape(-1, 2)
         turn = float(values.atPoint2(HEADING)[0]) if self._turns else 0.0
         return Constant(found[:, 0], found[:, 1], turn)
-
-
-class LatePlaces:
-    """Holds back partial sightings of landmarks that are on no map until they place them."""
-
-    def __init__(self) -> None:
-        self._held: defaultdict[int, list[Seen]] = defaultdict(list)
-        self._next: dict[int, float] = {}  # sightings at which a landmark is placed next
-
-    def hold(self, landmark: int, seen: Seen) -> None:
-        """Adds a sighting."""
-        self._held[landmark].append(seen)
-
-    def found(self, landmark: int, poses: Callable[[Sequence[int]], Array]) -> Array | None:
-        """(2,) m, a landmark's place by the poses (k, 3) of k steps; None while it is not sure."""
-        held = self._held[landmark]
-        if len(held) < max(2, self._next.get(landmark, 0)):
-            return None
-        self._next[landmark] = MORE * len(held)
-        place = placed(poses([one.step for one in held]), *_columns(held))
-        return place.xy if place is not None and place.sure else None
-
-    def taken(self, landmark: int) -> list[Seen]:
-        """Everything held of a landmark, which is held no more."""
-        self._next.pop(landmark, None)
-        return self._held.pop(landmark, [])
-
-    def added_to(self, landmarks: Map, path: Array) -> Map:
-        """The map with those still held back, without covariance, where they are likeliest."""
-        alone = {i: held for i, held in self._held.items() if i not in landmarks.ids}
-        if not alone:
-            return landmarks
-        more = np.array([likeliest(path[[one.step for one in held]], *_columns(held)) for held in alone.values()])
-        return Map(np.array([*landmarks.ids, *alone], np.int64), np.concatenate((landmarks.xy, more)), None)
-
-
-def likeliest(poses: Array, kind: Ints, z: Array, var: Array) -> Array:
-    """(2,) m, the likeliest place of a landmark by k partial sightings from poses (k, 3)."""
-    found = placed(poses, kind, z, var)
-    return somewhere(poses[-1], float(z[-1]), int(kind[-1])) if found is None else found.xy
 
 
 def part_factor(pose: int, landmark: int, errors: int | None, seen: Seen, weighed: Weighed) -> gtsam.NonlinearFactor:
@@ -169,11 +115,6 @@ def _fix_factor(pose: int, turn: int | None, z: Array, cov: Array, arm: Array) -
         return -away[measured]
 
     return gtsam.CustomFactor(model, [pose] if constant is None else [pose, constant], off)
-
-
-def _columns(held: list[Seen]) -> tuple[Ints, Array, Array]:
-    _, kind, z, var = zip(*held, strict=True)
-    return np.array(kind, np.int64), np.array(z), np.array(var)
 
 
 def _add(key: int, sds: tuple[float, float], graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:

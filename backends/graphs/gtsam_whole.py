@@ -7,10 +7,11 @@ from ...core.factors import Log
 from ...core.partial import RANGE, PartialTable
 from ...core.se2 import Array
 from ...core.truth.errors import rows_of
+from ..late_places import Seen
 from ..models import place
 from ._gtsam import BYTES, NEAREST, Factors, in_order, turned
 from .batch import chunks
-from .gtsam_parts import Seen, fix_factors, part_factor
+from .gtsam_parts import fix_factors, part_factor
 from .parts import place_of
 
 

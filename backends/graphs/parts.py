@@ -8,15 +8,13 @@ from ...core.partial import NO_PARTIAL, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import rows_of
 from ..api import Constant
+from ..late_places import somewhere
 from ..placing import placed
 from ..smoothing import _log
 from ..smoothing._graph import ALONE, FIX, LANDMARK, NO_VARIABLE, POSE
 from ..smoothing.arrays import with_rows
 from ..smoothing.forest import Forest
 from ..smoothing.maps import add_map
-
-NEAREST, FARTHEST = 1e-3, 10.0
-"""m; least distance of a landmark from the pose that it starts at, and that of one with a single bearing."""
 
 HELD = 1e-9
 """Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""
@@ -107,7 +105,8 @@ class Parts:
         seen[np.arange(p), np.where(isrange, 2, 4)] = 1 / table.var
         self.seen = seen[order]
         """(k, 5) as in the forest's table."""
-        part = np.where(isrange, self.constant.of(table.ids) if p else empty, ALONE)
+        part = np.full(p, ALONE)
+        part[isrange] = self.constant.of(table.ids[isrange])
         self.part = np.concatenate((part, FIX - np.arange(len(fixes))))[order]
         """(k,) likewise."""
         self.landmarks = np.full(len(order), NO_VARIABLE)
@@ -172,9 +171,3 @@ def place_of(table: PartialTable, landmark: int, path: Array, *, last: bool) -> 
     if found is not None and (found.sure or last):
         return found.xy
     return somewhere(poses[-1], float(z[-1]), int(kind[-1])) if last else None
-
-
-def somewhere(pose: Array, z: float, kind: int) -> Array:
-    """A place that fits one range, ahead, or one bearing, at a stated distance."""
-    r, turn = (max(z, NEAREST), 0.0) if kind == RANGE else (FARTHEST, z)
-    return pose[:2] + r * np.array((np.cos(pose[2] + turn), np.sin(pose[2] + turn)))

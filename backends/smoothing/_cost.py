@@ -23,6 +23,7 @@ from ._graph import (
     MOTION,
     NOISE,
     PART,
+    PRIOR,
     SCALE,
     STEP,
     STEPS,
@@ -77,6 +78,10 @@ def cost(g: Graph, path: Array, values: Array) -> float:
                 total += square_of(g.fixed[FIX - part], 3, e[0], e[1], e[2])
                 continue
             m = values[landmark]
+            if part == PRIOR:
+                for i in range(2):
+                    total += g.seen[s, 2 + 2 * i] * (m[i] - g.seen[s, i]) ** 2
+                continue
             if part >= 0:
                 off = range_off(x[0], x[1], m[0], m[1], values[part, 0], values[part, 1], g.seen[s, 0])[3]
                 q = g.seen[s, 2] * off * off

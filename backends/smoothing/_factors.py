@@ -128,6 +128,16 @@ def add_seen(
 
 
 @compiled
+def add_held(g: Graph, s: int, F: Array, w: int, il: int) -> None:
+    """Adds row `s` of the sightings, the prior of a pair of constant errors, which are at row `il`."""
+    values = g.values[g.sightings[s, LANDMARK]]
+    for i in range(2):
+        W = g.seen[s, 2 + 2 * i]
+        F[(il + i) * w + il + i] += W
+        F[(il + i) * w + w - 1] += W * (g.seen[s, i] - values[i])
+
+
+@compiled
 def range_off(
     x: float, y: float, mx: float, my: float, scale: float, offset: float, measured: float
 ) -> tuple[float, float, float, float]:

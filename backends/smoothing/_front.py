@@ -10,7 +10,7 @@ from ...core.kernels._cholesky import factor, unsigned
 from ...core.kernels._planar import information, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._factors import add_fix, add_link, add_pose, add_range, add_sighting
+from ._factors import add_fix, add_held, add_link, add_pose, add_range, add_sighting
 from ._graph import (
     BOUND,
     CHILD,
@@ -33,6 +33,7 @@ from ._graph import (
     NEXT,
     PART,
     PLACE,
+    PRIOR,
     RESUM,
     ROOT,
     SIZE,
@@ -105,6 +106,8 @@ def add_sightings(g: Graph, pose: int, F: Array, w: int) -> None:
                 add_range(g, s, F, w, ip, il, g.variables[part, PLACE])
             elif part <= FIX:
                 add_fix(g, s, F, w, ip, il)
+            elif part == PRIOR:
+                add_held(g, s, F, w, il)
             else:
                 add_sighting(g, s, F, w, ip, il)
 

@@ -46,10 +46,11 @@ TODO, RESUM, FAILED, WORK, FULL, WIDEST, GIVEN, GIVEN_INTS, GIVEN_REALS, DSYRK, 
 WIDTH, CLIQUE, SLOT, MARK, PLACE, FIRST, END, LINK, STEP = range(9)
 # sightings; without landmark: held back; PART says what a row is
 LANDMARK, POSE, PART = range(3)
-# PART: a whole sighting; a range or a bearing alone, the other's information being zero; FIX - n: the fix in row n of
-# `fixed`, whose landmark is the variable of a heading's constant error, or one that is held fixed; else a range alone
-# with constant errors, and the variable of its scale and offset
-WHOLE, ALONE, FIX = -1, -2, -3
+# PART: a whole sighting; a range or a bearing alone, the other's information being zero; the prior of constant errors,
+# whose variable is the landmark; FIX - n: the fix in row n of `fixed`, whose landmark is the variable of a heading's
+# constant error, or one that is held fixed; else a range alone with constant errors, and the variable of its scale and
+# offset
+WHOLE, ALONE, PRIOR, FIX = -1, -2, -3, -4
 # links: from A to B; of a loop closure LOOP is 1
 A, B, NEXT_A, NEXT_B, LOOP = range(5)
 # linked: the measured offset of B, its information; a loop closure's motion, covariance and weight, 0 if left out

@@ -30,6 +30,7 @@ from ._graph import (
     PENDING,
     POINT,
     POSE,
+    PRIOR,
     SIGHTINGS,
     SLOT,
     STEP,
@@ -186,22 +187,31 @@ def add_sightings_of(g: Graph, pose: int, landmarks: Ints, seen: Array) -> tuple
 
 
 @compiled
-def add_parts_of(g: Graph, pose: int, landmarks: Ints, parts: Ints, seen: Array) -> None:
+def add_parts_of(g: Graph, pose: int, landmarks: Ints, parts: Ints, seen: Array) -> tuple[int, int]:
     """Adds partial sightings and fixes of the newest pose, after its whole ones; there must be room.
 
-    `landmarks` (k,), `parts` (k,) and `seen` (k, 5) are columns of the graph's tables of sightings.
+    `landmarks` (k,), `parts` (k,) and `seen` (k, 5) are columns of the graph's tables of sightings. Returns how many
+    variables in them are eliminated, and how many are new, some counted twice.
     """
     s = g.state[SIGHTINGS]
+    outside = fresh = 0
     for i in range(len(landmarks)):
         g.sightings[s, LANDMARK], g.sightings[s, POSE], g.sightings[s, PART] = landmarks[i], pose, parts[i]
         for j in range(5):
             g.seen[s, j] = seen[i, j]
-        if seen[i, 2] > 0.0:
+        if seen[i, 2] > 0.0 and parts[i] != PRIOR:
             g.settings[FURTHEST] = max(g.settings[FURTHEST], seen[i, 0])
             g.settings[CLOSEST] = min(g.settings[CLOSEST], max(seen[i, 0], NEAR_SDS / sqrt(seen[i, 2])))
+        for v in (landmarks[i], parts[i]):
+            if landmarks[i] >= 0 and v >= 0 and g.variables[v, WIDTH] and g.variables[v, SLOT] < 0:
+                if g.variables[v, CLIQUE] > 0:
+                    outside += 1
+                else:
+                    fresh += 1
         s += 1
     g.state[SIGHTINGS] = s
     g.variables[pose, END] = s
+    return outside, fresh
 
 
 @compiled

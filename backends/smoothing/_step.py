@@ -25,7 +25,7 @@ from ._graph import (
     Graph,
     graph,
 )
-from ._log import add_pose_after, add_sightings_of, move
+from ._log import add_parts_of, add_pose_after, add_sightings_of, move
 from ._relinearise import recentre
 from ._tree import advance
 
@@ -74,12 +74,45 @@ def plain_step(
     if x == NO_VARIABLE:
         return INDEFINITE, newest
     outside, fresh = add_sightings_of(g, x, landmarks, seen)
+    return _solved(g, x, outside, fresh, cap, pose, cov), x
+
+
+@compiled
+def parts_step(
+    address: int,
+    newest: int,
+    cap: int,
+    motion: Array,
+    landmarks: Ints,
+    seen: Array,
+    of_parts: Ints,
+    parts: Ints,
+    part_seen: Array,
+    pose: Array,
+    cov: Array,
+) -> tuple[int, int]:
+    """The same with partial sightings, fixes and priors of constant errors, as `_log.add_parts_of` has them."""
+    g = graph(address)
+    if not has_room(g, len(landmarks) + 2 * len(of_parts)):
+        return FULL_ARRAYS, newest
+    move(g, motion, pose, cov)
+    x = add_pose_after(g, newest, g.state[STEPS] - 1)
+    if x == NO_VARIABLE:
+        return INDEFINITE, newest
+    outside, fresh = add_sightings_of(g, x, landmarks, seen)
+    more_outside, more_fresh = add_parts_of(g, x, of_parts, parts, part_seen)
+    return _solved(g, x, outside + more_outside, fresh + more_fresh, cap, pose, cov), x
+
+
+@compiled
+def _solved(g: Graph, x: int, outside: int, fresh: int, cap: int, pose: Array, cov: Array) -> int:
+    """Ends a step at pose `x`, of whose landmarks so many are eliminated or new; returns the outcome."""
     if outside > 0 or (fresh > 0 and g.state[ROOT] + fresh > cap):
-        return OUTSIDE, x
+        return OUTSIDE
     if not recentre(g):
-        return INDEFINITE, x
+        return INDEFINITE
     advance(g, x)
-    return (DONE if solve(g, pose, cov) else INDEFINITE), x
+    return DONE if solve(g, pose, cov) else INDEFINITE
 
 
 @compiled

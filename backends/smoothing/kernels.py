@@ -13,6 +13,7 @@ def kernels() -> Kernels:
     ints, numbers, table, tables = np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     return [
         (_step.plain_step, (g.address, 0, 0, table, ints, table, numbers, table)),
+        (_step.parts_step, (g.address, 0, 0, table, ints, table, ints, ints, table, numbers, table)),
         (_step.root_offset, (g.address,)),
         (_log.move, (g, table, numbers, table)),
         (_log.add_pose_after, (g, 0, 0)),

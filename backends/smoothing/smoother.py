@@ -9,13 +9,16 @@ motions are composed (`_links`). Periodically, variables that are off by more th
 
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
+from ...core.fixes import NO_FIXES
 from ...core.options import option
+from ...core.partial import NO_PARTIAL
 from ...core.se2 import Array, Ints
 from .. import common_options
 from .._expected_arrays import ExpectedArrays
@@ -25,11 +28,12 @@ from ..expected import as_expected, filled, room_for, roomier
 from ..newcomers import Newcomers
 from ..vicinity import Vicinity, first_expected, with_held
 from . import _log, _opening, _step
-from ._graph import CLOSEST, FULL, FURTHEST, LANDMARK, LAST, NO_VARIABLE, PENDING, POSE, SIGHTINGS, WIDTH, WORK
-from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, plain_step
+from ._graph import CLOSEST, FULL, FURTHEST, LAST, NO_VARIABLE, PART, PENDING, POSE, SIGHTINGS, WHOLE, WORK
+from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, parts_step, plain_step
 from .arrays import as_rows
 from .forest import INDEFINITE_J, NO_COVARIANCE, NOBODY, Forest
 from .maps import add_map, joint_map
+from .parts import NO_ROWS, Parts, Rows
 from .valleys import settled
 
 CAP, REACH, PATIENCE = 48, 2.0, 15.0
@@ -97,6 +101,8 @@ class Smoother:
         self._given = prior.map is not None and len(prior.map.ids) > 0
         if prior.map is not None:
             self._variable = add_map(forest, prior.map)
+        self._parts = Parts(forest, prior, self._variable, self._start, self._hold)
+        self._touched = list[int]()  # poses with sightings of landmarks that this step starts
 
     def step(self, step: Step) -> Pose:
         """Propagates by the motion; where anything is sighted, or a loop closed, the pose becomes a variable."""
@@ -111,11 +117,15 @@ class Smoother:
         if looks:
             self._seen = as_rows(sightings, self._seen)
         found = [self._variable.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]
-        touched = self._name(k, sightings, found) if NO_VARIABLE in found else []
+        touched, rows = self._name(k, sightings, found) if NO_VARIABLE in found else [], NO_ROWS
+        if step.partial is not NO_PARTIAL or step.fixes is not NO_FIXES or self._parts.rows:
+            rows = self._partly(k, step, touched)
+            looks = looks or len(rows.parts) > 0
+            found = [self._variable.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]  # these may have started some
         if k == 0 or closes or touched:
-            self._any_step(step, np.array(found, np.int64), touched)
+            self._any_step(step, np.array(found, np.int64), rows, touched)
         else:
-            self._plain_step(np.array(found, np.int64))
+            self._plain_step(np.array(found, np.int64), rows)
         self._steps += 1
         self._since += 1
         if (looks or closes) and self._due():
@@ -174,8 +184,9 @@ class Smoother:
         path, values = estimate.path, estimate.values
         if not (np.isfinite(path).all() and np.isfinite(values).all()):
             raise Diverged("the optimum is not finite")
-        landmarks = self._newcomers.added_to(self._map(values), path)
-        return Solution(path, landmarks, forest.pose_covariances(), converged)
+        landmarks = self._newcomers.added_to(self._parts.added_to(self._map(values), path), path)
+        constant = self._parts.constant(values, landmarks.ids)
+        return Solution(path, landmarks, forest.pose_covariances(), converged, constant=constant)
 
     def joint(self, landmarks: list[int]) -> Array:
         """The joint covariance of landmarks with these ids and the last pose that is a variable."""
@@ -195,26 +206,33 @@ class Smoother:
         """The relinearize threshold (m, rad), lower where landmarks are near."""
         return min(self._options.relinearize_threshold, self._forest.g.settings[CLOSEST] / SMALL)
 
-    def _plain_step(self, landmarks: Ints) -> None:
+    def _plain_step(self, landmarks: Ints, rows: Rows) -> None:
         """A step that sees landmarks on the map and new ones only."""
-        forest = self._forest
+        forest, n = self._forest, len(landmarks) + 2 * len(rows.parts)
         ended, newest = FULL_ARRAYS, self._newest
         while ended == FULL_ARRAYS:
-            ended, newest = plain_step(
-                forest.g.address, self._newest, CAP, self._motion, landmarks, self._seen, forest.pose, forest.cov
-            )
+            if len(rows.parts):
+                ended, newest = parts_step(
+                    forest.g.address, self._newest, CAP, self._motion, landmarks, self._seen, *rows,
+                    forest.pose, forest.cov,
+                )  # fmt: skip
+            else:
+                ended, newest = plain_step(
+                    forest.g.address, self._newest, CAP, self._motion, landmarks, self._seen, forest.pose, forest.cov
+                )
             if ended == FULL_ARRAYS:
-                forest.room(1, 1, len(landmarks), 1, len(landmarks))
+                forest.room(1, 1, n, 1, n)
         self._newest = newest
         if ended == OUTSIDE:
-            self._reorganise(landmarks, NOBODY)
+            self._reorganise(NOBODY)
         elif ended == INDEFINITE:
             raise Diverged(INDEFINITE_J)
 
-    def _any_step(self, step: Step, landmarks: Ints, touched: list[int]) -> None:
+    def _any_step(self, step: Step, landmarks: Ints, rows: Rows, touched: list[int]) -> None:
         """The first step, or one with factors of earlier poses: loops, or sightings that were held back."""
         forest, k, loops = self._forest, self._steps, len(step.loops.to)
-        forest.room(1, 1 + loops, len(landmarks), 2 + 3 * loops, len(landmarks))
+        n = len(landmarks) + 2 * len(rows.parts)
+        forest.room(1, 1 + loops, n, 2 + 3 * loops, n)
         g = forest.g
         if k > 0:
             _log.move(g, self._motion, forest.pose, forest.cov)
@@ -225,16 +243,17 @@ class Smoother:
             if not _log.add_loop(g, a, self._newest, np.array(delta), np.array(cov)):
                 raise Diverged(NO_COVARIANCE)
         _log.add_sightings_of(g, self._newest, landmarks, self._seen)
+        if len(rows.parts):
+            _log.add_parts_of(g, self._newest, *rows)
         if k == 0 and not self._given:
             forest.start()
         else:
-            self._reorganise(landmarks, np.array(touched, np.int64), everything=k == 0)
+            self._reorganise(np.array(touched, np.int64), everything=k == 0)
 
-    def _reorganise(self, landmarks: Ints, touched: Ints, *, everything: bool = False) -> None:
-        """Makes the newest pose, the `landmarks` it sees and others around them the root."""
+    def _reorganise(self, touched: Ints, *, everything: bool = False) -> None:
+        """Makes the newest pose, the landmarks it sees and others around them the root."""
         forest, g = self._forest, self._forest.g
-        seen = landmarks[landmarks >= 0]
-        seen = seen[g.variables[seen, WIDTH] == 2]
+        seen = _opening.sighted(g, self._newest)
         wanted = _opening.about(g, self._newest, REACH * g.settings[FURTHEST], 3 * CAP // 4, seen)
         everything = everything or bool(g.state[WORK] > PATIENCE * g.state[FULL] + LEAST)
         forest.reorganise(self._newest, wanted, touched, everything=everything)
@@ -260,13 +279,8 @@ class Smoother:
 
         Returns the poses other than the root's from which these were sighted before.
         """
-        self._forest.room(0, len(found), 0, 0, 0)
-        g, touched = self._forest.g, list[int]()
-        x, y, heading = self._forest.pose.tolist()
-        if k > 0:
-            (dx, dy, turn), c, s = self._motion[0].tolist(), math.cos(heading), math.sin(heading)
-            x, y, heading = x + c * dx - s * dy, y + s * dx + c * dy, heading + turn
-        row, last = int(g.state[SIGHTINGS]), int(g.state[LAST])
+        row = int(self._forest.g.state[SIGHTINGS])
+        x, y, heading = self._ahead(k)
         for i, landmark in enumerate(sightings.ids.tolist()):
             if found[i] >= 0:
                 continue
@@ -275,12 +289,44 @@ class Smoother:
                 continue
             r, bearing = self._seen[i, :2].tolist()
             r, angle = max(r, NEAREST), heading + bearing
-            found[i] = _log.add_variable(g, 2, x + r * math.cos(angle), y + r * math.sin(angle), 0.0)
-            self._variable[landmark] = found[i]
-            for before in self._held.pop(landmark, ()):
-                g.sightings[before, LANDMARK] = found[i]
-                touched.append(int(g.sightings[before, POSE]))
-        return [pose for pose in touched if pose != last]
+            self._start(landmark, x + r * math.cos(angle), y + r * math.sin(angle))
+            found[i] = self._variable[landmark]
+        touched, self._touched = self._touched, []
+        return touched
+
+    def _partly(self, k: int, step: Step, touched: list[int]) -> Rows:
+        """The rows of a step's partial sightings and fixes; poses with those that were held back go to `touched`."""
+        self._parts.add(k, step, self._poses)
+        touched += self._touched
+        self._touched = []
+        return self._parts.taken()
+
+    def _start(self, landmark: int, x: float, y: float) -> None:
+        """Puts a landmark on the map, with its sightings that were held back."""
+        self._forest.room(0, 1, 0, 0, 0)
+        self._variable[landmark] = _log.add_variable(self._forest.g, 2, x, y, 0.0)
+        held = self._held.pop(landmark, [])
+        self._parts.release(landmark, held)
+        g = self._forest.g
+        last, rows = int(g.state[LAST]), g.sightings[[row for row in held if row < g.state[SIGHTINGS]]]
+        self._touched += rows[(rows[:, POSE] != last) | (rows[:, PART] != WHOLE), POSE].tolist()
+
+    def _hold(self, landmark: int, row: int) -> None:
+        self._held[landmark].append(row)
+
+    def _ahead(self, k: int) -> tuple[float, float, float]:
+        """The pose of step `k`, the next one, by its motion alone."""
+        x, y, heading = self._forest.pose.tolist()
+        if k > 0:
+            (dx, dy, turn), c, s = self._motion[0].tolist(), math.cos(heading), math.sin(heading)
+            x, y, heading = x + c * dx - s * dy, y + s * dx + c * dy, heading + turn
+        return x, y, heading
+
+    def _poses(self, steps: Sequence[int]) -> Array:
+        """(n, 3) the poses of n steps so far, the next one included, at the present estimate."""
+        k = self._steps
+        path = self._forest.estimate().path if k else np.zeros((0, 3))
+        return np.concatenate((path, [self._ahead(k)]))[list(steps)]
 
     def _landmarks(self) -> tuple[Ints, Ints]:
         """The ids of all landmarks and their variables."""
@@ -299,4 +345,12 @@ def _checked(variable: int) -> int:
     return variable
 
 
-build = Builder(Smoother, options=Options, loops=True, minimises=without_loss, implementation=COMPILED_HERE)
+build = Builder(
+    Smoother,
+    options=Options,
+    loops=True,
+    partial=True,
+    fixes=True,
+    minimises=without_loss,
+    implementation=COMPILED_HERE,
+)

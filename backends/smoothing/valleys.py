@@ -14,11 +14,12 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.se2 import Array
 from ..api import Diverged
 from . import _cost, _offsets, _relinearise
-from ._graph import FIX, LANDMARK, NEAR_SDS, PART, POINT, POSE, SIGHTINGS, STEPS, Graph
+from ._graph import LANDMARK, NEAR_SDS, PART, POINT, POSE, PRIOR, SIGHTINGS, STEPS, WHOLE, Graph
 from .forest import FIRST_DAMPING, STILL, TENFOLD, Estimate, Forest
 
 CLOSE, NOTHING = 1e-6, 1e-12
@@ -91,15 +92,16 @@ def descend(forest: Forest, iterations: int) -> bool:
 def at_corner(g: Graph) -> bool:
     """Tells if a sighting is of a landmark at the robot's own place."""
     seen = g.sightings[: g.state[SIGHTINGS]]
-    seen = seen[(seen[:, LANDMARK] >= 0) & (seen[:, PART] > FIX)]
+    seen = seen[(seen[:, LANDMARK] >= 0) & (seen[:, PART] > PRIOR)]
     off = g.values[seen[:, LANDMARK], :2] - g.values[seen[:, POSE], :2]
     return bool((np.abs(off).max(axis=1, initial=0.0) < STILL).any())
 
 
 def near(g: Graph) -> bool:
     """Tells if a whole sighting is from no further than NEAR_SDS standard deviations of its range."""
-    seen = g.seen[: g.state[SIGHTINGS]]
-    return bool(((seen[:, 0] ** 2 * seen[:, 2] < NEAR_SDS**2) & (seen[:, 2] > 0) & (seen[:, 4] > 0)).any())
+    s = g.state[SIGHTINGS]
+    seen = g.seen[:s][g.sightings[:s, PART] == WHOLE]
+    return bool((seen[:, 0] ** 2 * seen[:, 2] < NEAR_SDS**2).any())
 
 
 def freed(forest: Forest, fit: Callable[[], object]) -> bool:
@@ -107,8 +109,9 @@ def freed(forest: Forest, fit: Callable[[], object]) -> bool:
 
     `fit` moves the forest's linearisation points, from an elimination at them.
     """
-    stated = forest.g.seen[: forest.g.state[SIGHTINGS]].copy()
-    return max([_fitted_again(forest, fit, (softened(stated, times), stated)) for times in SOFTENED])
+    s = forest.g.state[SIGHTINGS]
+    stated, whole = forest.g.seen[:s].copy(), forest.g.sightings[:s, PART] == WHOLE
+    return max([_fitted_again(forest, fit, (softened(stated, whole, times), stated)) for times in SOFTENED])
 
 
 def _fitted_again(forest: Forest, fit: Callable[[], object], seen: Sequence[Array]) -> bool:
@@ -129,10 +132,9 @@ def _fitted_again(forest: Forest, fit: Callable[[], object], seen: Sequence[Arra
     return False
 
 
-def softened(seen: Array, times: float) -> Array:
-    """Rows of `seen` (n, 5) whose bearings are no better across than so many times the ranges along."""
+def softened(seen: Array, whole: NDArray[np.bool], times: float) -> Array:
+    """Rows of `seen` (n, 5) whose bearings, of `whole` sightings, are no better across than so many ranges along."""
     out = seen.copy()
-    whole = np.flatnonzero((seen[:, 2] > 0) & (seen[:, 4] > 0))
     r, rr, rb, bb = seen[whole][:, (0, 2, 3, 4)].T
     determinant = rr * bb - rb * rb
     along, both, across = bb / determinant, -rb / determinant, rr / determinant

@@ -10,7 +10,8 @@ import pytest
 from driven import final
 from random_logs import random_log
 from slamduel.backends.api import Constant, Solution
-from slamduel.backends.graphs.gtsam_parts import HEADING, Seen, fix_factors, part_factor
+from slamduel.backends.graphs.gtsam_parts import HEADING, fix_factors, part_factor
+from slamduel.backends.late_places import Seen
 from slamduel.bench.measure.misfit import lowest_near, misfit, partial_misfits
 from slamduel.core.factors import Log, Systematic
 from slamduel.core.fixes import Fixes, FixTable, residual
@@ -73,10 +74,13 @@ def total(log: Log, found: Solution) -> float:
     return fit.total
 
 
-@pytest.mark.parametrize("start", ["auto", "odometry", "incremental"])
-def test_both_halves_of_each_sighting_give_what_the_whole_ones_do(start: str) -> None:
+@pytest.mark.parametrize(
+    ("backend", "options"),
+    [*(("graph", {"start": start}) for start in ("auto", "odometry", "incremental")), ("smoother", {})],
+)
+def test_both_halves_of_each_sighting_give_what_the_whole_ones_do(backend: str, options: dict[str, Any]) -> None:
     log, _ = drive(1)
-    whole, parts = final("graph", log), final("graph", halves(log), start=start)
+    whole, parts = final("graph", log), final(backend, halves(log), **options)
     assert off(parts.path, whole.path) < 1e-6
     assert total(halves(log), parts) == pytest.approx(total(log, whole), rel=1e-9)
     assert whole.cov is not None
@@ -132,9 +136,10 @@ def test_constant_errors_that_are_not_given_are_those_of_least_j(systematic: Sys
         ("isam2", {"relinearize_threshold": 1e-4, "relinearize_skip": 1}),
         ("graph", {"solver": "gtsam"}),
         ("graph", {"solver": "gtsam", "start": "incremental"}),
+        ("smoother", {}),
     ],
 )
-def test_gtsam_finds_the_same(backend: str, options: dict[str, Any], systematic: Systematic) -> None:
+def test_the_others_find_the_same(backend: str, options: dict[str, Any], systematic: Systematic) -> None:
     _, log = drive(2, systematic)
     mine, other = final("graph", log), final(backend, log, **options)
     assert off(mine.path, other.path) < SAME_MODEL
@@ -165,7 +170,7 @@ def test_a_landmark_with_a_single_range_or_bearing_is_on_the_map() -> None:
     first = np.flatnonzero((parts.partial.ids == one) & (parts.partial.kind == BEARING))[0]
     kept = parts.partial.rows((parts.partial.ids != one) | (np.arange(len(parts.partial)) == first))
     single = replace(parts, partial=kept)
-    for backend in ("graph", "isam2"):
+    for backend in ("graph", "isam2", "smoother"):
         found = final(backend, single)
         assert one in found.map.ids
         terms = partial_misfits(single, found.path, found.map, found.constant)

@@ -1,0 +1,58 @@
+"""The constant errors of sensors as a smoother's variables: scale and offset of ranges, and a heading's offset."""
+
+import numpy as np
+
+from ...core.factors import Systematic
+from ...core.se2 import Array, Ints
+from ..api import Constant
+from . import _log
+from ._graph import ALONE, NO_VARIABLE, PRIOR
+from .forest import Forest
+
+HELD = 1e-9
+"""Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""
+
+EVERY, HEADING = -1, -2
+"""Names of the errors that all landmarks' ranges have, and of a heading's; others are those of a landmark's id."""
+
+Row = tuple[int, int, tuple[float, float, float, float, float]]
+"""Landmark and part, of a forest's `sightings`, and its row of `seen`."""
+
+
+class ConstantVariables:
+    """Creates them at their first factor, each with its prior as another row of that step."""
+
+    def __init__(self, forest: Forest, sds: Systematic) -> None:
+        self._forest, self._sds = forest, sds
+        self._ranges = sds.range_scale > 0 or sds.range_offset > 0
+        self._variable: dict[int, int] = {}
+
+    def of_range(self, landmark: int, rows: list[Row]) -> int:
+        """The variable of the errors of ranges to a landmark, ALONE without any; its prior is added to `rows`."""
+        if not self._ranges:
+            return ALONE
+        sds = self._sds.range_scale or HELD, self._sds.range_offset or HELD
+        return self._found(landmark if self._sds.each else EVERY, sds, rows)
+
+    def of_heading(self, rows: list[Row]) -> int:
+        """The variable of a heading's error, held fixed at zero without any; its prior is added to `rows`."""
+        return self._found(HEADING, (self._sds.heading_offset, 1.0), rows)
+
+    def read(self, values: Array, landmarks: Ints) -> Constant | None:
+        """The errors of these landmarks' ranges and of headings, at `values` (v, 3); None without any."""
+        if not self._ranges and not self._sds.heading_offset > 0:
+            return None
+        names = landmarks.tolist() if self._sds.each else [EVERY]
+        pairs = np.array([values[self._variable[i], :2] if i in self._variable else (0.0, 0.0) for i in names])
+        turn = values[self._variable[HEADING], 0] if HEADING in self._variable else 0.0
+        scale, offset = pairs.reshape(-1, 2).T
+        return Constant(scale, offset, float(turn))
+
+    def _found(self, name: int, sds: tuple[float, float], rows: list[Row]) -> int:
+        found = self._variable.get(name, NO_VARIABLE)
+        if found == NO_VARIABLE:
+            self._forest.room(0, 1, 0, 0, 0)
+            found = self._variable[name] = _log.add_variable(self._forest.g, 2 if sds[0] > 0 else 0, 0.0, 0.0, 0.0)
+            if sds[0] > 0:
+                rows.append((found, PRIOR, (0.0, 0.0, sds[0] ** -2, 0.0, sds[1] ** -2)))
+        return found
