@@ -97,7 +97,7 @@ def _constant(log: Log, truth: Truth | None, fit: tuple[Array, Map] | None, *, t
         after = _Off.of(right, truth)
         if not any(one.explained(as_it_was, kinds) for one, as_it_was in zip(after, before, strict=True)):
             return None
-        if not _the_sensor_s(system, found.errors, matter):
+        if _of_truth_s_clock(found, matter) or not _the_sensor_s(system, found.errors, matter):
             return None
     if fit is not None and places is not None and not _places_tell(log, fit[1], places, found.errors, matter):
         return None
@@ -171,6 +171,14 @@ def _mattering(log: Log, found: SystematicFit, of: Weight) -> Iterator[str]:
         if size >= AS_LARGE:
             most = max(own.values())
             yield from (name for name, one in own.items() if one >= min(AS_LARGE, most))
+
+
+def _of_truth_s_clock(found: SystematicFit, matter: Sequence[str]) -> bool:
+    """True where sensor and odometry are late alike by the true path: then its clock is off."""
+    if "delay" not in matter or not {"delay", "lag"} <= set(found.certain):
+        return False
+    delay, lag = found.estimates["delay"], found.estimates["lag"]
+    return abs(delay.value - lag.value) < (delay.high - delay.low + lag.high - lag.low) / 2
 
 
 def _the_sensor_s(system: System, errors: Systematic, matter: Sequence[str]) -> bool:
