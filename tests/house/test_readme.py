@@ -199,7 +199,7 @@ def test_the_rovers_map_is_better_with_the_errors_that_its_log_tells(
     said = re.findall(r"^The (?:sensor sits|odometry turns).*$", printed, re.MULTILINE)
     assert [one.partition(" ± ")[0] for one in said] == re.findall(r"^ {4}(The .*?) ± ", page, re.MULTILINE)
     log, truth = load("stated/")
-    assert run(log, "graph", truth=truth).cells[0]["final_map_rmse_m"] == pytest.approx(0.0232, abs=1e-3)
+    assert run(log, "graph", truth=truth).cells[0]["final_map_rmse_m"] == pytest.approx(0.0188, abs=1e-3)
 
 
 @pytest.mark.slow

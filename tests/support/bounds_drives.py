@@ -10,6 +10,7 @@ import entered
 if __name__ == "__main__":
     entered.note()
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 import depth_clouds as room
 import index_checks
 import slamduel
+from beacon_drives import drive as beacons
 from dense_delayed import with_loops
 from random_logs import random_log
 from slamduel.backends import registry
@@ -24,6 +26,7 @@ from slamduel.backends.gaussian import compressed
 from slamduel.backends.locating.locating import begin
 from slamduel.bench.noise.measured import measured
 from slamduel.core.factors import Log
+from slamduel.core.partial import BEARING, RANGE
 from slamduel.datasets.depth.registering import Registration
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.frontend.depth.settings import Settings
@@ -85,6 +88,15 @@ def random_drives() -> None:
                 drive(name, made.log, **options)
                 if registry.find(name).loops:
                     drive(name, loops, **options)
+
+
+def parts() -> None:
+    """Ranges or bearings alone, constant errors, positions and headings."""
+    ways: list[dict[str, Any]] = [{"scale_sd": 0.1, "fix_every": 9, "compass": True}, {"kinds": (BEARING, RANGE)}]
+    for name, several in BACKENDS.items():
+        for options, way in product(several, ways):
+            if registry.find(name).partial:
+                drive(name, beacons(1, steps=80, **way).log, **options)
 
 
 def association() -> None:
@@ -151,6 +163,6 @@ if __name__ == "__main__":
     index_checks.begin()
     compressed.MOST, compressed.KEPT = 15, 4  # a part so small that it is settled with the rest every few steps
     Settings.by_words = 2  # loop search by words from the third place on
-    for part in (random_drives, association, maps, front_ends, noise):
+    for part in (random_drives, parts, association, maps, front_ends, noise):
         part()
     print(*entered.never(), sep="\n")
