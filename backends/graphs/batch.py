@@ -78,6 +78,7 @@ class Batch:
         self._known: dict[int, Array] = {}  # places of landmarks to start at
         self.parts = Parts(log, forest)
         """Partial sightings and fixes."""
+        forest.room(0, n + len(ids), 0, 0, 0)  # these may have variables of their own
         for landmark, variable in self.variable.items():
             self.parts.named(forest, landmark, variable, 0)
         self._columns = self._columns._replace(
