@@ -22,8 +22,14 @@ class KnownLog(NamedTuple):
 
 
 def known_log(log: Log, truth: Truth | None) -> KnownLog | None:
-    """None where no true path with its headings is known, or not the place of a landmark that is sighted."""
+    """None where no true path with its headings is known, not what is sighted, or not the place of that."""
     if truth is None or truth.kind != "truth" or not len(truth.t) or not headings_known(log, truth):
+        return None
+    partial = log.partial
+    unknown = truth.assigned is None and (log.ids == UNKNOWN).any()
+    if partial is not None:
+        unknown |= truth.assigned_partial is None and (partial.ids == UNKNOWN).any()
+    if unknown:
         return None
     known = standing(truth) or Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
     given = log.prior.map

@@ -190,6 +190,9 @@ def facts_of(dataset: Dataset) -> LogFacts:
     arrays |= {} if truth.relations is not None else {"t": truth.t, "poses": truth.poses}
     if truth.map is not None:
         ids = log.ids if truth.assigned is None else truth.assigned
+        if log.partial is not None:
+            alone = log.partial.ids if truth.assigned_partial is None else truth.assigned_partial
+            ids = np.concatenate((ids, alone))
         arrays |= {"ids": truth.map.ids, "xy": truth.map.xy, "times": counted(ids, truth.map.ids)}
         arrays |= {} if truth.moving is None else {"moving": truth.moving}
     if truth.assigned is not None:

@@ -149,7 +149,10 @@ def test_no_bound_without_what_it_takes() -> None:
     assert bound(log, truth._replace(map=Map(PLACES.ids[1:], PLACES.xy[1:], None))) is None
     assert bound(replace(log, prior=log.prior._replace(start="unknown")), truth) is None
     assert bound(log, truth._replace(map=Map(np.arange(500), np.tile(PLACES.xy, (125, 1)), None))) is None
-    at_robot = PLACES.xy.copy()
     assert log.partial is not None
+    nameless = replace(log.partial, ids=np.where(log.partial.step == 3, UNKNOWN, log.partial.ids))
+    assert bound(replace(log, partial=nameless), truth) is None
+    assert bound(replace(log, partial=nameless), truth._replace(assigned_partial=log.partial.ids)) == bound(log, truth)
+    at_robot = PLACES.xy.copy()
     at_robot[log.partial.ids[0]] = made.path[0, :2]
     assert bound(log, truth._replace(map=Map(PLACES.ids, at_robot, None))) is None
