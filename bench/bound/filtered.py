@@ -193,7 +193,7 @@ def _update(P: Array, entries: Ints, J: Array, cov: Array) -> None:
     G = P[:, entries] @ J.T
     root = np.linalg.cholesky(J @ G[entries] + cov)
     A = solve_triangular(root, G.T, lower=True, check_finite=False)
-    P -= A.T @ A
+    P[...] -= A.T @ A
 
 
 def _lever(moved: Array) -> Array:

@@ -13,7 +13,7 @@ from ...core.truth.errors import rows_of, standing
 
 
 class KnownLog(NamedTuple):
-    """What is right of a log's factors, and the true state."""
+    """The right ones of a log's factors, and the true state."""
 
     log: Log  # without false loop closures, and without sightings of nothing, or of what moves
     path: Array  # (n, 3); where the truth is not known, along the odometry from where it is

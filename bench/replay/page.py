@@ -172,7 +172,9 @@ def _still(panel: dict[str, Any], last: int) -> dict[str, str]:
         "marks": "".join(_ring(*mark) for mark in marks.values()),
         "dots": "".join(_dot(mark[:2]) for mark in marks.values()),
         "rays": "".join(f"M{seen[0]} {seen[1]}L{seen[k]} {seen[k + 1]}" for k in range(2, len(seen), 2))
-        + "".join(_ring(*seen[:2], r, r, 0) for r in ([] if stopped or "rings" not in panel else panel["rings"][-1])),
+        + "".join(
+            _ring(seen[0], seen[1], r, r, 0) for r in ([] if stopped or "rings" not in panel else panel["rings"][-1])
+        ),
         "hits": "" if stopped or "hits" not in panel else _dots(panel["hits"][-1]),
         "belief": "" if stopped else _ring(u, v, *panel["belief"][-1]),
         "robot": _robot(u, v, degree, stopped=stopped),

@@ -12,6 +12,10 @@ from slamduel.core.se2 import Array, between, wrap
 STEP, VAGUE = 1e-6, 1e-9
 
 
+def _inverse(cov: Array) -> Array:
+    return np.asarray(np.linalg.inv(cov), np.float64)
+
+
 class DenseInformation:
     """Variables are the poses, the landmarks and the constant errors: scale, offset (of all ranges), heading."""
 
@@ -31,8 +35,8 @@ class DenseInformation:
                 J = self._jacobian(factor)
                 total += J.T @ weight @ J
             there = np.r_[: 3 * k + 3, 3 * self._n : size]
-            online[k] = np.linalg.inv(total[np.ix_(there, there)])[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
-        return online, np.linalg.inv(total)
+            online[k] = _inverse(total[np.ix_(there, there)])[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
+        return online, _inverse(total)
 
     def _jacobian(self, factor: Callable[[Array], Array]) -> Array:
         columns = []
@@ -55,27 +59,27 @@ class DenseInformation:
         """Yields each factor of step k as a function of all variables, and its weight."""
         log, step = self.log, self.log[k]
         if k == 0:
-            yield lambda x: self._pose(x, 0), np.linalg.inv(log.prior.cov)
+            yield lambda x: self._pose(x, 0), _inverse(log.prior.cov)
             sds = np.maximum(log.prior.systematic[:3], STEP)
             yield lambda x: x[-3:], np.diag(1 / sds**2)
             if log.prior.map is not None and log.prior.map.cov is not None:
                 first = 3 * self._n + 2 * np.array([self._row[i] for i in log.prior.map.ids.tolist()])
                 there = (first[:, None] + np.arange(2)).ravel()
-                yield lambda x: x[there], np.linalg.inv(log.prior.map.cov)
+                yield lambda x: x[there], _inverse(log.prior.map.cov)
         else:
-            yield lambda x: between(self._pose(x, k - 1), self._pose(x, k)), np.linalg.inv(log.delta_cov[k])
+            yield lambda x: between(self._pose(x, k - 1), self._pose(x, k)), _inverse(log.delta_cov[k])
         for landmark, cov in zip(step.sightings.ids.tolist(), step.sightings.cov, strict=True):
-            yield lambda x, i=landmark: self._seen(x, k, i), np.linalg.inv(cov)
+            yield lambda x, i=landmark: self._seen(x, k, i), _inverse(cov)
         for to, cov in zip(step.loops.to.tolist(), step.loops.cov, strict=True):
-            yield lambda x, i=to: between(self._pose(x, i), self._pose(x, k)), np.linalg.inv(cov)
+            yield lambda x, i=to: between(self._pose(x, i), self._pose(x, k)), _inverse(cov)
         for landmark, kind, var in zip(step.partial.ids.tolist(), step.partial.kind, step.partial.var, strict=True):
             if kind == RANGE:
-                yield lambda x, i=landmark: (1 + x[-3]) * self._seen(x, k, i)[:1] + x[-2], np.eye(1) / var
+                yield lambda x, i=landmark: (1 + x[-3]) * self._seen(x, k, i)[:1] + x[-2], np.eye(1) / float(var)
             else:
-                yield lambda x, i=landmark: self._seen(x, k, i)[1:], np.eye(1) / var
+                yield lambda x, i=landmark: self._seen(x, k, i)[1:], np.eye(1) / float(var)
         for z, cov, arm in zip(*step.fixes, strict=True):
             measured = ~np.isnan(z)
-            weight = np.linalg.inv(cov[np.ix_(measured, measured)])
+            weight = _inverse(cov[np.ix_(measured, measured)])
             yield lambda x, a=arm, on=measured: self._fix(x, k, a)[on], weight
 
     def _fix(self, x: Array, k: int, arm: Array) -> Array:

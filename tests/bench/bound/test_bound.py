@@ -86,9 +86,9 @@ def test_filter_and_smoother_are_the_dense_inverse(options: dict[str, Any]) -> N
 
 
 def test_loop_closures_whole_sightings_and_a_given_map_are_the_dense_inverse() -> None:
-    log = small_log(1)
+    log = small_log(1).identified()
     assert log.prior.map is not None
-    ids = np.unique(np.concatenate((log.ids[log.ids != UNKNOWN], log.prior.map.ids)))
+    ids = np.unique(np.concatenate((log.ids, log.prior.map.ids)))
     path = log.dead_reckoned()
     places = Map(ids, np.random.default_rng(3).normal(0, 4, (len(ids), 2)), None)
     known = known_log(log, Truth(log.t, path, places))
