@@ -23,7 +23,7 @@ VAGUE = 1e3
 
 
 class Filtered(NamedTuple):
-    """What an efficient filter has."""
+    """Covariances and variances of an efficient filter."""
 
     cov: Array  # (n, 3, 3) of the poses, each given the measurements so far
     online: Array  # (a,) variances of the sums over its online path
