@@ -69,11 +69,9 @@ def from_pose(path: Array, k: int, pose: Array) -> Array:
 
 
 def _solved(log: Log, solve: bool | None) -> tuple[Truth | None, str]:
-    if not len(log.loop_to) and not (log.ids != UNKNOWN).any():
-        parts = log.partial is not None or log.fixes is not None
-        why = "as parts alone correct no picture" if parts else "which nothing in the log corrects"
-        return None, f"dead reckoning, {why}"
-    size = len(log) + len(log.ids)
+    if not len(log.loop_to) and not (log.seen != UNKNOWN).any() and log.fixes is None:
+        return None, "dead reckoning, which nothing in the log corrects"
+    size = len(log) + log.sighted
     if solve is False or (solve is None and size > LARGEST):
         return None, "dead reckoning" + ("; --solve finds the batch optimum" if solve is None else "")
     truth = reference(log)

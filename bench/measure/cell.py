@@ -19,6 +19,7 @@ from ...backends.given import Given, given, refused
 from ...core.errors import SlamduelError
 from ...core.factors import UNKNOWN, Log, Truth
 from ...core.kernels import compiled
+from ..bound.bound import Bound
 from ..process.memory import Peak, limited
 from ..process.threads import one_thread
 from .cpu_time import repeated_cost
@@ -61,14 +62,20 @@ def generator(seed: int, backend: str) -> np.random.Generator:
 
 
 def run_on(
-    job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth | None], *, mistaken: bool = False
+    job: Job,
+    read_log: Callable[[], Log],
+    read_truth: Callable[[], Truth | None],
+    *,
+    mistaken: bool = False,
+    bound: Callable[[], Bound | None] = lambda: None,
 ) -> Result:
     """Runs the job; every way in which a backend can end, short of killing the process, becomes a status.
 
-    Of a log that is `mistaken`, what its measurements are off from the truth by is not taken for noise.
+    Of a log that is `mistaken`, what its measurements are off from the truth by is not taken for noise. `bound` gives
+    the least errors that the log allows.
     """
     with one_thread(), limited(job.memory_mb):
-        return _run(job, read_log, read_truth, mistaken=mistaken)
+        return _run(job, read_log, read_truth, bound, mistaken=mistaken)
 
 
 def rehearse(job: Job, log: Log) -> Result:
@@ -83,7 +90,14 @@ def rehearse(job: Job, log: Log) -> Result:
     return Result("done", "")
 
 
-def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth | None], *, mistaken: bool) -> Result:
+def _run(
+    job: Job,
+    read_log: Callable[[], Log],
+    read_truth: Callable[[], Truth | None],
+    bound: Callable[[], Bound | None],
+    *,
+    mistaken: bool,
+) -> Result:
     row: dict[str, Any] = {}
     peak, made, oracle = Peak(), compiled.made(), None
     draw = partial(generator, job.seed, job.backend)
@@ -124,7 +138,7 @@ def _run(job: Job, read_log: Callable[[], Log], read_truth: Callable[[], Truth |
     used = used._replace(loops=used.loops + outcome.left_out)
     minimises = builder.minimising(job.options)
     takes = {"sightings": builder.sightings, "loops": builder.loops}
-    judged = score(log, outcome, read_truth(), **takes, minimises=minimises, mistaken=mistaken)
+    judged = score(log, outcome, read_truth(), **takes, minimises=minimises, mistaken=mistaken, least=bound())
     return _scored(judged, outcome, used, row)
 
 

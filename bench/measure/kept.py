@@ -1,8 +1,13 @@
 """Chooses the arrays of an outcome that a record keeps."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from ...core.factors import Log
+from ...backends.api import Constant
+from ...backends.constant_errors import fitted, partial_residuals
+from ...core.factors import Log, Map
+from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ...core.small_matrices import upper
 from .drive import Outcome
@@ -49,4 +54,24 @@ def kept(log: Log, outcome: Outcome) -> dict[str, Array | Ints]:
     name = next(iter(joint), "")
     if name and len(joint[name]) <= 2 * JOINT_MOST:
         arrays[f"{name}_joint"] = upper(joint[name][None])[:, 0]
+    last = solution or outcome
+    path = outcome.online if solution is None else solution.path
+    if path is not None:
+        arrays |= _range_residuals(log, path, last.map, None if solution is None else solution.constant)
     return arrays
+
+
+def _range_residuals(log: Log, path: Array, landmarks: Map, constant: Constant | None) -> dict[str, Array | Ints]:
+    """Steps and residuals (k,), m, of the ranges alone to landmarks of a map, seen from a path; none without any.
+
+    A residual is measured less expected, constant errors taken out: those that fit best where they are not given.
+    """
+    if log.partial is None:
+        return {}
+    there = (log.partial.kind == RANGE) & np.isin(log.partial.ids, landmarks.ids)
+    log = replace(log, partial=log.partial.rows(there))
+    if log.partial is None:
+        return {}
+    with np.errstate(all="ignore"):  # the numbers of a backend may have any size
+        off = partial_residuals(log, path, landmarks, fitted(log, path, landmarks) if constant is None else constant)
+    return {} if off is None else {"range_step": log.partial.step, "range_off": -off}

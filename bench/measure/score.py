@@ -11,6 +11,7 @@ from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints
 from ...core.truth.doubts import headings_known, judges, never_turns, other_headings, other_ways
 from ...core.truth.errors import standing
+from ..bound.bound import Bound
 from .accuracy import Alignment, has_shape, map_accuracy, map_rmse, own_map_rmse, path_accuracy, stretches
 from .association import association_columns, by_true_ids, moved
 from .cpu_time import step_cost
@@ -73,10 +74,11 @@ def score(
     loops: bool = True,
     minimises: bool = False,
     mistaken: bool = False,
+    least: Bound | None = None,
 ) -> Score:
     """Scores the outcome of a backend that uses `sightings` and `loops`, or does not, and `minimises` J, or does not.
 
-    A `mistaken` log is one with a mistake, so that no noise is blamed.
+    A `mistaken` log is one with a mistake, so that no noise is blamed. `least` are the errors that the log allows.
 
     Online and final are never mixed; a value that does not exist is absent from the row.
     """
@@ -103,6 +105,7 @@ def score(
             for end in ends.values():
                 end.row.update({} if end.path is None else relation_columns(truth.relations, end.path))
     row |= {prefix + name: value for prefix, end in ends.items() for name, value in end.row.items()}
+    row |= _over_bound(row, least)
     remarks += _places(log, truth, ends, arrays)
     if truth is not None and exact:
         remarks += [MISTAKEN] if mistaken else misstated(log, truth, row, sightings=sightings)
@@ -235,6 +238,22 @@ def _measured_from(truth: Truth | None) -> dict[str, Any]:
     """The columns surveyed and reference; the latter is absent where that is the plain batch optimum."""
     surveyed = truth is not None and truth.kind == "reference" and truth.map is not None and truth.places == "truth"
     return {"surveyed": int(surveyed)} | ({"reference": truth.words} if truth is not None and truth.words else {})
+
+
+def _over_bound(row: dict[str, Any], least: Bound | None) -> dict[str, Any]:
+    """The bounds of errors, and how many times as large these are, of the paths that have any."""
+    if least is None:
+        return {}
+    found: dict[str, Any] = {}
+    for prefix, aligned, origin in (
+        ("", least.online, least.online_origin),
+        ("final_", least.final, least.final_origin),
+    ):
+        if f"{prefix}ate_m" in row:
+            found |= {f"{prefix}bound_m": aligned, f"{prefix}over_bound": row[f"{prefix}ate_m"] / aligned}
+        if f"{prefix}ate_origin_m" in row:
+            found[f"{prefix}bound_origin_m"] = origin
+    return found
 
 
 def _inner(log: Log, outcome: Outcome) -> dict[str, Any]:

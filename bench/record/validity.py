@@ -21,6 +21,7 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {
     **dict.fromkeys(("alignment", "final_alignment"), (3,)),
     "cov": ("n", 3, 3),
     "other_ns": (4,),
+    **dict.fromkeys(("range_step", "range_off"), ("r",)),
     "cost_terms": (4,),
     "map_ids": ("l",),
     "map_xy": ("l", 2),
@@ -31,7 +32,7 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {
     **dict.fromkeys(("assigned", "final_assigned"), ("s",)),
 }
 """The arrays of a cell: n steps, m of them with a known pose, s sightings, l landmarks of the online map, f of the
-final one."""
+final one, r ranges alone."""
 
 FACTS: Mapping[str, type | tuple[type, ...]] = {
     **dict.fromkeys(("environment", "folders", "options"), dict),

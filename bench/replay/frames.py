@@ -123,15 +123,9 @@ class _Canvas:
         seen = panel.sighted[frame]
         origin = plane.pixels(seen.origin).tolist()
         for end in plane.pixels(seen.ends):
-            cv2.line(
-                canvas,
-                origin,
-                end.tolist(),
-                tuple((value + 255) // 2 for value in self._colour),
-                1,
-                cv2.LINE_AA,
-                _SHIFT,
-            )
+            cv2.line(canvas, origin, end.tolist(), _paler(self._colour), 1, cv2.LINE_AA, _SHIFT)
+        for radius in np.rint(np.minimum(seen.rings * plane.scale, 20 * WIDTH) * (1 << _SHIFT)).astype(int).tolist():
+            cv2.circle(canvas, origin, radius, _paler(self._colour), 1, cv2.LINE_AA, _SHIFT)
         for hit in plane.pixels(panel.hits[frame]) if panel.hits else ():
             cv2.circle(canvas, hit.tolist(), 1 << _SHIFT, self._colour, -1, cv2.LINE_AA, _SHIFT)
         self._ellipse(canvas, plane.pixels(panel.pose[frame, :2]), panel.ellipse[frame], 2)
@@ -161,6 +155,10 @@ class _Canvas:
         axes = np.maximum(np.rint(half * (1 << _SHIFT)), 1).astype(int).tolist()
         turned = -float(np.degrees(shape[2]))
         cv2.ellipse(canvas, centre.tolist(), axes, turned, 0, 360, self._colour, width, cv2.LINE_AA, _SHIFT)
+
+
+def _paler(colour: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple((value + 255) // 2 for value in colour)
 
 
 def _name(strip: Any, panel: Panel) -> None:

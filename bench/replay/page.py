@@ -70,6 +70,8 @@ def _pairs(view: View, xy: Array) -> list[Any]:
 def _panel(view: View, panel: Panel) -> dict[str, Any]:
     pose = _pairs(view, panel.pose[:, :2])
     degrees = np.rint(-np.degrees(panel.pose[:, 2])).astype(int).tolist()
+    units = UNITS / (view.high[0] - view.low[0])
+    rings = {"rings": [np.rint(s.rings * units).clip(0, 20 * UNITS).astype(int).tolist() for s in panel.sighted]}
     scanned = {"grids": [grid.frame for grid in panel.grids], "hits": [_pairs(view, hits) for hits in panel.hits]}
     return {
         "trail": _pairs(view, panel.trail),
@@ -79,6 +81,7 @@ def _panel(view: View, panel: Panel) -> dict[str, Any]:
         "maps": list(_changes(view, panel)),
         "said": [said(view, panel, k) for k in range(min(len(panel.pose) + 1, len(view.steps)))],
         **(scanned if view.cells is not None else {}),
+        **(rings if view.rings else {}),
     }
 
 
@@ -168,7 +171,10 @@ def _still(panel: dict[str, Any], last: int) -> dict[str, str]:
         "trail": _line(panel["trail"]),
         "marks": "".join(_ring(*mark) for mark in marks.values()),
         "dots": "".join(_dot(mark[:2]) for mark in marks.values()),
-        "rays": "".join(f"M{seen[0]} {seen[1]}L{seen[k]} {seen[k + 1]}" for k in range(2, len(seen), 2)),
+        "rays": "".join(f"M{seen[0]} {seen[1]}L{seen[k]} {seen[k + 1]}" for k in range(2, len(seen), 2))
+        + "".join(
+            _ring(seen[0], seen[1], r, r, 0) for r in ([] if stopped or "rings" not in panel else panel["rings"][-1])
+        ),
         "hits": "" if stopped or "hits" not in panel else _dots(panel["hits"][-1]),
         "belief": "" if stopped else _ring(u, v, *panel["belief"][-1]),
         "robot": _robot(u, v, degree, stopped=stopped),

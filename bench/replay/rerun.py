@@ -87,6 +87,7 @@ def _log(rr: Any, recording: Any, panel: Panel, name: str, frame: int, until: in
     rings = [_ring(centre, shape) for centre, shape in zip(centres, shapes, strict=True) if np.isfinite(shape).all()]
     recording.log(f"{name}/ellipses", rr.LineStrips2D(rings, colors=colour))
     rays = [_turned(np.stack((seen.origin, end))) for end in seen.ends]
+    rays += [_ring(seen.origin, np.array((r, r, 0.0))) for r in seen.rings]
     recording.log(f"{name}/sightings", rr.LineStrips2D(rays, colors=(*colour, 120)))
     for what, values in (("error", panel.error), ("nees", panel.nees), ("step", panel.step_us)):
         if np.isfinite(values[frame]):

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, act
 from ..measure.nees import nees
 from ..measure.times import numbered
@@ -24,7 +25,8 @@ class Sighted(NamedTuple):
     """The newest sightings since the frame before, from the backend's pose then."""
 
     origin: Array  # (2,)
-    ends: Array  # (k, 2)
+    ends: Array  # (k, 2), of a bearing alone beyond the plane
+    rings: Array  # (j,) m, the ranges alone: as measured
 
 
 class Panel(NamedTuple):
@@ -62,6 +64,7 @@ class View(NamedTuple):
     reckoned: Array  # (q, 2)
     panels: Sequence[Panel]
     cells: Raster | None  # of the grids, None without laser scans
+    rings: bool  # the log has ranges alone
 
 
 def view(replay: Replay) -> View:
@@ -90,8 +93,9 @@ def view(replay: Replay) -> View:
         robot=poses[replay.frames],
         places=places,
         reckoned=replay.reckoned[trail][:, :2],
-        panels=[_panel(replay, part, poses, trail, cells) for part in replay.parts],
+        panels=[_panel(replay, part, poses, trail, cells, float(np.hypot(*(high - low)))) for part in replay.parts],
         cells=cells,
+        rings=log.partial is not None and bool((log.partial.kind == RANGE).any()),
     )
 
 
@@ -131,7 +135,8 @@ def when(view: View, frame: int) -> str:
     return f"{view.t[frame]:,.1f} s  ·  {step}" if view.timed else step
 
 
-def _panel(replay: Replay, part: Part, poses: Array, trail: Ints, cells: Raster | None) -> Panel:
+def _panel(replay: Replay, part: Part, poses: Array, trail: Ints, cells: Raster | None, across: float) -> Panel:
+    """A part's panel, of a plane that is `across` m from corner to corner."""
     course, log = part.course, replay.log.log
     scans = log.scans if len(course.maps) else None
     frames = replay.frames[: len(course.maps)]
@@ -149,7 +154,7 @@ def _panel(replay: Replay, part: Part, poses: Array, trail: Ints, cells: Raster 
         pose=path,
         ellipse=ellipses(cov[:, :2, :2]),
         maps=course.maps,
-        sighted=[_sighted(replay, course.path, k) for k in range(len(frames))],
+        sighted=[_sighted(replay, course.path, k, across) for k in range(len(frames))],
         error=np.hypot(*(path - true)[:, :2].T),
         nees=consistency,
         step_us=part.step_us[frames] if len(part.step_us) == len(log) else np.full(len(frames), np.nan),
@@ -158,17 +163,24 @@ def _panel(replay: Replay, part: Part, poses: Array, trail: Ints, cells: Raster 
     )
 
 
-def _sighted(replay: Replay, path: Array, frame: int) -> Sighted:
+def _sighted(replay: Replay, path: Array, frame: int, far: float) -> Sighted:
+    """The newest sightings at the frame; bearings alone are rays of length `far`."""
     log, last = replay.log.log, int(replay.frames[frame])
     first = int(replay.frames[frame - 1]) + 1 if frame else 0
     rows = log.sighting_first
-    some = [k for k in range(last, first - 1, -1) if rows[k + 1] > rows[k]]
+    parts = rows if log.partial is None else log.partial.first
+    some = [k for k in range(last, first - 1, -1) if rows[k + 1] > rows[k] or parts[k + 1] > parts[k]]
     if not some:
-        return Sighted(path[last, :2], np.zeros((0, 2)))
+        return Sighted(path[last, :2], np.zeros((0, 2)), np.zeros(0))
     k = some[0]
     distance, bearing = log.z[rows[k] : rows[k + 1]].T
+    rings = np.zeros(0)
+    if log.partial is not None:
+        alone = log.partial.at(k)
+        rings, rays = alone.z[alone.kind == RANGE], alone.z[alone.kind != RANGE]
+        distance, bearing = np.append(distance, np.full(len(rays), far)), np.append(bearing, rays)
     ends = act(path[k], np.column_stack((distance * np.cos(bearing), distance * np.sin(bearing))))
-    return Sighted(path[k, :2], ends)
+    return Sighted(path[k, :2], ends, rings)
 
 
 def _box(replay: Replay, poses: Array, places: Array) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ FIGURES = {
     "error": ".accuracy_figures:errors",
     "heading": ".accuracy_figures:headings",
     "association": ".association_figure:taken",
+    "ranges": ".range_figure:residuals",
     "nees": ".belief_figures:nees",
     "nis": ".belief_figures:nis",
     "cost": ".cpu_figures:spread",

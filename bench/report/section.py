@@ -10,6 +10,7 @@ from ..drawing.figure import GROUPS, ReportFigure
 from ..drawing.table import Table
 from ..record.schema import Row
 from ..record.store import Store
+from ..verdict.bound_words import bound_sentence
 from ..verdict.cost_words import basis, meanwhile
 from ..verdict.implementations import sentence
 from ..verdict.summary import Line, lines, representative
@@ -44,6 +45,7 @@ class Section(NamedTuple):
     facts: str
     remarks: Sequence[str]  # what is legal in its logs yet odd
     accuracy: Table  # the small one that answers most questions
+    bound: str  # of the errors in it: the least that the logs allow
     pairs: Table  # every comparison behind the verdict
     details: list[Table]
     cost: Table  # of a step, and of the log
@@ -122,6 +124,7 @@ def _section(
         facts=_facts(found, shown),
         remarks=remarks,
         accuracy=accuracy_table(found),
+        bound=bound_sentence(found),
         pairs=pairs_table(ruling),
         details=details_tables(found),
         cost=cost_table(found),

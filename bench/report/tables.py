@@ -23,13 +23,15 @@ MAIN = (
 )  # fmt: skip
 ONLINE = (
     "relation_sd_m", "relation_max_m", "relation_sd_deg", "relation_max_deg",
-    "ate_origin_m", "ate_median_m", "heading_rad", "rpe_m", "rpe_10m_m", "rpe_100m_m", "rpe_1s_m", "rpe_10s_m",
+    "bound_m", "over_bound", "ate_origin_m", "bound_origin_m", "ate_median_m", "heading_rad", "rpe_m", "rpe_10m_m",
+    "rpe_100m_m", "rpe_1s_m", "rpe_10s_m",
     "rpe_rad", "nees_inside", "nis", "landmark_nees", "landmark_nees_inside", "landmarks", "landmarks_missed",
     "landmarks_spurious",
 )  # fmt: skip
 FINAL = (
     "final_relation_sd_m", "final_relation_max_m", "final_relation_sd_deg", "final_relation_max_deg",
-    "final_ate_origin_m", "final_ate_median_m", "final_heading_rad", "final_rpe_m", "final_rpe_10m_m",
+    "final_bound_m", "final_over_bound", "final_ate_origin_m", "final_bound_origin_m", "final_ate_median_m",
+    "final_heading_rad", "final_rpe_m", "final_rpe_10m_m",
     "final_rpe_100m_m", "final_rpe_1s_m", "final_rpe_10s_m", "final_rpe_rad", "final_nees", "final_nees_inside",
     "final_landmark_nees", "final_landmark_nees_inside", "final_landmarks_missed", "final_landmarks_spurious",
 )  # fmt: skip

@@ -13,6 +13,7 @@ from rich.padding import Padding
 from rich.table import Table
 
 from ..verdict.association import association_sentences
+from ..verdict.bound_words import bound_sentence
 from ..verdict.consistency import void
 from ..verdict.cost_words import basis, meanwhile, repeat_troubles
 from ..verdict.implementations import sentence
@@ -57,6 +58,7 @@ def conclude(console: Console, lines: Sequence[Line], remarks: Mapping[str, Sequ
         console.print(table)
         said = [
             *(_uses(verdict(mine)) if any(line.done for line in mine) else ()),
+            *(("bound", said) for said in (bound_sentence(mine),) if said),
             *(("ids", said) for said in association_sentences(mine)),
             *(("costs", said) for said in (sentence(mine), basis(mine), meanwhile(mine)) if said),
             *(("remark", said) for said in repeat_troubles(mine)),

@@ -84,6 +84,13 @@ CELLS = (
            "compiled meanwhile."),
     Column("timing_alone", "alone", kind.COUNT,
            "0: other cells ran at the same time, so times are marked * and less exact."),
+    Column("bound_m", "bound online", kind.BOUND_M,
+           "Cramer-Rao bound of ATE online: what an efficient filter has, whose covariance is the inverse of the "
+           "information of all factors up to each step, linearised at the true path and landmarks, with the noise as "
+           "stated and the true ids. Blank without a true path and places of all landmarks, and where the log has more "
+           "than some 400 of these."),
+    Column("final_bound_m", "bound final", kind.BOUND_M,
+           "Likewise of ATE final, by all factors: no unbiased estimator has less on average over logs."),
 )  # fmt: skip
 """The columns of cells.csv, in order; other tools read them, so new ones come last."""
 
@@ -306,6 +313,14 @@ METRICS = (
         )
     ),
     *MACHINE,
+    Column("over_bound", "over the bound", kind.NUMBER,
+           "ATE online over its Cramer-Rao bound. Below 1 by chance: the bound is of the mean over logs.",
+           "error of the path over its bound"),
+    Column("final_over_bound", "final over the bound", kind.NUMBER, "Likewise ATE final over its bound.",
+           "error of the final path over its bound"),
+    Column("bound_origin_m", "bound from the origin", kind.BOUND_M,
+           "As bound online, of ATE from the origin, which is not aligned."),
+    Column("final_bound_origin_m", "bound final from the origin", kind.BOUND_M, "Likewise, of ATE final."),
 )  # fmt: skip
 """The columns of metrics.csv after those that name the cell, in order."""
 

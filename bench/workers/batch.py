@@ -15,6 +15,7 @@ from ...core.truth.errors import counted
 from ...datasets import archive
 from ...datasets import registry as datasets
 from ...datasets.truth import digest
+from ..bound.bound import Bound, bound
 from ..contradiction.remark import remarked
 from ..measure import cell
 from ..measure.cell import Job, Result
@@ -93,6 +94,7 @@ class Logs:
 
     def __init__(self) -> None:
         self._kept: dict[tuple[Any, bool], tuple[Dataset, LogFacts]] = {}  # the one that was asked for last is last
+        self._bounds: dict[tuple[str, str], Bound | None] = {}  # by digests, likewise
 
     def forget_files(self) -> None:
         """Forgets logs made from files, which may have changed."""
@@ -111,6 +113,14 @@ class Logs:
         while len(self._kept) > LOGS_KEPT:
             del self._kept[next(iter(self._kept))]
         return found
+
+    def bound(self, dataset: Dataset, facts: LogFacts) -> Bound | None:
+        """The least errors that the log allows: computed once."""
+        if facts.digests not in self._bounds:
+            self._bounds[facts.digests] = bound(*dataset)
+        while len(self._bounds) > LOGS_KEPT:
+            del self._bounds[next(iter(self._bounds))]
+        return self._bounds[facts.digests]
 
 
 def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: None) -> Iterator[Finished]:
@@ -137,7 +147,13 @@ def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: 
         if batch.rehearsal:
             result = cell.rehearse(job, dataset.log)
         else:
-            result = cell.run_on(job, lambda: dataset.log, lambda: dataset.truth, mistaken=facts.mistaken)
+            result = cell.run_on(
+                job,
+                lambda: dataset.log,
+                lambda: dataset.truth,
+                mistaken=facts.mistaken,
+                bound=lambda: logs.bound(dataset, facts),
+            )
         if not batch.keep:
             result = replace(result, arrays={})
         yield Finished(batch, index, facts, result, time.perf_counter() - began, False, HOST)
@@ -174,6 +190,9 @@ def facts_of(dataset: Dataset) -> LogFacts:
     arrays |= {} if truth.relations is not None else {"t": truth.t, "poses": truth.poses}
     if truth.map is not None:
         ids = log.ids if truth.assigned is None else truth.assigned
+        if log.partial is not None:
+            alone = log.partial.ids if truth.assigned_partial is None else truth.assigned_partial
+            ids = np.concatenate((ids, alone))
         arrays |= {"ids": truth.map.ids, "xy": truth.map.xy, "times": counted(ids, truth.map.ids)}
         arrays |= {} if truth.moving is None else {"moving": truth.moving}
     if truth.assigned is not None:

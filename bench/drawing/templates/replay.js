@@ -77,6 +77,9 @@
       const stopped = frame > k, marks = panel.marks[k].filter(Boolean), seen = panel.seen[k], [x, y, degree] = panel.pose[k];
       let rays = "";
       for (let j = 2; j < seen.length && !stopped; j += 2) rays += "M" + seen[0] + " " + seen[1] + "L" + seen[j] + " " + seen[j + 1];
+{% if view.rings %}
+      for (const r of stopped ? [] : panel.rings[k]) rays += ring(seen[0], seen[1], r, r, 0);
+{% endif %}
       set("trail", panel.line(at));
       set("marks", marks.map((mark) => ring(...mark)).join(""));
       set("dots", marks.map((mark) => "M" + mark[0] + " " + mark[1] + "h0").join(""));

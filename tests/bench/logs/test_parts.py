@@ -61,10 +61,11 @@ def test_a_log_of_parts_alone_is_shown(tmp_path: Path, options: str, capsys: pyt
         assert "Bearings alone" in picture.read_text()
 
 
-def test_without_truth_it_is_drawn_by_dead_reckoning() -> None:
+def test_without_truth_it_is_drawn_by_the_batch_optimum() -> None:
     log = slamduel.load("circle[steps=100,ranges_only=1]").log
     found = slamduel.show(log)
-    assert "as parts alone correct no picture" in repr(found)
+    assert "the batch optimum" in repr(found)
+    assert "dead reckoning" in repr(slamduel.show(log, solve=False))
     assert "cannot be told from parts alone" in headline(found.numbers)
     blind = log.without_partial()
     assert NO_SIGHTING in remarks(Dataset(blind, None))

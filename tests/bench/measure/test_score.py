@@ -13,6 +13,7 @@ import pytest
 from csv_rows import csv_rows
 from random_logs import random_log
 from slamduel.backends.api import Solution
+from slamduel.bench.bound.bound import Bound
 from slamduel.bench.measure.accuracy import Alignment, aligned, ate
 from slamduel.bench.measure.drive import Outcome
 from slamduel.bench.measure.score import SHAPELESS, TRANSLATION_ONLY, score
@@ -89,6 +90,7 @@ def test_a_perfect_estimate_has_no_error_and_no_gap() -> None:
     few = {"growth_landmarks", "growth_landmarks_se"}  # all twelve landmarks are sighted early on
     few |= {column.name for column in MACHINE} | {"cpu_low_s", "cpu_high_s", "step_us_p50_low", "step_us_p50_high"}
     few |= {"log_name", "cluster"}  # of the plan
+    few |= {"over_bound", "final_over_bound", "bound_origin_m", "final_bound_origin_m"}  # of the log, which is not told
     assert {*MORE} - set(row) == untold | few
 
 
@@ -174,6 +176,20 @@ def test_what_goes_on_inside_is_told_where_it_is_known() -> None:
     assert row["refused_share"] == 4 / len(log.ids)
     assert row["j_online"] == row["cost_j"] == row["j_prior"] + row["j_odometry"] + row["j_sightings"]
     assert "j_final" not in row
+
+
+def test_errors_over_their_bounds() -> None:
+    log, truth, known = drive()
+    off = truth.poses + np.random.default_rng(0).normal(0, 0.1, truth.poses.shape)
+    least = Bound(0.05, 0.02, 0.5, 0.4)
+    row = score(log, outcome(off, known, Solution(truth.poses, known)), truth, least=least).row
+    assert (row["final_bound_m"], row["final_bound_origin_m"]) == (0.02, 0.4)
+    assert row["final_over_bound"] == row["final_ate_m"] / 0.02
+    online = score(log, outcome(off, known), truth, least=least).row
+    assert online["over_bound"] == online["ate_m"] / online["bound_m"] > 1
+    assert online["bound_origin_m"] == 0.5
+    assert "final_bound_m" not in online
+    assert "bound_m" not in score(log, outcome(off, known), truth).row
 
 
 def test_a_batch_method_has_no_pace() -> None:

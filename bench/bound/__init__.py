@@ -1,0 +1,1 @@
+"""The least error that a log allows: its Cramér-Rao bound."""

@@ -1,0 +1,158 @@
+"""The bound is what is found by hand, by a dense inverse, and by the errors of estimators that are efficient."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import slamduel
+from beacon_drives import BEACONS, Drive, drive
+from dense_information import DenseInformation
+from driven import aligned_error, final, run
+from slamduel.bench.bound.bound import bound
+from slamduel.bench.bound.filtered import filtered
+from slamduel.bench.bound.known_log import known_log
+from slamduel.core.factors import UNKNOWN, Log, Map, Prior, Systematic, Truth
+from slamduel.core.fixes import FixTable
+from slamduel.core.partial import BEARING, RANGE
+from slamduel.core.se2 import Array
+from small_log import small_log
+
+PLACES = Map(np.arange(len(BEACONS)), BEACONS, None)
+
+
+def truth_of(found: Drive) -> Truth:
+    return Truth(found.log.t, found.path, PLACES)
+
+
+def test_two_steps_by_hand() -> None:
+    """Of x and y alike: 4 m^2 at first, 1 more by the motion, and a position with 5."""
+    exact, nan = 1e-12, np.nan
+    fix = FixTable.from_arrays(2, np.array([1]), np.array([[1, 0, nan]]), np.diag([5, 5, nan])[None] + 0 * nan_off())
+    log = Log.from_arrays(
+        "two",
+        Prior(np.zeros(3), np.diag([4, 4, exact])),
+        np.arange(2.0),
+        np.array([[nan] * 3, [1, 0, 0]]),
+        np.tile(np.diag([1, 1, exact]), (2, 1, 1)),
+        *(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2))),
+        fixes=fix,
+    )
+    found = bound(log, Truth(log.t, np.array([[0, 0, 0], [1, 0, 0.0]])))
+    assert found is not None
+    # before: 4; then (5 + 5)^-1 of 5 is left: 2.5; the first is 4 - 4^2 / 10 = 2.4 by all, its covariance with the
+    # second 4 - 4 * 5 / 10 = 2; their mean's square is taken away by a shift
+    origin = (np.sqrt(2 * (4 + 2.5) / 2), np.sqrt(2 * (2.4 + 2.5) / 2))
+    shifted = (np.sqrt(2 * (6.5 - (6.5 + 4) / 2) / 2), np.sqrt(2 * (4.9 - (4.9 + 4) / 2) / 2))
+    assert found == pytest.approx((*shifted, *origin), rel=1e-6)
+
+
+def nan_off() -> Array:
+    """NaN in the rows and columns that are not measured."""
+    out = np.zeros((1, 3, 3))
+    out[:, 2], out[:, :, 2] = np.nan, np.nan
+    return out
+
+
+WITH_SCALE: dict[str, Any] = {"scale_sd": 0.05}
+KINDS: list[dict[str, Any]] = [
+    WITH_SCALE,
+    {"kinds": (BEARING,)},
+    {"kinds": (RANGE, BEARING), "fix_every": 7, "compass": True},
+]
+
+
+@pytest.mark.parametrize("options", KINDS, ids=("ranges", "bearings", "all"))
+def test_filter_and_smoother_are_the_dense_inverse(options: dict[str, Any]) -> None:
+    made = drive(0, steps=24, **options)
+    log, n = made.log, len(made.log)
+    if options is not WITH_SCALE:
+        log = replace(log, prior=log.prior._replace(systematic=Systematic(heading_offset=0.1)))
+    online, joint = DenseInformation(log, made.path, PLACES).covariances()
+    known = known_log(log, truth_of(made))
+    assert known is not None
+    weights = np.random.default_rng(0).normal(size=(2, n, 2))
+    found = filtered(known, weights)
+    assert found.cov == pytest.approx(online, rel=1e-4, abs=1e-9)
+    stacked = np.zeros((2, len(joint)))
+    for axis in (0, 1):
+        stacked[:, axis : 3 * n : 3] = weights[:, :, axis]
+    assert found.final == pytest.approx(np.einsum("ai,ij,aj->a", stacked, joint, stacked), rel=1e-4)
+    whole = bound(log, truth_of(made))
+    assert whole is not None
+    squares = np.diagonal(joint)[: 3 * n].reshape(n, 3)[:, :2].sum()
+    assert whole.final_origin == pytest.approx(np.sqrt(squares / n), rel=1e-6)
+
+
+def test_loop_closures_whole_sightings_and_a_given_map_are_the_dense_inverse() -> None:
+    log = small_log(1).identified()
+    assert log.prior.map is not None
+    ids = np.unique(np.concatenate((log.ids, log.prior.map.ids)))
+    path = log.dead_reckoned()
+    places = Map(ids, np.random.default_rng(3).normal(0, 4, (len(ids), 2)), None)
+    known = known_log(log, Truth(log.t, path, places))
+    assert known is not None
+    assert len(known.log.loop_to)
+    online, joint = DenseInformation(known.log, path, places).covariances()
+    assert filtered(known, np.zeros((0, len(log), 2))).cov == pytest.approx(online, rel=1e-5, abs=1e-9)
+    found = bound(log, Truth(log.t, path, places))
+    assert found is not None
+    squares = np.diagonal(joint)[: 3 * len(log)].reshape(-1, 3)[:, :2].sum()
+    assert found.final_origin == pytest.approx(np.sqrt(squares / len(log)), rel=1e-5)
+
+
+def test_an_optimum_over_seeds_has_the_bound() -> None:
+    """Means of squares over 60 logs, which hold to a tenth in the root."""
+    ratios = list[float]()
+    for seed in range(60):
+        made = drive(seed, steps=60, kinds=(RANGE, BEARING))
+        found = bound(made.log, truth_of(made))
+        assert found is not None
+        ratios.append(aligned_error(final("graph", made.log).path, made.path) / found.final)
+    assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.slow
+def test_a_filter_over_seeds_has_the_bound() -> None:
+    ratios = list[float]()
+    for seed in range(60):
+        made = slamduel.load("matlab-report", seed=seed)
+        found = bound(*made)
+        assert found is not None
+        assert made.truth is not None
+        ratios.append(aligned_error(run("ekf", made.log)[1], made.truth.poses) / found.online)
+    assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1, abs=0.15)
+
+
+def test_what_is_wrong_in_a_log_does_not_count() -> None:
+    made = slamduel.load("circle[steps=60]")
+    hidden = slamduel.load("circle[steps=60,ids=hidden]")
+    assert bound(*hidden) == pytest.approx(bound(*made), rel=1e-9)
+
+
+def test_a_gap_of_the_truth_is_filled_and_not_judged() -> None:
+    made = drive(1, steps=60)
+    whole, kept = truth_of(made), np.r_[:20, 30:60]
+    some, all_of_it = bound(made.log, whole._replace(t=whole.t[kept], poses=whole.poses[kept])), bound(made.log, whole)
+    assert some is not None
+    assert all_of_it is not None
+    assert some.final != all_of_it.final
+    assert some.final == pytest.approx(all_of_it.final, rel=0.2)
+
+
+def test_no_bound_without_what_it_takes() -> None:
+    made = drive(0, steps=20)
+    log, truth = made.log, truth_of(made)
+    assert bound(log, None) is None
+    assert bound(log, truth._replace(kind="reference")) is None
+    assert bound(log, truth._replace(map=Map(PLACES.ids[1:], PLACES.xy[1:], None))) is None
+    assert bound(replace(log, prior=log.prior._replace(start="unknown")), truth) is None
+    assert bound(log, truth._replace(map=Map(np.arange(500), np.tile(PLACES.xy, (125, 1)), None))) is None
+    assert log.partial is not None
+    nameless = replace(log.partial, ids=np.where(log.partial.step == 3, UNKNOWN, log.partial.ids))
+    assert bound(replace(log, partial=nameless), truth) is None
+    assert bound(replace(log, partial=nameless), truth._replace(assigned_partial=log.partial.ids)) == bound(log, truth)
+    at_robot = PLACES.xy.copy()
+    at_robot[log.partial.ids[0]] = made.path[0, :2]
+    assert bound(log, truth._replace(map=Map(PLACES.ids, at_robot, None))) is None
