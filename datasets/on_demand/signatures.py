@@ -4,9 +4,10 @@ Landmarks have signatures drawn evenly from 0 to 1, and a sighting measures its 
 *bits* are the mutual information I(S; Z) = h(Z) - h(Z | S) of a landmark's signature S and what is measured of it, Z
 (Cover and Thomas, Elements of Information Theory, 2nd ed. 2006, sections 8.5 and 8.6): h(Z | S) is the normal error's
 log2(sd sqrt(2 pi e)), and Z has the density F(z / sd) - F((z - 1) / sd), with F the normal distribution. Where the
-error is small, that is log2(1 / (sd sqrt(2 pi e))), less what is lost at both ends. As which landmark it is tells the
-signature and nothing else of it, no sighting's signature tells more than that of which of them it is: of many, 1 bit
-leaves half of them in question, 2 bits a quarter, in the mean of the logarithm. Without any bits, there are none.
+error is small, that is log2(1 / (sd sqrt(2 pi e))), and a little more from both ends. Which landmark it is acts on the
+measurement through the signature alone, so that a sighting's signature tells at most these bits of which one it is (the
+data processing inequality, section 2.8), and of many landmarks as many: 1 bit leaves as much in question as half of
+them would, all alike, 2 bits a quarter. Without any bits, there are no signatures.
 
 Errors are drawn from generators of their own: everything else of the log is the same, bit for bit, and those of other
 bits are the same in standard deviations.
