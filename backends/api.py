@@ -37,10 +37,10 @@ from ..core.signatures import Signatures
 
 __all__ = [
     "BEARING", "COMPILED_HERE", "GTSAM_WHEEL", "RANGE", "UNKNOWN", "Array", "Associates", "Backend", "Belief",
-    "Builder", "Constant", "Diverged", "Expected", "Expects", "Fixes", "Ints", "Map",
-    "NoOptions", "Odometry", "Partial", "Pose", "Prior", "RangeBearing", "RelativePoses", "Signatures", "Solution",
-    "Step", "Systematic", "TakenOut", "TakesOut", "Truth", "TruthWanted", "Unsuited", "WantsTruth", "act", "act_jacobians", "between", "compose",
-    "compose_jacobians", "option", "wrap",
+    "Builder", "Constant", "Diverged", "Expected", "Expects", "Fixes", "Ints", "Map", "NoOptions", "Odometry",
+    "Partial", "Pose", "Prior", "RangeBearing", "RelativePoses", "Signatures", "Solution", "Step", "Systematic",
+    "TakenOut", "TakesOut", "Truth", "TruthWanted", "Unsuited", "WantsTruth", "act", "act_jacobians", "between",
+    "compose", "compose_jacobians", "option", "wrap",
 ]  # fmt: skip
 
 COMPILED_HERE = "compiled here"
