@@ -96,10 +96,11 @@ class Associating:
         """The backend behind."""
         return self._inner
 
-    @property
-    def signatures(self) -> SignatureFilters | None:
-        """The landmarks' signatures, by the ids that the backend gets; None if sightings have none."""
-        return self._signatures
+    def signatures(self, landmarks: Ints) -> Array | None:
+        """(n, 2) mean and variance of the landmarks' signatures; None if sightings have none."""
+        if self._signatures is None:
+            return None
+        return self._signatures.of([self._made.get(landmark, landmark) for landmark in landmarks.tolist()])
 
     def belief(self) -> Belief | None:
         """The backend's, and the landmark that each sighting of the last step was taken for."""

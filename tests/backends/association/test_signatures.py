@@ -11,7 +11,8 @@ from scipy.stats import chi2
 
 from driven import run
 from lost_logs import ring, unnamed
-from slamduel.backends._rules import CHEAPEST, JOINT, NEAREST, NEW, OPEN, decide_frame
+from slamduel.backends._joint_compatibility import Frame, Gates
+from slamduel.backends._rules import CHEAPEST, JOINT, NEAREST, NEW, OPEN, decide, decide_frame
 from slamduel.backends.association.quantiles import gates, quantile
 from slamduel.backends.association.signatures import SignatureFilters
 from slamduel.bench.logs.difficulty import difficulty
@@ -104,12 +105,17 @@ def joint(seen: RangeBearing, expected: Array, cov: Array, signed: Array, pairs:
 
 @pytest.mark.parametrize("seed", range(30))
 def test_the_rules_weigh_three_rows_of_a_pair(seed: int) -> None:
-    """Every hypothesis is tried, by dense algebra; conditional gates aside, which no pair here reaches."""
+    """Every hypothesis is tried, by dense algebra; joint compatibility without its gates of conditional distances."""
     seen, expected, cov, signed = drawn(np.random.default_rng(seed))
     found = {
         rule: decide_frame(rule, seen.z, seen.cov, expected, cov, MATCH, GATES, FAR, 10**6, signed)[0]
-        for rule in (NEAREST, CHEAPEST, JOINT)
+        for rule in (NEAREST, CHEAPEST)
     }
+    noise = np.zeros((6, 6))
+    for i, R in enumerate(seen.cov):
+        noise[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = R
+    frame = Frame(seen.z, noise, expected, cov)
+    found[JOINT] = decide(JOINT, frame, np.zeros(3, np.int64), Gates(MATCH, np.inf, GATES, 10**6), FAR, signed)[0]
     d2 = np.array([[joint(seen, expected, cov, signed, [(i, a)]) for a in range(3)] for i in range(3)])
     order, nearest = sorted((d2[i, a], i, a) for i in range(3) for a in range(3) if d2[i, a] < MATCH), {}
     for _, i, a in order:
@@ -182,11 +188,11 @@ def test_ids_that_are_known_teach_the_signature_of_others() -> None:
     assert path.tobytes() == run("ekf", log.without_signatures(), association="jcbb")[1].tobytes()
     ids = np.unique(log.ids)
     means = [found.s[log.ids == landmark].mean() for landmark in ids]
-    np.testing.assert_allclose(backend.signatures.of(ids)[:, 0], means, atol=1e-12)
+    np.testing.assert_allclose(backend.signatures(ids)[:, 0], means, atol=1e-12)
     some = replace(log, ids=np.where(np.arange(len(log.ids)) % 3 == 0, -1, log.ids))
     behind = run("ekf", some, association="nn")[0]
     assert (behind.assigned() == log.ids).mean() > 0.95
-    assert behind.signatures.of(ids)[:, 0] == pytest.approx(means, abs=0.05)
+    assert behind.signatures(ids)[:, 0] == pytest.approx(means, abs=0.05)
 
 
 def test_a_given_map_has_none_until_its_landmarks_are_sighted() -> None:
