@@ -100,7 +100,8 @@ class Associating:
         """(n, 2) mean and variance of the landmarks' signatures; None if sightings have none."""
         if self._signatures is None:
             return None
-        return self._signatures.of([self._made.get(landmark, landmark) for landmark in landmarks.tolist()])
+        names: list[int] = landmarks.tolist()
+        return self._signatures.of([self._made.get(name, name) for name in names])
 
     def belief(self) -> Belief | None:
         """The backend's, and the landmark that each sighting of the last step was taken for."""
