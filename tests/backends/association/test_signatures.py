@@ -147,6 +147,16 @@ def test_the_rules_weigh_three_rows_of_a_pair(seed: int) -> None:
     assert [(i, a) for i, a in enumerate(found[CHEAPEST].tolist()) if a >= 0] == likeliest[1]
 
 
+@pytest.mark.parametrize("rule", [NEAREST, CHEAPEST, JOINT])
+def test_without_signatures_the_decision_is_that_of_signatures_that_agree(rule: int) -> None:
+    for seed in range(20):
+        seen, expected, cov, signed = drawn(np.random.default_rng(seed))
+        plain = decide_frame(rule, seen.z, seen.cov, expected, cov, MATCH, GATES, FAR, 10**6)
+        alike = decide_frame(rule, seen.z, seen.cov, expected, cov, MATCH, GATES, FAR, 10**6, np.zeros_like(signed))
+        assert plain[0].tolist() == alike[0].tolist()
+        assert plain[1] == alike[1]
+
+
 def test_a_signature_alone_makes_a_landmark_new() -> None:
     expected, R = np.array([[2.0, 0.0]]), np.array([np.diag([0.01, 0.01])])
     for off, said in ((0.0, 0), (0.9 * MATCH, 0), ((MATCH + FAR) / 2, OPEN), (1.1 * FAR, NEW)):
