@@ -10,6 +10,8 @@ down, and a wrong pair would be left. So the gate of a pair alone is wider for t
 several it is not: odometry makes their own covariances so large that a wide gate would let wrong landmarks in. The
 distance of a part of a hypothesis is compared with the gate of the pairs that it may still get, and each pair's
 conditional distance, given those before, has a narrow gate.
+
+Signatures err independently of all else: that of a pair adds its own squared distance, whatever the other pairs are.
 """
 
 from math import sqrt
@@ -41,11 +43,12 @@ class Gates(NamedTuple):
 
 
 @compiled
-def search(frame: Frame, of: Ints, d2: Array, gates: Gates, pair: Ints) -> int:
+def search(frame: Frame, of: Ints, d2: Array, gates: Gates, pair: Ints, signed: Array | None = None) -> int:
     """Fills `pair` (k,) with the best hypothesis, -1 for a sighting that is in none; returns the nodes visited.
 
     `of` (k,) is the step of each sighting, without gaps from 0: a landmark is sighted once per step. d2 (k, c) are the
-    individual distances. After the most nodes the best one so far is taken.
+    individual distances; `signed` (k, c, 2) has the part of signatures in them first. After the most nodes the best one
+    so far is taken.
     """
     alone, match, joint, most = gates
     z, noise, expected, cov = frame
@@ -109,6 +112,8 @@ def search(frame: Frame, of: Ints, d2: Array, gates: Gates, pair: Ints) -> int:
                     continue
                 n = pairs[p]
                 more = extended(z, noise, expected, cov, i, a, sighting, landmark, n, L, w)
+                if signed is not None:
+                    more += signed[i, a, 0]
                 reached = total[p] + more
                 if reached < joint[reach] and (n == 0 or more < match):
                     sighting[n], landmark[n] = i, a

@@ -25,12 +25,16 @@ FORBIDDEN = 1e12
 
 
 @compiled
-def decide(rule: int, frame: Frame, of: Ints, gates: Gates, far: float) -> tuple[Ints, int]:
+def decide(
+    rule: int, frame: Frame, of: Ints, gates: Gates, far: float, signed: Array | None = None
+) -> tuple[Ints, int]:
     """Pairs k sightings with c landmarks; returns (k,) a landmark, NEW or OPEN, and the pairs or nodes tried.
 
     `of` (k,) is the step of each sighting, any number. A pair's squared distance is within the gates, of which nearest
     neighbour and maximum likelihood know only `match`; a sighting is of a NEW landmark if it is `far` from all that no
-    sighting of its step is of.
+    sighting of its step is of. `signed` (k, c, 2) has the squared distance of each pair's signatures and the logarithm
+    of the variance of their difference; without, no code for them is compiled. Gates are then those of two degrees of
+    freedom a pair, else of three.
     """
     z, noise, expected, cov = frame
     k, c, match = len(z), len(expected), gates.match
@@ -47,12 +51,16 @@ def decide(rule: int, frame: Frame, of: Ints, gates: Gates, far: float) -> tuple
                 d2[i, a] = np.inf
                 continue
             d2[i, a] = distance(off, wrap(z[i, 1] - expected[a, 1]), s00, s10, s11)
+            if signed is not None:
+                d2[i, a] += signed[i, a, 0]
             if rule == CHEAPEST and d2[i, a] < match:
                 spread[i, a] = log(s00 * s11 - s10 * s10)
+                if signed is not None:
+                    spread[i, a] += signed[i, a, 1]
     tried = k * c
     if c > 0:
         if rule == JOINT:
-            tried = search(frame, of, d2, gates, pair)
+            tried = search(frame, of, d2, gates, pair, signed)
         elif rule == CHEAPEST:
             likeliest(d2, spread, of, match, pair)
         else:
@@ -139,6 +147,7 @@ def decide_frame(
     gates: Array,
     far: float,
     most: int,
+    signed: Array | None = None,
 ) -> tuple[Ints, int]:
     """`decide` for the sightings of one step, whose covariances R (k, 2, 2) are independent.
 
@@ -151,7 +160,7 @@ def decide_frame(
             for g in range(2):
                 noise[2 * i + h, 2 * i + g] = R[i, h, g]
     frame = Frame(z, noise, expected, cov)
-    return decide(rule, frame, np.zeros(k, np.int64), Gates(far, match, gates, most), far)
+    return decide(rule, frame, np.zeros(k, np.int64), Gates(far, match, gates, most), far, signed)
 
 
 class Decision(Arrays):

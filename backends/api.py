@@ -33,14 +33,14 @@ from ..core.fixes import Fixes
 from ..core.options import NoOptions, option
 from ..core.partial import BEARING, RANGE, Partial
 from ..core.se2 import Array, Ints, act, act_jacobians, between, compose, compose_jacobians, wrap
+from ..core.signatures import Signatures
 
 __all__ = [
     "BEARING", "COMPILED_HERE", "GTSAM_WHEEL", "RANGE", "UNKNOWN", "Array", "Associates", "Backend", "Belief",
-    "Builder", "Constant", "Diverged", "Expected", "Expects", "Fixes", "Ints", "Map",
-    "NoOptions", "Odometry", "Partial", "Pose", "Prior", "RangeBearing", "RelativePoses", "Solution", "Step",
-    "Systematic", "TakenOut",
-    "TakesOut", "Truth", "TruthWanted", "Unsuited", "WantsTruth", "act", "act_jacobians", "between", "compose",
-    "compose_jacobians", "option", "wrap",
+    "Builder", "Constant", "Diverged", "Expected", "Expects", "Fixes", "Ints", "Map", "NoOptions", "Odometry",
+    "Partial", "Pose", "Prior", "RangeBearing", "RelativePoses", "Signatures", "Solution", "Step", "Systematic",
+    "TakenOut", "TakesOut", "Truth", "TruthWanted", "Unsuited", "WantsTruth", "act", "act_jacobians", "between",
+    "compose", "compose_jacobians", "option", "wrap",
 ]  # fmt: skip
 
 COMPILED_HERE = "compiled here"
@@ -59,7 +59,7 @@ class Belief(NamedTuple):
     pose: Pose
     cov: Array | None = None  # (3, 3) of (x, y, heading) in the world frame
     nis: float | None = None  # normalised innovation squared of the step's sightings and loop closures, summed
-    nis_dof: int = 0  # degrees of freedom of nis: 2 for each sighting that has an innovation, 3 for each loop closure
+    nis_dof: int = 0  # degrees of freedom of nis: of a sighting 2, or 3 if its signature is in it; of a loop closure 3
     n_eff: float | None = None  # effective number of particles
     ancestors: int | None = None  # number of initial particles with living descendants
     refused: int = 0  # sightings and loop closures of the step rejected by a gate

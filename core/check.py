@@ -14,12 +14,14 @@ from .factors import STARTS, UNKNOWN, Log, Map, Prior
 from .fixes import FixTable
 from .partial import BEARING, RANGE, PartialTable
 from .se2 import Array
+from .signatures import Signatures
 from .table import LARGEST, MOST
 
 ODOMETRY = ("t", "dx", "dy", "dtheta", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt")
 SIGHTINGS = ("step", "id", "range", "bearing", "crr", "crb", "cbb")
 LOOPS = ("step", "to", *ODOMETRY[1:])
 PARTIAL = {RANGE: ("step", "id", "range", "crr"), BEARING: ("step", "id", "bearing", "cbb")}
+SIGNATURES = ("signature", "css")
 FIXES = ("step", "x", "y", "heading", *ODOMETRY[4:], "arm_x", "arm_y")
 
 _LEAST_PIVOT = 1e-12
@@ -28,7 +30,7 @@ _LEAST_PIVOT = 1e-12
 _HALF_TURN = np.pi + 1e-12
 """rad, with room for rounding of sums of angles. Angles beyond were not wrapped, or are in degrees."""
 
-Table = Literal["prior", "odometry", "sightings", "loops", "ranges", "bearings", "fixes"]
+Table = Literal["prior", "odometry", "sightings", "loops", "ranges", "bearings", "fixes", "signatures"]
 
 
 class Problem(NamedTuple):
@@ -59,6 +61,8 @@ def problems(log: Log) -> Iterator[Problem]:
         yield from _partial(log.partial)
     if log.fixes is not None:
         yield from _fixes(log.fixes)
+    if log.signatures is not None:
+        yield from _signatures(log.signatures)
 
 
 def _shapes(log: Log) -> Iterator[Problem]:
@@ -81,6 +85,8 @@ def _shapes(log: Log) -> Iterator[Problem]:
         f = len(log.fixes)
         yield from _columns("fixes", vars(log.fixes), {"z": (f, 3), "cov": (f, 3, 3), "arm": (f, 2)})
         tables.append(("fixes", log.fixes.first, f))
+    if log.signatures is not None:
+        yield from _columns("signatures", vars(log.signatures), {"s": (s,), "var": (s,)})
     for table, first, rows in tables:
         if n and (first[0] != 0 or first[-1] != rows):
             yield Problem(table, 0, f"a row belongs to a step that does not exist, expected 0 to {n - 1}")
@@ -204,6 +210,12 @@ def _fixes(found: FixTable) -> Iterator[Problem]:
         yield Problem("fixes", int(row), f"the covariance does not fit, expected that of {names} and nothing else")
     filled = np.where(wanted, found.cov, np.eye(3))
     yield from _covariance("fixes", np.where(np.isnan(found.cov) & wanted, 0.0, filled))
+
+
+def _signatures(found: Signatures) -> Iterator[Problem]:
+    yield from _finite("signatures", SIGNATURES[:1], found.s[:, None])
+    for row in np.flatnonzero(~(np.isfinite(found.var) & (found.var > 0))):
+        yield Problem("signatures", int(row), f"css is {found.var[row]!s}, expected a variance, more than 0")
 
 
 def _finite(table: Table, names: Sequence[str], columns: Array, first: int = 0) -> Iterator[Problem]:

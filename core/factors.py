@@ -22,6 +22,7 @@ from .mounting import Mounting, mounted
 from .partial import NO_PARTIAL, Partial, PartialTable
 from .relations import Relations
 from .se2 import Array, Ints, summed
+from .signatures import NO_SIGNATURES, Signatures
 
 REMARKS = "remarks"
 """The key of what a log's reader found odd, among the log's notes: a list of sentences without their full stops."""
@@ -32,7 +33,11 @@ UNKNOWN = -1
 Start = Literal["known", "unknown"]
 STARTS: tuple[Start, ...] = get_args(Start)
 
-TABLES: dict[str, type[PartialTable | FixTable]] = {"partial": PartialTable, "fixes": FixTable}
+TABLES: dict[str, type[PartialTable | FixTable | Signatures]] = {
+    "partial": PartialTable,
+    "fixes": FixTable,
+    "signatures": Signatures,
+}
 """Columns that most logs have not, by their field of `Log`."""
 
 
@@ -68,6 +73,7 @@ class Step(NamedTuple):
     loops: RelativePoses
     partial: Partial = NO_PARTIAL
     fixes: Fixes = NO_FIXES
+    signatures: Signatures = NO_SIGNATURES  # of all its whole sightings, or none
 
 
 class Map(NamedTuple):
@@ -94,8 +100,8 @@ class Prior(NamedTuple):
     """The belief at step 0. With a map the task is localisation; a map without covariance is held fixed.
 
     An unknown start says that the robot may be anywhere on the map: pose and cov are then placeholders. `loops`,
-    `partial` and `fixes` are set by the log: a filter has to keep earlier poses where loop closures may come back to
-    them, or until a landmark is placed, and there alone.
+    `partial`, `fixes` and `signatures` are set by the log: a filter has to keep earlier poses where loop closures may
+    come back to them, or until a landmark is placed, and there alone.
     """
 
     pose: Array  # (3,)
@@ -106,6 +112,7 @@ class Prior(NamedTuple):
     systematic: Systematic = Systematic()
     partial: bool = False  # it has partial sightings
     fixes: bool = False  # it has fixes
+    signatures: bool = False  # its whole sightings have signatures
 
 
 class Truth(NamedTuple):
@@ -165,13 +172,17 @@ class Log:
     clouds: Clouds | None = None  # of a depth camera, likewise
     partial: PartialTable | None = None  # None where there are none
     fixes: FixTable | None = None  # likewise
+    signatures: Signatures | None = None  # of every whole sighting, or of none
 
     def __post_init__(self) -> None:
         for name in TABLES:
             table = getattr(self, name)
             object.__setattr__(self, name, table if table is not None and len(table) else None)
         prior = self.prior._replace(
-            loops=len(self.loop_to) > 0, partial=self.partial is not None, fixes=self.fixes is not None
+            loops=len(self.loop_to) > 0,
+            partial=self.partial is not None,
+            fixes=self.fixes is not None,
+            signatures=self.signatures is not None,
         )
         object.__setattr__(self, "prior", prior)
 
@@ -194,15 +205,18 @@ class Log:
         loop_cov: Array | None = None,
         partial: PartialTable | None = None,
         fixes: FixTable | None = None,
+        signature: Array | None = None,
+        signature_var: Array | None = None,
         sensor: Mounting | None = None,
         notes: Mapping[str, Any] | None = None,
     ) -> "Log":
         """Builds a log of n steps from its tables; the arrays are copied and made read-only.
 
         `delta` (n, 3) and `delta_cov` (n, 3, 3) have one row per step, row 0 ignored. `sighting_step` (s,) and
-        `loop_step` (l,), both sorted, give the step of each row of the other columns. Sightings are of the body: those
-        of a sensor that sits elsewhere, or is late, are converted if `sensor` says where it sits. InputError for values
-        that are not numbers or not sorted; `check` judges the values themselves.
+        `loop_step` (l,), both sorted, give the step of each row of the other columns. `signature` (s,) and its variance
+        `signature_var` (s,) are a third number that each sighting measures: see `core.signatures`. Sightings are of the
+        body: those of a sensor that sits elsewhere, or is late, are converted if `sensor` says where it sits.
+        InputError for values that are not numbers or not sorted; `check` judges the values themselves.
         """
         if not isinstance(prior, Prior):  # pyright: ignore[reportUnnecessaryIsInstance] - no notebook checks types
             raise InputError(f"prior: found {type(prior).__name__}, expected Prior(pose, cov).")
@@ -227,6 +241,7 @@ class Log:
             notes=dict(notes or {}),
             partial=partial,
             fixes=fixes,
+            signatures=_signatures(signature, signature_var, len(ids)),
         )
         return log if sensor is None else log.of_sensor(sensor)
 
@@ -238,6 +253,7 @@ class Log:
         nan = Odometry(np.full(3, np.nan), np.full((3, 3), np.nan))
         odometry = [nan if s.odometry is None else s.odometry for s in steps]
         index = np.arange(len(steps))
+        signed = any(len(s.signatures) for s in steps)
         return cls.from_arrays(
             name,
             prior,
@@ -262,6 +278,8 @@ class Log:
                 np.repeat(index, [len(s.fixes.z) for s in steps]),
                 *(np.concatenate(column) for column in zip(*(s.fixes for s in steps), strict=True)),
             ),
+            signature=np.concatenate([s.signatures.s for s in steps]) if signed else None,
+            signature_var=np.concatenate([s.signatures.var for s in steps]) if signed else None,
             notes=notes,
         )
 
@@ -274,6 +292,7 @@ class Log:
         said = [f"{len(self)} steps", f"{len(ids)} sightings of {len(np.unique(known))} landmarks"]
         said += [f"{len(ids) - len(known)} of them unknown"] * (len(known) < len(ids))
         said += [] if self.partial is None else [f"{len(self.partial)} of them of a range or a bearing alone"]
+        said += ["with signatures"] * (self.signatures is not None)
         said += [] if self.fixes is None else [f"{len(self.fixes)} fixes"]
         said += [f"{len(self.loop_to)} loop closures"] * bool(len(self.loop_to))
         return f"<Log {self.name!r}: {', '.join(said)}>"
@@ -290,6 +309,7 @@ class Log:
                 self._loops(loops[k], loops[k + 1]) if loops[k] < loops[k + 1] else no_loops,
                 NO_PARTIAL if self.partial is None else self.partial.at(k),
                 NO_FIXES if self.fixes is None else self.fixes.at(k),
+                NO_SIGNATURES if self.signatures is None else self.signatures.rows(rows),
             )
 
     def __getitem__(self, k: int) -> Step:
@@ -303,6 +323,7 @@ class Log:
             self._loops(self.loop_first[k], self.loop_first[k + 1]),
             NO_PARTIAL if self.partial is None else self.partial.at(k),
             NO_FIXES if self.fixes is None else self.fixes.at(k),
+            NO_SIGNATURES if self.signatures is None else self.signatures.rows(seen),
         )
 
     def _loops(self, first: int, end: int) -> RelativePoses:
@@ -344,7 +365,7 @@ class Log:
         constant = self.prior.systematic
         columns |= {} if constant == Systematic() else {"prior.systematic": np.array(constant, np.float64)}
         columns |= {name: getattr(self, name) for name in _COLUMNS}
-        for table in (self.partial, self.fixes):
+        for table in (self.partial, self.fixes, self.signatures):
             columns |= {} if table is None else table.columns
         return digest_of(columns)
 
@@ -370,6 +391,7 @@ class Log:
             ids=frozen_ids(self.ids[known]),
             z=frozen(self.z[known]),
             z_cov=frozen(self.z_cov[known]),
+            signatures=None if self.signatures is None else self.signatures.rows(known),
         )
 
     def of_sensor(self, sensor: Mounting) -> "Log":
@@ -395,6 +417,10 @@ class Log:
     def without_fixes(self) -> "Log":
         """The log without its fixes."""
         return replace(self, fixes=None)
+
+    def without_signatures(self) -> "Log":
+        """The log without its signatures."""
+        return replace(self, signatures=None)
 
     def without_loops(self) -> "Log":
         """The log without its loop closures; itself if it has none."""
@@ -427,6 +453,8 @@ class Log:
             loop_cov=self.loop_cov[:loops],
             partial=None if self.partial is None else self.partial.head(steps),
             fixes=None if self.fixes is None else self.fixes.head(steps),
+            signature=None if self.signatures is None else self.signatures.s[:seen],
+            signature_var=None if self.signatures is None else self.signatures.var[:seen],
             notes=self.notes,
         )
         return replace(log, scans=head_of(self.scans, steps), clouds=head_of(self.clouds, steps))
@@ -458,6 +486,20 @@ _COLUMNS = (
     "loop_delta",
     "loop_cov",
 )
+
+
+def _signatures(s: Array | None, var: Array | None, sightings: int) -> Signatures | None:
+    """The signatures of that many sightings; InputError if one column lacks, or for another length."""
+    if s is None and var is None:
+        return None
+    if s is None or var is None:
+        lacks, there = ("signature", "signature_var") if s is None else ("signature_var", "signature")
+        raise InputError(f"{lacks}: found {there} alone, expected a signature and its variance for each sighting.")
+    found = Signatures.from_arrays(s, var)
+    for name, column in (("signature", found.s), ("signature_var", found.var)):
+        if column.shape != (sightings,):
+            raise InputError(f"{name}: found shape {column.shape}, expected ({sightings},), one for each sighting.")
+    return found
 
 
 def _frozen_prior(prior: Prior) -> Prior:

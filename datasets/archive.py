@@ -113,7 +113,7 @@ def _log(members: Members, words: Words) -> Log:
     tables: dict[str, Any] = {
         name: kind(*(_frozen(members[f"{name}.{column.name}"]) for column in fields(kind)))
         for name, kind in TABLES.items()
-        if f"{name}.first" in members
+        if f"{name}.{fields(kind)[0].name}" in members
     }
     return Log(words["name"], prior, **{name: _frozen(members[name]) for name in _LOG}, notes=words["notes"], **tables)
 

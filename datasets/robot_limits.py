@@ -3,8 +3,8 @@
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
-from ..core.plausible import DEGREES, LENGTHS, SECONDS, Measure, of_units
 from ..core.toml.table import TomlTable, is_number
+from ..frontend.plausible import DEGREES, LENGTHS, SECONDS, Measure, of_units
 
 _PLACE = Measure("metres", -5.0, 5.0, LENGTHS, (0.01, 1.0))  # on the robot
 _ROLL = Measure("radians", -3.15, 3.15, DEGREES)  # 3.15: half a turn, rounded

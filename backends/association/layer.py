@@ -2,7 +2,8 @@
 
 The backend states which landmarks it expects to see, and with what joint covariance; a rule decides which of them each
 sighting without an id is of; one that is of none is of a new landmark. Rule, gates and code are the same for every
-backend. Ids that are known are left as they are. Made-up ids are -2, -3, ...: never the number of a real landmark.
+backend. Signatures, where sightings have them, are weighed with the places: the landmarks' are estimated here. Ids that
+are known are left as they are. Made-up ids are -2, -3, ...: never the number of a real landmark.
 """
 
 import time
@@ -24,6 +25,7 @@ from ..locating.virtual import virtual
 from ._line import agreeing, polar
 from .options import RULES
 from .quantiles import gates, quantile
+from .signatures import SignatureFilters, joined
 
 FIRST = -2  # the first made-up id, unless the given map has lower ones; the next ones are below it
 LARGEST = 64  # pairs that a joint gate is tabulated for at first
@@ -46,10 +48,13 @@ class Associating:
     def __init__(self, inner: Backend, prior: Prior, options: Any) -> None:
         self._inner: Any = inner
         self._options, self._rule = options, RULES.index(options.association)
-        self._match, self._far = quantile(options.match, 1), quantile(options.new, 1)
-        self._gates = gates(options.joint, LARGEST)
+        self._signatures = SignatureFilters() if prior.signatures else None
+        self._each = 3 if prior.signatures else 2  # degrees of freedom of a pair
+        self._match, self._far = (quantile(share, 1, self._each) for share in (options.match, options.new))
+        self._apart = quantile(options.match, 1)  # of places alone
+        self._gates = gates(options.joint, LARGEST, self._each)
         self._waits = options.lookahead > 0 or options.confirm > 0
-        self._plain = not self._waits and not options.retire
+        self._plain = not self._waits and not options.retire and not prior.signatures
         self._into, self._arrays = fills(inner), room_for(ROOM)
         self._decision = self._decided_by(self._gates)
         self._line = deque[Step]()
@@ -90,6 +95,13 @@ class Associating:
     def inner(self) -> Backend:
         """The backend behind."""
         return self._inner
+
+    def signatures(self, landmarks: Ints) -> Array | None:
+        """(n, 2) mean and variance of the landmarks' signatures; None if sightings have none."""
+        if self._signatures is None:
+            return None
+        names: list[int] = landmarks.tolist()
+        return self._signatures.of([self._made.get(name, name) for name in names])
 
     def belief(self) -> Belief | None:
         """The backend's, and the landmark that each sighting of the last step was taken for."""
@@ -155,7 +167,10 @@ class Associating:
             if UNKNOWN in named:
                 used = found != UNKNOWN
                 sightings = RangeBearing(found[used], z[used], cov[used])
+                step = step._replace(signatures=step.signatures.rows(used) if self._signatures else step.signatures)
             step = step._replace(sightings=sightings)
+        if self._signatures is not None:
+            self._signatures.learn(step.sightings.ids.tolist(), step.signatures)
         self._now = found
         if self.timed and decided:
             self.ns[-1] += time.process_time_ns() - start
@@ -237,10 +252,15 @@ class Associating:
         if len(open_) < len(named):
             z, cov = z[open_], cov[open_]
             z.flags.writeable = cov.flags.writeable = False
-        pair, nodes = decide_frame(
+        decided = (
             self._rule, z, cov, expected.z, expected.cov, self._match, self._gates_for(len(z)), self._far,
             self._options.nodes,
         )  # fmt: skip
+        if self._signatures is None:
+            pair, nodes = decide_frame(*decided)
+        else:
+            signed = self._signatures.pairs(step.signatures.rows(open_), expected.ids)
+            pair, nodes = decide_frame(*decided, signed)
         return expected.ids.tolist(), pair, nodes
 
     def _weighed_ahead(self, step: Step, named: list[int], open_: list[int]) -> tuple[list[int], Ints, int]:
@@ -259,7 +279,11 @@ class Associating:
         z.flags.writeable = blocks.flags.writeable = False  # as a log's: kernels are compiled for one kind
         expected = self._expected(step.odometry, RangeBearing(frame.ids[rows], z, blocks), named)
         within = Gates(self._match, self._match, self._gates_for(len(z)), self._options.nodes)
-        pair, nodes = decide(self._rule, Frame(z, noise, expected.z, expected.cov), frame.step[rows], within, self._far)
+        decided = self._rule, Frame(z, noise, expected.z, expected.cov), frame.step[rows], within, self._far
+        if self._signatures is None:
+            pair, nodes = decide(*decided)
+        else:
+            pair, nodes = decide(*decided, self._signatures.pairs(joined(steps).rows(rows), expected.ids))
         return expected.ids.tolist(), pair, nodes
 
     def _expected(self, odometry: Odometry | None, seen: RangeBearing, named: list[int]) -> Expected:
@@ -313,7 +337,7 @@ class Associating:
             steps.append(later)
             looks += len(later.sightings.ids) > 0
         frame = virtual(steps)
-        agreed = agreeing(frame.xy, frame.cov, frame.step, np.array(new, np.int64), self._match).tolist()
+        agreed = agreeing(frame.xy, frame.cov, frame.step, np.array(new, np.int64), self._apart).tolist()
         return [i for i, times in zip(new, agreed, strict=True) if times >= self._options.confirm]
 
     def _forget(self, named: list[int], new: set[int]) -> None:
@@ -343,7 +367,7 @@ class Associating:
     def _gates_for(self, pairs: int) -> Array:
         """Joint gates of up to that many pairs."""
         if pairs >= len(self._gates):
-            self._gates = gates(self._options.joint, 2 * pairs)
+            self._gates = gates(self._options.joint, 2 * pairs, self._each)
             self._decision = self._decided_by(self._gates)
         return self._gates
 

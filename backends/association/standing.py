@@ -85,6 +85,7 @@ class Standing:
             if not all(keep):
                 self._refused = keep.count(False)
                 ids, z, cov = ids[keep], z[keep], cov[keep]
+                step = step._replace(signatures=step.signatures.rows(keep) if len(step.signatures) else step.signatures)
             if self._inside:
                 ids = np.array([self._inside.get(name, name) for name in ids.tolist()], np.int64)
             step = step._replace(sightings=RangeBearing(ids, z, cov))

@@ -9,6 +9,10 @@ correlated with; the sighting that creates a landmark is used for nothing else.
 `start=unit` starts landmarks as the code in appendix A of the Matlab report (Fan Zhenhui, 2018) does, in place of eqs
 (18)-(20): every landmark that a step sees for the first time has variances of 1 m^2 (`PX(covars + 1, covars + 1) = 1`)
 and no cross-covariance, however uncertain pose and sighting are, and then its first sighting is used as all others are.
+
+On a log with signatures the state is the survey's: x, y and signature of each landmark, and a sighting is (r, phi, s).
+Numbers of lines are those of its algorithm "Extended Kalman Filter for SLAM". Its third row has neither the pose nor a
+place in it, so that each signature is estimated as by a scalar filter of its own.
 """
 
 from collections.abc import Sequence
@@ -21,7 +25,7 @@ from ...core.options import option
 from ...core.se2 import Array
 from ..api import Belief, Builder
 
-Sighting = tuple[int, Array, Array]  # id, z (2,) and its covariance (2, 2)
+Sighting = tuple[int, Array, Array]  # id, z (2,) and its covariance (2, 2); with a signature (3,) and (3, 3)
 
 MODEL, UNIT = "model", "unit"
 
@@ -43,6 +47,8 @@ class Options:
 
 class TextbookEkf:
     """Dense EKF-SLAM with known ids; the state is (x, y, heading, then x and y of each landmark).
+
+    On a log with signatures x, y and s of each. That of a given landmark is started by its first sighting's.
 
     One sighting after another, in the log's order, each linearised where the last one left the mean. With `together`
     the sightings of landmarks known before the step are stacked into a single update, linearised at the prediction, and
@@ -67,13 +73,17 @@ class TextbookEkf:
         confirm: int = 3,
     ) -> None:
         known = Map(np.zeros(0, np.int64), np.zeros((0, 2)), None) if prior.map is None else prior.map
-        n = 3 + 2 * len(known.ids)
-        self.mean = np.concatenate((prior.pose, known.xy.ravel()))
+        self.wide = 3 if prior.signatures else 2  # entries of the state for each landmark
+        n = 3 + self.wide * len(known.ids)
+        self.mean = np.zeros(n)
+        self.mean[:3] = prior.pose
         self.cov = np.zeros((n, n))  # a map without covariance is held fixed: its rows stay zero
         self.cov[:3, :3] = prior.cov
-        if known.cov is not None:
-            self.cov[3:, 3:] = known.cov
         self.ids: list[int] = known.ids.tolist()  # landmark i of the map is ids[i]
+        self.unsigned = set(self.ids) if prior.signatures else set[int]()  # given landmarks not sighted yet
+        self.mean[self.places()] = known.xy.ravel()
+        if known.cov is not None:
+            self.cov[np.ix_(self.places(), self.places())] = known.cov
         self.together, self.start = together, start
         self.jacobians, self.truth, self.gate, self.confirm = jacobians, truth, gate, confirm
         self.nis = 0.0  # of the last step's sightings, summed
@@ -90,7 +100,7 @@ class TextbookEkf:
             self.predict(step.odometry, step.t)
         elif self.truth is not None:
             self.there = self.pose_to_linearise_at(step.t)
-        seen: list[Sighting] = list(zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True))
+        seen = self.sighted(step)
         if self.start == UNIT:
             for landmark, z, _ in seen:
                 if landmark not in self.ids:
@@ -106,6 +116,25 @@ class TextbookEkf:
                     self.add(*sighting)
         return self.mean[:3].copy()
 
+    def sighted(self, step: Step) -> list[Sighting]:
+        """The step's sightings, lines 6 and 7."""
+        ids, z, cov = step.sightings
+        if self.wide == 3:
+            z = np.column_stack((z, step.signatures.s))
+            both = np.zeros((len(ids), 3, 3))  # Q of line 6
+            both[:, :2, :2], both[:, 2, 2] = cov, step.signatures.var
+            cov = both
+        return list(zip(ids.tolist(), z, cov, strict=True))
+
+    def places(self) -> list[int]:
+        """Entries of the state that are x and y of landmarks."""
+        return [3 + self.wide * i + h for i in range(len(self.ids)) for h in (0, 1)]
+
+    def signatures(self) -> tuple[Array, Array]:
+        """Mean and variance (n,) of the landmarks' signatures."""
+        rows = [5 + 3 * i for i in range(len(self.ids))]
+        return self.mean[rows], self.cov[rows, rows]
+
     def belief(self) -> Belief:
         """The pose's marginal and the NIS of the last step's sightings of mapped landmarks."""
         nis = self.nis if self.nis_dof else None
@@ -113,8 +142,9 @@ class TextbookEkf:
 
     def map(self) -> Map:
         """The landmarks with their joint covariance."""
-        cov = self.cov[3:, 3:].copy()
-        return Map(np.array(self.ids, np.int64), self.mean[3:].reshape(-1, 2).copy(), cov if cov.any() else None)
+        rows = self.places()
+        cov = self.cov[np.ix_(rows, rows)]
+        return Map(np.array(self.ids, np.int64), self.mean[rows].reshape(-1, 2), cov if cov.any() else None)
 
     def finish(self) -> None:
         """None: a filter keeps no path."""
@@ -145,15 +175,18 @@ class TextbookEkf:
         """Updates by sightings of mapped landmarks at once, eqs (11)-(16); returns landmarks to be replaced."""
         if not sightings:
             return []
-        k = len(sightings)
-        H = np.zeros((2 * k, len(self.mean)))
-        Q = np.zeros((2 * k, 2 * k))
-        innovation = np.zeros(2 * k)
+        k, wide = len(sightings), self.wide
+        H = np.zeros((wide * k, len(self.mean)))
+        Q = np.zeros((wide * k, wide * k))
+        innovation = np.zeros(wide * k)
         for i, (landmark, z, cov) in enumerate(sightings):
-            rows = slice(2 * i, 2 * i + 2)
+            rows = slice(wide * i, wide * i + wide)
             expected, H[rows] = self.predict_sighting(landmark)
-            innovation[rows] = z[0] - expected[0], wrapped(z[1] - expected[1])
+            innovation[rows] = z - expected
+            innovation[wide * i + 1] = wrapped(z[1] - expected[1])
             Q[rows, rows] = cov
+            if landmark in self.unsigned:  # nothing is known of its signature
+                innovation[wide * i + 2], H[wide * i + 2] = 0.0, 0.0
         replaced: list[int] = []
         if np.isfinite(self.gate):
             used, replaced = self.gated([landmark for landmark, _, _ in sightings], innovation, H @ self.cov @ H.T + Q)
@@ -165,13 +198,19 @@ class TextbookEkf:
         self.cov = (np.eye(len(self.mean)) - K @ H) @ self.cov
         self.nis += float(innovation @ np.linalg.inv(S) @ innovation)
         self.nis_dof += len(innovation)
+        for landmark, z, cov in sightings:
+            if landmark in self.unsigned:
+                j = 5 + wide * self.ids.index(landmark)
+                self.mean[j], self.cov[j, j] = z[2], cov[2, 2]
+                self.unsigned.remove(landmark)
+                self.nis_dof -= 1
         return replaced
 
     def gated(self, landmarks: list[int], innovation: Array, S: Array) -> tuple[list[int], list[int]]:
         """Gates each pair of rows given the accepted ones before; returns accepted rows and landmarks to replace."""
         used, replaced = list[int](), list[int]()
         for i, landmark in enumerate(landmarks):
-            rows = [2 * i, 2 * i + 1]
+            rows = list(range(self.wide * i, self.wide * i + self.wide))
             explained = S[np.ix_(rows, used)] @ np.linalg.inv(S[np.ix_(used, used)])
             new = innovation[rows] - explained @ innovation[used]
             cov = S[np.ix_(rows, rows)] - explained @ S[np.ix_(used, rows)]
@@ -185,8 +224,11 @@ class TextbookEkf:
         return used, replaced
 
     def predict_sighting(self, landmark: int) -> tuple[Array, Array]:
-        """Predicts the sighting (2,) of a landmark, eqs (12), (16), and its Jacobian (2, n), eq. (14)."""
-        j = 3 + 2 * self.ids.index(landmark)
+        """Predicts the sighting (2,) of a landmark, eqs (12), (16), and its Jacobian (2, n), eq. (14).
+
+        With a signature (3,), line 14, and (3, n), line 16.
+        """
+        j = 3 + self.wide * self.ids.index(landmark)
         x, y, theta = self.mean[:3]
         delta_x, delta_y = self.mean[j] - x, self.mean[j + 1] - y
         z = np.array([np.hypot(delta_x, delta_y), wrapped(np.arctan2(delta_y, delta_x) - theta)])
@@ -199,7 +241,10 @@ class TextbookEkf:
         F_i = np.zeros((5, len(self.mean)))
         F_i[:3, :3] = np.eye(3)
         F_i[3:, j : j + 2] = np.eye(2)
-        return z, H_v @ F_i / q
+        H = H_v @ F_i / q
+        if self.wide == 3:
+            z, H = np.append(z, self.mean[j + 2]), np.vstack((H, np.eye(1, len(self.mean), j + 2)))  # pyright: ignore[reportConstantRedefinition]
+        return z, H
 
     def add(self, landmark: int, z: Array, Q: Array) -> None:
         """Adds a landmark, eqs (17)-(20), with its cross-covariance; a mapped one is first marginalised out."""
@@ -210,26 +255,32 @@ class TextbookEkf:
         r = np.hypot(dx, dy)
         G_p = np.array([[1, 0, -dy], [0, 1, dx]])  # eq. (19)
         G_z = np.array([[dx / r, -dy], [dy / r, dx]])  # eq. (20)
-        cross = G_p @ self.cov[:3, :-2]  # (2, n)
-        self.cov[-2:, :-2], self.cov[:-2, -2:] = cross, cross.T
-        self.cov[-2:, -2:] = G_p @ self.cov[:3, :3] @ G_p.T + G_z @ Q @ G_z.T  # eq. (18)
+        n = len(self.cov) - self.wide
+        cross = G_p @ self.cov[:3, :n]  # (2, n)
+        self.cov[n : n + 2, :n], self.cov[:n, n : n + 2] = cross, cross.T
+        self.cov[n : n + 2, n : n + 2] = G_p @ self.cov[:3, :3] @ G_p.T + G_z @ Q[:2, :2] @ G_z.T  # eq. (18)
+        if self.wide == 3:
+            self.cov[-1, -1] = Q[2, 2]
 
     def append(self, landmark: int, z: Array) -> None:
-        """Appends a landmark where its sighting (2,) puts it, eq. (17), with variances of 1 m^2 and no correlation."""
+        """Appends a landmark where its sighting (2,) puts it, eq. (17), with variances of 1 m^2 and no correlation.
+
+        With a signature as its sighting (3,) has it, line 10.
+        """
         x, y, theta = self.mean[:3]
-        r, phi = z
+        r, phi = z[:2]
         place = np.array([x + r * np.cos(theta + phi), y + r * np.sin(theta + phi)])
-        self.mean = np.concatenate((self.mean, place))
+        self.mean = np.concatenate((self.mean, place, z[2:]))
         self.ids.append(landmark)
         self.first[landmark] = place
         self.agreed[landmark] = 0
-        n = len(self.cov)
-        self.cov = np.block([[self.cov, np.zeros((n, 2))], [np.zeros((2, n)), np.eye(2)]])
+        n, own = len(self.cov), self.wide
+        self.cov = np.block([[self.cov, np.zeros((n, own))], [np.zeros((own, n)), np.eye(own)]])
 
     def forget(self, landmark: int) -> None:
         """Removes a landmark from the map."""
         i = self.ids.index(landmark)
-        rows = [3 + 2 * i, 4 + 2 * i]
+        rows = list(range(3 + self.wide * i, 3 + self.wide * i + self.wide))
         self.mean = np.delete(self.mean, rows)
         self.cov = np.delete(np.delete(self.cov, rows, 0), rows, 1)
         del self.ids[i]
@@ -237,7 +288,7 @@ class TextbookEkf:
     def lever(self, landmark: int) -> Array:
         """Returns (2,) m, from the pose to a landmark, both at the linearisation point, as Jacobians need it."""
         if self.jacobians == "standard":
-            j = 3 + 2 * self.ids.index(landmark)
+            j = 3 + self.wide * self.ids.index(landmark)
             return self.mean[j : j + 2] - self.mean[:2]
         if self.jacobians == "first-estimates":
             return self.first[landmark] - self.there[:2]

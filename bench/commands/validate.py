@@ -105,5 +105,6 @@ def _counts(dataset: Dataset) -> str:
         known = f"{truth.kind} of {counted(len(truth.t), 'step')}{places}"
     sighted = f"{counted(len(log), 'step')}, {counted(len(ids), 'sighting')} of {landmarks}"
     sighted += "" if log.partial is None else f", {len(log.partial):,} of them of a range or a bearing alone"
+    sighted += "" if log.signatures is None else ", the whole ones with signatures"
     sighted += "" if log.fixes is None else f", {len(log.fixes):,} positions or headings in the world"
     return f"{sighted}, {known}; digest {log.digest[:12]}"

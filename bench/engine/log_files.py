@@ -4,13 +4,14 @@ Each is an archive in the folder `logs`, named by its content: a file never chan
 is another file. The record says which of them counts.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.factors import Dataset, Log, Truth
+from ...core.factors import TABLES, Dataset, Log, Truth
 from ...core.files import write_whole
 from ...core.se2 import wrap
 from ...datasets import archive
@@ -72,9 +73,18 @@ def same(one: Dataset, other: Dataset) -> bool:
 def _same_log(one: Log, other: Log) -> bool:
     if one.digest == other.digest:
         return True
+    for table in TABLES:
+        mine, its = getattr(one, table), getattr(other, table)
+        if (mine is None) != (its is None) or (mine is not None and not _close(mine.columns, its.columns)):
+            return False
     names = ("t", "delta", "delta_cov", "sighting_first", "ids", "z", "z_cov", "loop_first", "loop_to", "loop_delta")
-    columns = ((getattr(one, name), getattr(other, name)) for name in (*names, "loop_cov"))
-    return all(a.shape == b.shape and np.allclose(a, b, ROUNDING, ROUNDING, equal_nan=True) for a, b in columns)
+    return _close(*({name: getattr(log, name) for name in (*names, "loop_cov")} for log in (one, other)))
+
+
+def _close(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """True if columns of these names differ by rounding alone."""
+    pairs = [(one[name], other[name]) for name in one]
+    return all(a.shape == b.shape and np.allclose(a, b, ROUNDING, ROUNDING, equal_nan=True) for a, b in pairs)
 
 
 def _same_truth(one: Truth | None, other: Truth | None) -> bool:

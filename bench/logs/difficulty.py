@@ -14,7 +14,8 @@ from ...backends._rules import NEW, decide_frame
 from ...backends.api import Diverged, Expected
 from ...backends.association.options import RULES, Association
 from ...backends.association.quantiles import gates, quantile
-from ...core.factors import UNKNOWN, Dataset, Log, RangeBearing
+from ...backends.association.signatures import SignatureFilters
+from ...core.factors import UNKNOWN, Dataset, Log, RangeBearing, Step
 from ...core.se2 import Array, wrap
 
 FAR = 200.0  # squared distance up to which the right landmark is looked for
@@ -35,14 +36,21 @@ class Difficulty(NamedTuple):
 class _Count:
     """Counts over the sightings of a log."""
 
-    def __init__(self, usual: Association) -> None:
-        self._usual, self._match, self._far = usual, quantile(usual.match, 1), quantile(usual.new, 1)
+    def __init__(self, usual: Association, *, signed: bool) -> None:
+        self._usual = usual
+        self._each, self._signatures = 3 if signed else 2, SignatureFilters() if signed else None
+        self._match, self._far = (quantile(share, 1, self._each) for share in (usual.match, usual.new))
         self.known = self.candidates = self.several = self.beyond = self.beyond_new = 0
         self.wrong = dict.fromkeys(RULES, 0)
 
-    def add(self, seen: RangeBearing, expected: Expected, before: set[int]) -> None:
+    def add(self, step: Step, expected: Expected, before: set[int]) -> None:
         """Adds the sightings of a step, with true ids; those `before` are on the map."""
-        near = distances(seen, expected)
+        seen = step.sightings
+        near, signed = distances(seen, expected), None
+        if self._signatures is not None:
+            signed = self._signatures.pairs(step.signatures, expected.ids)
+            near += signed[..., 0]
+            self._signatures.learn(seen.ids.tolist(), step.signatures)
         column = {landmark: k for k, landmark in enumerate(expected.ids.tolist())}
         ids = seen.ids.tolist()
         for i, landmark in enumerate(ids):
@@ -56,10 +64,11 @@ class _Count:
             self.beyond += bool(own >= self._match)
             self.beyond_new += bool(own >= self._far)
         for number, rule in enumerate(RULES):
-            pair, _ = decide_frame(
-                number, seen.z, seen.cov, expected.z, expected.cov, self._match, gates(self._usual.joint, len(ids)),
-                self._far, self._usual.nodes,
+            asked = (
+                number, seen.z, seen.cov, expected.z, expected.cov, self._match,
+                gates(self._usual.joint, len(ids), self._each), self._far, self._usual.nodes,
             )  # fmt: skip
+            pair, _ = decide_frame(*asked) if signed is None else decide_frame(*asked, signed)
             for landmark, k in zip(ids, pair.tolist(), strict=True):
                 found = int(expected.ids[k]) if k >= 0 else k
                 self.wrong[rule] += (k >= 0 and found != landmark) or (k == NEW and landmark in before)
@@ -74,12 +83,12 @@ def difficulty(dataset: Dataset) -> Difficulty | None:
     usual: Any = builder.options()
     ekf: Any = builder.make(log.prior, usual, np.random.default_rng(0))
     before = set[int]() if log.prior.map is None else set(log.prior.map.ids.tolist())
-    count, looks, single = _Count(usual), 0, 0
+    count, looks, single = _Count(usual, signed=log.prior.signatures), 0, 0
     try:
         for step in log:
             if len(step.sightings.ids):
                 looks, single = looks + 1, single + (len(step.sightings.ids) == 1)
-                count.add(step.sightings, ekf.expected(step.odometry, step.sightings, FAR), before)
+                count.add(step, ekf.expected(step.odometry, step.sightings, FAR), before)
                 before.update(step.sightings.ids.tolist())
             ekf.step(step)
     except Diverged:

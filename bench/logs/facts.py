@@ -49,7 +49,7 @@ def facts(found: Numbers, path: str, *, mistaken: bool = False) -> Iterator[tupl
     """
     yield "way", _joined(_way(found))
     yield "times", _joined(_times(found))
-    yield "sightings", _joined(_seen(found.seen))
+    yield "sightings", _joined([*_seen(found.seen), *_signed(found.signature)])
     if found.parts is not None:
         yield "a part alone", _joined(_parts(found.parts))
     if found.fixes is not None:
@@ -137,6 +137,11 @@ def _seen(seen: SightingCount) -> Iterator[str]:
     else:
         yield "no step without"
     yield f"{seen.unknown:,} of unknown landmarks" if seen.unknown else "all with an id"
+
+
+def _signed(signature: Sd | None) -> Iterator[str]:
+    if signature is not None:
+        yield f"with signatures, stated to {_sd(signature, '')}"
 
 
 def _parts(parts: Parts) -> Iterator[str]:
@@ -232,7 +237,7 @@ def _noise(noise: Noise) -> Iterator[str]:
 
 
 def _sd(sd: Sd, unit: str) -> str:
-    scale, gap = (degrees(1), "") if unit == DEGREE else (1.0, " ")
+    scale, gap = (degrees(1), "") if unit == DEGREE else (1.0, " " * bool(unit))
     text = f"{number(scale * sd.median)}{gap}{unit}"
     return text if sd.constant else f"{text} ({number(scale * sd.p5)} to {number(scale * sd.p95)})"
 

@@ -181,6 +181,7 @@ class Numbers(NamedTuple):
     difficulty: Difficulty | None  # of data association
     parts: Parts | None = None
     fixes: FixCount | None = None
+    signature: Sd | None = None  # of signatures, as stated
 
 
 class Subject(NamedTuple):
@@ -215,6 +216,7 @@ def numbers(dataset: Dataset, drawn: Shown, found: Returns, stays: Constant | No
         difficulty(dataset),
         None if log.partial is None else _parts(log.partial),
         None if log.fixes is None else _fixes(log.fixes),
+        None if log.signatures is None else _sd(log.signatures.var),
     )
 
 

@@ -62,11 +62,13 @@ def with_parts(log: Log, ids: Ints, alone: Sequence[Alone], placed: Sequence[Pla
 
 
 def check_parts(path: Path, log: Log, file: str, kind: int | None, *, positions: bool = False) -> None:
-    """Raises InputError for sightings of a part that is not of `kind`, and fixes, that a `file` cannot represent.
+    """Raises InputError for what a `file` cannot represent: signatures, sightings of a part not of `kind`, and fixes.
 
     It can represent fixes of whole poses, and with `positions` of x and y.
     """
     partial, fixes = log.partial, log.fixes
+    if log.signatures is not None:
+        raise InputError(f"{path}: log {log.name} has signatures, which a {file} cannot represent.")
     for other, words in ((RANGE, "ranges"), (BEARING, "bearings")):
         if partial is not None and other != kind and (partial.kind == other).any():
             raise InputError(f"{path}: log {log.name} has {words} alone, which a {file} cannot represent.")

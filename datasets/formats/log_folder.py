@@ -4,6 +4,8 @@
     odometry.csv     t,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt          one row per step; step 0 has only t
     sightings.csv    step,id,range,bearing,crr,crb,cbb[,true_id]     one row per sighting, sorted by step;
                                                                      optional beside one of the next three
+    signatures.csv   signature,css                                   a third number of each row of sightings.csv, and
+                                                                     its variance; optional
     ranges.csv       step,id,range,crr[,true_id]                     a range alone, and
     bearings.csv     step,id,bearing,cbb[,true_id]                   a bearing alone, sorted by step; optional
     fixes.csv        step,x,y,heading,cxx,cxy,cxt,cyy,cyt,ctt[,arm_x,arm_y]
@@ -35,7 +37,7 @@ from typing import Any
 import numpy as np
 
 from ...core.beside import KINDS
-from ...core.check import LOOPS, ODOMETRY, SIGHTINGS, check, problems
+from ...core.check import LOOPS, ODOMETRY, SIGHTINGS, SIGNATURES, check, problems
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Truth
 from ...core.files import beside
@@ -56,6 +58,7 @@ from .steps import by_step
 
 WORDS = "log.toml"
 FALSE = ("false",)
+SIGNATURES_FILE = "signatures.csv"
 
 _NOBODY = Words(TomlTable.parse(WORDS, ""), "", NOWHERE, None, {}, Contents(), NONE)
 """Replaces an unreadable log.toml, so that the other files can be checked."""
@@ -157,10 +160,13 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
         return None, words
     sightings = sightings or _empty(folder / "sightings.csv", SIGHTINGS)
     loops = loops or _empty(folder / "loops.csv", LOOPS)
+    signed = yield from attempted(_scan_signatures(folder / SIGNATURES_FILE, sightings, words))
     true_id = TRUE_ID if sightings.columns[-1:] == TRUE_ID else ()
     sightings = yield from by_step(sightings, len(odometry.rows), "id", *true_id)
     told = loops.columns[-1:] == FALSE
     loops = yield from by_step(loops, len(odometry.rows), "to", *(FALSE if told else ()))
+    if signed is not None and len(signed.rows) != len(sightings.rows):
+        signed = None  # rows of sightings.csv have faults, and were left out
     parts = yield from scan_parts(folder, len(odometry.rows))
     yield from _scan_rows(words, parts.counts)
     log = Log.from_arrays(
@@ -179,10 +185,13 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
         loop_cov=symmetric(loops.rows[:, 5 : len(LOOPS)]),
         partial=parts.partial,
         fixes=parts.fixes,
+        signature=None if signed is None else signed.rows[:, 0],
+        signature_var=None if signed is None else signed.rows[:, 1],
         notes=words.notes,
     )
     broken = set(odometry.broken.tolist())
     tables = {"odometry": odometry, "sightings": sightings, "loops": loops}
+    tables |= {} if signed is None else {"signatures": signed}
     for problem in problems(log):
         if problem.table == "prior":
             yield words.file.refused("prior", f"{problem.message}.")
@@ -220,6 +229,18 @@ def _empty(path: Path, columns: tuple[str, ...]) -> Table:
     return Table(path, columns, np.zeros((0, len(columns))), np.zeros(0, np.int64))
 
 
+def _scan_signatures(path: Path, sightings: Table, words: Words) -> Scan[Table | None]:
+    """The signatures of the sightings; None if there are none, or some have faults."""
+    if not os.path.lexists(path):
+        return None
+    table = yield from scan_csv(path, SIGNATURES)
+    yield from _scan_rows(words, {path.name: len(table.rows)})
+    rows, wanted = len(table.rows), len(sightings.rows)
+    if rows != wanted:
+        yield InputError(f"{path}: found {rows} rows, expected {wanted}, one for each row of {sightings.path.name}.")
+    return table if rows == wanted and not len(table.broken) else None
+
+
 def _scan_false(loops: Table) -> Scan[Ints]:
     """The rows of loop closures that are known to be false."""
     flag = loops.column("false")
@@ -231,7 +252,7 @@ def _scan_false(loops: Table) -> Scan[Ints]:
 def _scan_changes(words: Words, found: Contents) -> Scan[None]:
     """Yields a fault for each file that no longer matches log.toml's digests."""
     yield from _scan_rows(words, {file: found.rows.get(file, 0) for file in words.contents.rows})
-    also = "".join(f", or {file}" for file in FILES[3:6] if file in found.rows)
+    also = "".join(f", or {file}" for file in FILES[3:7] if file in found.rows)
     parts = {
         "factors": "prior, odometry.csv, sightings.csv or loops.csv" + also,
         "truth": "truth.tum, landmarks.csv, relations.csv, true_id or false",
@@ -253,7 +274,7 @@ def _scan_rows(words: Words, found: Mapping[str, int]) -> Scan[None]:
 def _contents(log: Log, truth: Truth | None) -> Contents:
     """The digests and row counts of the files of this log."""
     rows = {"odometry.csv": len(log), "sightings.csv": len(log.ids), "loops.csv": len(log.loop_to)}
-    rows |= rows_of(log)
+    rows |= rows_of(log) | ({} if log.signatures is None else {SIGNATURES_FILE: len(log.signatures)})
     if truth is None:
         return Contents(rows, log.digest)
     places = 0 if truth.map is None else len(truth.map.ids)
@@ -271,6 +292,8 @@ def _write_files(folder: Path, log: Log, truth: Truth | None) -> None:
     if truth is not None and truth.assigned is not None:
         columns, head = [*columns, truth.assigned], ",".join((*SIGHTINGS, *TRUE_ID))
     _write_rows(folder / "sightings.csv", head, columns)
+    if log.signatures is not None:
+        _write_rows(folder / SIGNATURES_FILE, ",".join(SIGNATURES), [log.signatures.s, log.signatures.var])
     if len(log.loop_to):
         columns, head = [log.loop_step, log.loop_to, *log.loop_delta.T, *looped], ",".join(LOOPS)
         if truth is not None and truth.false_loops is not None:

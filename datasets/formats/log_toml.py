@@ -22,7 +22,7 @@ T = TypeVar("T")
 P = ParamSpec("P")
 
 FILES = (
-    "odometry.csv", "sightings.csv", "loops.csv", "ranges.csv", "bearings.csv", "fixes.csv",
+    "odometry.csv", "sightings.csv", "loops.csv", "ranges.csv", "bearings.csv", "fixes.csv", "signatures.csv",
     "truth.tum", "landmarks.csv", "relations.csv",
 )  # fmt: skip
 

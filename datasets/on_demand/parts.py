@@ -1,7 +1,8 @@
 """Sightings of a simulated world that tell a range alone, or a bearing alone, as options of the dataset.
 
 Which ones is drawn from a generator of its own: everything else of the log is the same, bit for bit, and a larger share
-includes the sightings of a smaller one. A range keeps its error and its variance, and so does a bearing.
+includes the sightings of a smaller one. A range keeps its error and its variance, and so does a bearing; signatures are
+lost.
 """
 
 from dataclasses import dataclass, replace
@@ -80,13 +81,14 @@ def with_parts(dataset: Dataset, options: Parts, rng: np.random.Generator) -> Da
     columns["sighting_first"] = np.searchsorted(step[whole], np.arange(len(log) + 1))
     for column in columns.values():
         column.flags.writeable = False
+    signatures = None if log.signatures is None else log.signatures.rows(whole)
     constant = log.prior.systematic._replace(range_scale=options.range_scale, range_offset=options.range_offset)
     if truth is not None and truth.assigned is not None:
         true, of_parts = truth.assigned[whole], truth.assigned[rows]
         true.flags.writeable = of_parts.flags.writeable = False
         truth = truth._replace(assigned=true, assigned_partial=of_parts)
     prior, notes = log.prior._replace(systematic=constant), {**log.notes, PARTS_NOTE: counts}
-    return Dataset(replace(log, prior=prior, partial=partial, notes=notes, **columns), truth)
+    return Dataset(replace(log, prior=prior, partial=partial, signatures=signatures, notes=notes, **columns), truth)
 
 
 def _tails(count: int, options: Parts, rng: np.random.Generator) -> np.ndarray[Any, np.dtype[np.float64]]:

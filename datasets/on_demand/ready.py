@@ -1,7 +1,7 @@
 """Makes logs ready for backends: turns (name, options, seed) into a log.
 
-Noise is drawn anew here, false loops are planted, ids hidden, sightings reduced to a part, fixes and maps given, so
-that the log is otherwise that without these options, and cached once.
+Noise is drawn anew here, false loops are planted, ids hidden, signatures given, sightings reduced to a part, fixes and
+maps given, so that the log is otherwise that without these options, and cached once.
 """
 
 from dataclasses import fields, replace
@@ -16,6 +16,7 @@ from ..redrawn import Drawn, draws, redrawn
 from ..registry import Named, Source
 from .fixes import WorldFixes, with_fixes
 from .parts import Parts, with_parts
+from .signatures import WorldSignatures, with_signatures
 
 
 def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
@@ -28,7 +29,7 @@ def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
         own = replace(own, name=None)
     if isinstance(options, HiddenIds):
         own = replace(own, ids=KNOWN)
-    for changing in (OnMap, Parts, WorldFixes):
+    for changing in (OnMap, Parts, WorldFixes, WorldSignatures):
         if isinstance(options, changing):
             own = replace(own, **{one.name: one.default for one in fields(changing)})
     if isinstance(options, FalseLoops):
@@ -42,6 +43,8 @@ def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
         dataset = planted(dataset, options.false_loops, generator(f"false loops of {name}", seed))
     if isinstance(options, HiddenIds):
         dataset = hidden(dataset, options.ids, generator(f"ids of {name}", seed))
+    if isinstance(options, WorldSignatures):
+        dataset = with_signatures(dataset, options, generator(f"signatures of {name}", seed))
     if isinstance(options, Parts):
         dataset = with_parts(dataset, options, generator(f"parts of {name}", seed))
     if isinstance(options, WorldFixes):

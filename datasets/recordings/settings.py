@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.plausible import SIDE, Measure
 from ...frontend.camera.calibration import read
 from ...frontend.camera.calibration_text import contents
 from ...frontend.camera.camera import Camera
 from ...frontend.camera.mounting import from_matrix
 from ...frontend.markers.markers import LARGEST, MOST, SMALLEST, Markers
 from ...frontend.markers.noise import ProportionalNoise
+from ...frontend.plausible import SIDE, Measure
 from ...frontend.wheels.encoder import Encoder
 from ..robot_files import is_settings
 from ..robot_limits import LIMITS

@@ -32,6 +32,12 @@ class Options(Named):
     xy_sd: float | None = option(
         None, "standard deviation of x and of y of t,id,x,y, m, in place of these three", minimum=1e-6, maximum=1e3
     )
+    signature_sd: float | None = option(
+        None,
+        "standard deviation of the detections' column signature, which is then used",
+        minimum=1e-12,
+        maximum=1e12,
+    )
     position_sd: float | None = option(
         None, "standard deviation of x and of y of positions, m, that have none", minimum=1e-6, maximum=1e6
     )

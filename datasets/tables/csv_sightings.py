@@ -12,18 +12,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.csv_values import header_names
 from ...core.elementary import arctan2, hypot
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN
 from ...core.mounting import NONE, from_body
 from ...core.se2 import Array, Ints
-from ...core.table import MOST
+from ...core.table import MOST, Table, text
 from ...frontend.wheels.holes import outside
 from ..formats.columns import in_order, read_columns
 from .csv_options import Options
 
 SIGHTINGS = ("t", "id", "range", "bearing")
 POINTS = ("t", "id", "x", "y")
+SIGNATURE = ("signature",)
 
 FAR = 10.0  # standard deviations; ranges beyond it are taken as well beyond the noise: bearings are then 0.5 % better
 NEAR = np.array([0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, FAR])
@@ -46,6 +48,7 @@ class Detections(NamedTuple):
     z_cov: Array  # (s, 2, 2)
     outside: int
     ignored: int
+    signature: Array | None = None  # (s,)
 
 
 NO_DETECTIONS = Detections(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0, 0)
@@ -54,7 +57,7 @@ NO_DETECTIONS = Detections(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 2)),
 
 def detections(path: Path, options: Options, start: float, end: float, remarks: list[str]) -> Detections:
     """Reads the detections from `start` to `end`, s."""
-    table = in_order(read_columns(path, SIGHTINGS, POINTS, remarks=remarks), strictly=False)
+    table, signature = _read(path, options, remarks)
     if options.xy_sd is not None and table.columns != POINTS:
         raise InputError(
             f"option xy_sd={options.xy_sd:g} of dataset csv: {path} has {','.join(SIGHTINGS)}, expected "
@@ -99,7 +102,19 @@ def detections(path: Path, options: Options, start: float, end: float, remarks: 
     place = options.sensor._replace(delay=0.0)
     if place != NONE:
         z, cov = from_body(z, cov, place.place)
-    return Detections(t[kept], ids[kept], z, cov, int((~inside).sum()), int((inside & left_out).sum()))
+    counts = int((~inside).sum()), int((inside & left_out).sum())
+    return Detections(t[kept], ids[kept], z, cov, *counts, None if signature is None else signature[kept])
+
+
+def _read(path: Path, options: Options, remarks: list[str]) -> tuple[Table, Array | None]:
+    """The table of SIGHTINGS or POINTS, and the signatures of its rows, if they are used."""
+    more = () if options.signature_sd is None else SIGNATURE
+    table = in_order(read_columns(path, SIGHTINGS + more, POINTS + more, remarks=remarks), strictly=False)
+    if more:
+        return table._replace(columns=table.columns[:-1], rows=table.rows[:, :-1]), table.rows[:, -1]
+    if "signature" in header_names(text(path).partition("\n")[0]):
+        remarks.append(f"{path}: its column signature is not used: option signature_sd states its standard deviation")
+    return table, None
 
 
 def _ignored(options: Options) -> list[int]:

@@ -3,7 +3,8 @@
     odometry     t,x,y,heading      poses of the robot's own odometry, in its own frame; or
                  t,dx,dy,dtheta     the motion since the row before, in the body frame before it; or
                  t,v,omega          m/s and rad/s, held until the next row
-    detections   t,id,range,bearing or t,id,x,y, the landmark in the body frame: x ahead, y to the left
+    detections   t,id,range,bearing or t,id,x,y, the landmark in the body frame: x ahead, y to the left;
+                 and signature, where option signature_sd states its noise
     ranges       t,id,range; bearings t,id,bearing; positions t,x,y or t,lat,lon; headings t,heading
 
 Keyframes are the times of detections and of all others, with regular ones between; the motion up to each is one factor.
@@ -88,6 +89,8 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         ids=seen.ids,
         z=seen.z,
         z_cov=seen.z_cov,
+        signature=seen.signature,
+        signature_var=None if options.signature_sd is None else np.full(len(seen.t), options.signature_sd**2),
         partial=parts.table(t),
         fixes=fixes.table(t),
         notes=_notes(options, seen, parts, fixes)

@@ -21,6 +21,7 @@ from ...frontend.wheels.encoder import compose
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
 from ..on_demand.parts import Parts
+from ..on_demand.signatures import WorldSignatures
 from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
@@ -43,7 +44,7 @@ ASIDE = (4.0, 14.0)
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Parts, WorldFixes, Faults):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldSignatures, Faults):
     """The world, its noise, and faults."""
 
     landmarks: int = option(35, "landmarks along the loop; smaller sets are part of larger", minimum=1, maximum=10_000)

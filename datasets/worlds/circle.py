@@ -22,6 +22,7 @@ from ...core.se2 import Array, wrap
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
 from ..on_demand.parts import Parts
+from ..on_demand.signatures import WorldSignatures
 from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
@@ -32,7 +33,7 @@ PERIOD = 1.0  # s between steps
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Parts, WorldFixes, Faults):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldSignatures, Faults):
     """The drive, its noise, and faults."""
 
     steps: int = option(2500, "steps, of 1 s", minimum=2, maximum=100_000)

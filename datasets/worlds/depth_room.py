@@ -19,6 +19,7 @@ from ...frontend.wheels.track import Track, TrackNoise
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
 from ..on_demand.parts import Parts
+from ..on_demand.signatures import WorldSignatures
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
 from ..rendering.depth import NOISE_SD
@@ -68,7 +69,7 @@ class Drive(WheelFaults):
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, Parts, WorldFixes, Settings, Drive):
+class Options(HiddenIds, Parts, WorldFixes, WorldSignatures, Settings, Drive):
     """The drive and the front end."""
 
 

@@ -21,6 +21,7 @@ from ...frontend.wheels.encoder import Encoder
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
 from ..on_demand.parts import Parts
+from ..on_demand.signatures import WorldSignatures
 from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
@@ -88,7 +89,7 @@ class Measured(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Parts, WorldFixes, Faults):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldSignatures, Faults):
     """The tags, the noise, and faults."""
 
     tags: int = option(6, "number of tags; the first of 12, and the report has 6 or 12", minimum=1, maximum=12)

@@ -10,10 +10,10 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.options import option
-from ...core.plausible import SIDE
 from ...core.se2 import Array, Ints
 from ..markers.aruco import Image
 from ..markers.markers import find
+from ..plausible import SIDE
 from .chessboard import Chessboard
 from .view import View
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.options import option
-from ...core.plausible import SIDE
 from ...core.se2 import Array
 from ..markers.aruco import Image
+from ..plausible import SIDE
 from .view import View
 
 LEAST, MOST = 3, 60  # inner corners along a side, of OpenCV's search

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.files import write_whole
-from ...core.plausible import SIDE
+from ..plausible import SIDE
 
 MOST, SMALLEST, LARGEST = 1000, 3, 8
 """The markers, and the bits along a side, of a custom dictionary."""

@@ -1,15 +1,18 @@
 """The yardstick is itself measured: against differences, against batch least squares, against the linear filter."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from random_logs import TextbookKalman, moved, random_log
+from slamduel.backends.association.signatures import SignatureFilters
 from slamduel.backends.programs.textbook_ekf import Options, TextbookEkf, build, wrapped
 from slamduel.core.factors import Log, Map, Odometry, Prior, RangeBearing, RelativePoses, Step
 from slamduel.core.se2 import Array, between
+from slamduel.core.signatures import Signatures
 
 
 def differences(function: Callable[[Array], Array], at: Array, step: float = 1e-6) -> Array:
@@ -209,3 +212,67 @@ def test_random_logs_are_honest_and_odd_enough() -> None:
         nis, dof = nis + ekf.nis, dof + ekf.nis_dof
     # chi-square with `dof` degrees of freedom has variance 2 dof; a tenth is left to the linearisation
     assert abs(nis / dof - 1) < 6 * np.sqrt(2 / dof) + 0.1
+
+
+def signed_log(seed: int) -> Log:
+    """A random log whose sightings have signatures, each with a variance of its own."""
+    log, rng = random_log(np.random.default_rng(seed), 40, 6).log, np.random.default_rng(seed + 1)
+    own, var = rng.uniform(0, 9, log.ids.max() + 1), rng.uniform(0.1, 2.0, len(log.ids))
+    s = own[log.ids] + np.sqrt(var) * rng.standard_normal(len(var))
+    return replace(log, signatures=Signatures.from_arrays(s, var))
+
+
+@pytest.mark.parametrize("together", [False, True])
+@pytest.mark.parametrize("given", [False, True])
+def test_a_signature_in_the_state_is_a_scalar_filter_of_its_own(together: bool, given: bool) -> None:
+    """The survey's third row of a landmark, lines 6 to 20: nothing of it is correlated with pose or place."""
+    log = signed_log(7)
+    if given:
+        ids = np.unique(log.ids)[:3]
+        known = Map(ids, np.random.default_rng(1).uniform(-5, 5, (3, 2)), 4.0 * np.eye(6))
+        log = replace(log, prior=log.prior._replace(map=known))
+    plain = log.without_signatures()
+    ekf, without = TextbookEkf(log.prior, together=together), TextbookEkf(plain.prior, together=together)
+    filters = SignatureFilters()
+    for step, other in zip(log, plain, strict=True):
+        np.testing.assert_allclose(ekf.step(step), without.step(other), rtol=0, atol=1e-9)
+        filters.learn(step.sightings.ids.tolist(), step.signatures)
+    assert len(ekf.mean) == 3 + 3 * len(ekf.ids)
+    mean, var = ekf.signatures()
+    expected = filters.of(ekf.ids)
+    np.testing.assert_allclose(mean, expected[:, 0], rtol=1e-12)
+    np.testing.assert_allclose(var, expected[:, 1], rtol=1e-12)
+    rows = [5 + 3 * i for i in range(len(ekf.ids))]
+    cross = ekf.cov.copy()
+    cross[rows, rows] = 0.0
+    assert not cross[rows].any()
+    mine, its = ekf.map(), without.map()
+    assert mine.ids.tolist() == its.ids.tolist()
+    np.testing.assert_allclose(mine.xy, its.xy, rtol=0, atol=1e-9)
+    assert mine.cov is not None
+    assert its.cov is not None
+    np.testing.assert_allclose(mine.cov, its.cov, rtol=0, atol=1e-9)
+
+
+def test_the_nis_of_a_sighting_with_a_signature_has_three_degrees_of_freedom() -> None:
+    log = signed_log(3)
+    ekf, plain, dof = TextbookEkf(log.prior), TextbookEkf(log.prior._replace(signatures=False)), 0
+    for step in log:
+        ekf.step(step)
+        plain.step(step)
+        mine, its = ekf.belief(), plain.belief()
+        assert mine.nis_dof * 2 == its.nis_dof * 3
+        assert mine.nis is None or its.nis is None or mine.nis >= its.nis - 1e-9
+        dof += mine.nis_dof
+    assert dof > 30
+
+
+def test_forgetting_a_landmark_takes_its_signature_out() -> None:
+    log = signed_log(5)
+    ekf = TextbookEkf(log.prior)
+    for step in log:
+        ekf.step(step)
+    before, first = ekf.signatures(), ekf.ids[0]
+    ekf.forget(first)
+    np.testing.assert_array_equal(ekf.signatures()[0], before[0][1:])
+    np.testing.assert_array_equal(ekf.signatures()[1], before[1][1:])

@@ -9,6 +9,7 @@ import slamduel
 from partial_logs import partial_log
 from slamduel.bench import cli
 from slamduel.bench.logs.facts import facts, headline
+from slamduel.bench.plan.load import load
 from slamduel.core.factors import Dataset, Truth
 from slamduel.core.truth.errors import named
 from slamduel.datasets.remarks import NO_SIGHTING, remarks
@@ -93,3 +94,12 @@ def test_an_export_counts_them(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert pyfg.partial is not None
     assert log.partial is not None
     np.testing.assert_array_equal(pyfg.partial.z, log.partial.z)
+
+
+def test_signatures_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    log = "circle[steps=200,signature_sd=0.25]"
+    found = slamduel.show(load(log, 1).log, solve=False)
+    assert "with signatures, stated to 0.250" in said(found)["sightings"]
+    assert "signatures" not in said(slamduel.show(load("circle[steps=200]", 1).log, solve=False))["sightings"]
+    assert cli.main(["validate", log]) == 0
+    assert "the whole ones with signatures" in capsys.readouterr().out
