@@ -7,6 +7,9 @@ particles are wasted where sightings are sharper than odometry.
 
 A loop closure is a measurement of a particle's pose from its own earlier one, which is a part of its path: version 1.0
 weights particles by it, version 2.0 draws the pose from odometry, loop closures and sightings together.
+
+Ranges and bearings alone, and fixes: see `parts`. Of these version 2.0 draws the pose too, but of no sighting of a
+landmark that may still be in several places: the pose would be in several, too. Such ones weight particles, as in 1.0.
 """
 
 from itertools import islice
@@ -15,7 +18,7 @@ import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, RangeBearing, RelativePoses, Step
 from ...core.se2 import Array, Ints
-from ..api import COMPILED_HERE, Builder, Expected
+from ..api import COMPILED_HERE, Belief, Builder, Expected, Solution
 from ..vicinity import Vicinity
 from . import _loops
 from ._loops import Loops
@@ -23,6 +26,7 @@ from ._particles import LOGGED, correct, move, place
 from ._proposal import Motion, propose
 from .associating import AssociatingFastSlam
 from .particle_maps import ParticleMaps
+from .parts import PartialSightings
 from .path_particles import Options, PathParticles, with_blocks
 
 
@@ -41,7 +45,10 @@ class FastSlam(PathParticles):
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         super().__init__(prior, options, rng)
-        self._maps, self._vicinity = ParticleMaps(options.particles), Vicinity()
+        parts = prior.partial or prior.fixes
+        self._parts = PartialSightings(prior, options.particles, options.gate) if parts else None
+        self._maps = ParticleMaps(options.particles, self._parts.columns if self._parts else 5)
+        self._vicinity = Vicinity()
         if prior.map is not None:
             self._adopt(prior.map)
 
@@ -54,15 +61,38 @@ class FastSlam(PathParticles):
     def map(self) -> Map:
         """Weighted mean of the particles' maps; the covariance is the mixture's, within and between particles."""
         filters = self._maps.all()
+        shared = 0.0 if self._parts is None else self._parts.shared(filters, self._weights)
+        filters = self._marginal(filters)
         n, w = len(filters), self._weights
         xy = filters[:, :2] @ w
         apart = (filters[:, :2] - xy[..., None]).reshape(2 * n, len(w))
         cov = (apart * w) @ apart.T
-        return Map(self._ids(), xy, with_blocks((cov + cov.T) / 2, filters[:, 2:] @ w))
+        return Map(self._ids(), xy, with_blocks((cov + cov.T) / 2 + shared, filters[:, 2:] @ w))
+
+    def belief(self) -> Belief:
+        """That of the particles; a measurement is refused by those of more than half of the weight."""
+        found = super().belief()
+        return found if self._parts is None else found._replace(refused=self._parts.refused(self._weights))
+
+    def finish(self) -> Solution:
+        """The path, map and constant errors of the heaviest particle; landmarks not placed are at their likeliest."""
+        found, parts = super().finish(), self._parts
+        if parts is None:
+            return found
+        best = self._heaviest()
+        more = parts.unplaced(self._poses, best)
+        constant = parts.estimated(self._maps.all(), more.ids, best)
+        if not len(more.ids) or found.map.cov is None or more.cov is None:
+            return found._replace(constant=constant)
+        n, k = 2 * len(found.map.ids), 2 * len(more.ids)
+        cov = np.zeros((n + k, n + k))
+        cov[:n, :n], cov[n:, n:] = found.map.cov, with_blocks(np.zeros((k, k)), more.cov)
+        ids, xy = (np.concatenate(pair) for pair in zip(found.map[:2], more[:2], strict=True))
+        return found._replace(map=Map(ids, xy, cov), constant=constant)
 
     def _see(self, step: Step) -> None:
         """Samples the poses, weights them by the sightings, corrects landmarks and adds new ones."""
-        ids, z, cov = step.sightings
+        ids, z, cov = step.sightings if self._parts is None else self._parts.take(step)
         rows = np.array([self._maps.row.get(landmark, -1) for landmark in ids.tolist()], np.int64)
         old, new = np.flatnonzero(rows >= 0), np.flatnonzero(rows < 0)
         slots = self._maps.slots(rows[old])
@@ -73,14 +103,18 @@ class FastSlam(PathParticles):
         ):
             slot = self._maps.add(landmark)
             place(self._poses, self._maps.filters, slot, at, spread)
+        if self._parts is not None:
+            self._weigh(self._parts.correct(self._poses, self._maps, self._weights))
 
     def _copy(self, ancestors: Ints) -> None:
         """Maps are updated on demand."""
         self._maps.resampled(ancestors)
+        if self._parts is not None:
+            self._parts.resampled(ancestors)
 
     def _map_of(self, particle: int) -> Map:
         """A particle's map, with covariance given its path."""
-        filters = self._maps.all()[..., particle]
+        filters = self._marginal(self._maps.all())[..., particle]
         within = with_blocks(np.zeros((2 * len(filters), 2 * len(filters))), filters[:, 2:])
         return Map(self._ids(), filters[:, :2].copy(), within)
 
@@ -96,7 +130,9 @@ class FastSlam(PathParticles):
         seen = (self._maps.filters, slots, z, cov)
         if motion is not None and self._options.version == 2:
             moved = Motion(*motion, self._normals())
-            if loops is None:
+            if self._parts is not None:
+                self._parts.propose(self._poses, moved, loops, self._maps, slots, z, cov, distance, volume)
+            elif loops is None:
                 propose(self._poses, moved, *seen, distance, volume)
             else:
                 _loops.propose(self._poses, moved, loops, *seen, distance, volume)
@@ -109,7 +145,7 @@ class FastSlam(PathParticles):
             correct(self._poses, *seen, distance, volume)
         if k > 0:
             self._weigh(distance + (np.log(volume).sum(axis=0) if k > LOGGED else np.log(volume[0])))
-        elif loops is not None and len(loops.delta):
+        elif self._parts is not None or (loops is not None and len(loops.delta)):
             self._weigh(distance)
 
     def _adopt(self, known: Map) -> None:
@@ -118,15 +154,17 @@ class FastSlam(PathParticles):
             slot = self._maps.add(landmark)
             filters = self._maps.filters[slot]
             filters[:2] = xy[:, None]
+            if self._parts is not None:
+                self._parts.adopted(filters)
             if known.cov is not None:
                 i, j = 2 * k, 2 * k + 1
-                filters[2:] = np.array((known.cov[i, i], known.cov[i, j], known.cov[j, j]))[:, None]
+                filters[2:5] = np.array((known.cov[i, i], known.cov[i, j], known.cov[j, j]))[:, None]
 
     def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The mean pose, the landmarks' mean places and the mixture's joint covariance, the pose last."""
         n, w = 2 * len(landmarks), self._weights
         slots = self._maps.slots(np.array([self._maps.row[landmark] for landmark in landmarks], np.int64))
-        filters = self._maps.filters[slots]
+        filters = self._marginal(self._maps.filters[slots])
         xy = filters[:, :2] @ w
         pose, error = self._scatter()
         apart = np.concatenate(((filters[:, :2] - xy[..., None]).reshape(n, len(w)), error))
@@ -135,6 +173,10 @@ class FastSlam(PathParticles):
             cov[-3:, -3:] = self._prior.cov
         cov[:n, :n] = with_blocks(cov[:n, :n].copy(), filters[:, 2:] @ w)
         return pose, xy, (cov + cov.T) / 2
+
+    def _marginal(self, filters: Array) -> Array:
+        """(N, 5, M) landmarks' mean and covariance, of their filters (N, C, M)."""
+        return filters if self._parts is None else self._parts.marginals(filters)
 
     def _ids(self) -> Ints:
         return np.fromiter(self._maps.row, np.int64, len(self._maps))
@@ -145,6 +187,8 @@ build = Builder(
     options=Options,
     random=True,
     loops=True,
+    partial=True,
+    fixes=True,
     implementation=COMPILED_HERE,
     rules={"particle": AssociatingFastSlam},
 )

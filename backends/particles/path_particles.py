@@ -41,6 +41,12 @@ class Options:
     resample_below: float = option(
         0.5, "resample when the effective sample size is below this share of the particles", minimum=0, maximum=1
     )
+    gate: float = option(
+        0.0,
+        "gate: each particle refuses ranges or bearings alone, and fixes, beyond this chi-square probability; 0: no gate",
+        minimum=0,
+        maximum=0.999999999,
+    )
 
 
 class PathParticles:
