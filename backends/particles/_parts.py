@@ -269,9 +269,7 @@ def fold_fix(work: Array, start: int, count: int, fixes: Whitened, i: int, turne
 
 
 @compiled
-def take_fix(
-    poses: Array, fixes: Whitened, i: int, gain: Array, folded: bool, turned: Array, distance: Array
-) -> None:
+def take_fix(poses: Array, fixes: Whitened, i: int, gain: Array, folded: bool, turned: Array, distance: Array) -> None:
     """Corrects the heading's offset `turned` (M,) by the i-th fix of known poses, with that `gain` (3,).
 
     Where it is not `folded` into the proposal, adds its -2 log-likelihood to `distance` (M,), up to a constant.

@@ -2,12 +2,12 @@
 
 A hypothesis is a Gaussian of q = (logarithm of the distance, direction) from the place of the first sighting: a range
 leaves the direction open, a bearing the distance, both over many hypotheses of equal weight. In q a ring and a ray are
-straight, and so is a ring's dependence on a scale. Polar coordinates for ranges are Djugash and Singh's (ISER 2008); a
-geometric series along a ray is Sola's (IROS 2005), with each hypothesis's deviation a constant share of its distance.
+straight, and so is a ring's dependence on a scale. Polar coordinates for ranges are Djugash and Singh's (ISER 2008). A
+geometric series along a ray is Sola's (IROS 2005): each hypothesis's deviation is the same share of its distance.
 
 A sighting corrects each hypothesis at its most likely place, found by Gauss and Newton, and weights it by Laplace's
-integral there. A particle's likelihood is the sum over its hypotheses. One that has become unlikely dies, and those that
-have come to one place are merged by their moments, as are the hypotheses' beliefs about constant errors.
+integral there. A particle's likelihood is the sum over its hypotheses. One that has become unlikely dies, and those of
+one place are merged by their moments, as are the hypotheses' beliefs about constant errors.
 
 Columns of a landmark: its first place x, y; its own constant errors, as in `_parts.py`; then of each hypothesis -2 log
 weight (infinite where it is dead), mean q, covariance (ll, lp, pp), and B, the change of q by scale and offset.
@@ -87,31 +87,31 @@ def response(
     """
     scale, offset = errors[0], errors[1]
     S, C, B = (errors[2], errors[3], errors[4]), (own[3], own[4], own[5]), (own[6], own[7], own[8], own[9])
-    l0, p0 = own[1] + B[0] * scale + B[1] * offset, own[2] + B[2] * scale + B[3] * offset
-    l, p, s, o = l0, p0, scale, offset
+    far0, angle0 = own[1] + B[0] * scale + B[1] * offset, own[2] + B[2] * scale + B[3] * offset
+    far, angle, s, o = far0, angle0, scale, offset
     e = u = c = pl = pp = g0 = g1 = t0 = t1 = 0.0
     settled = False
     for turn in range(ITERATIONS + 1):
         if turn == ITERATIONS:  # not to be found: linearised at the mean
-            l, p, s, o = l0, p0, scale, offset
-        r = exp(l)
-        x, y = r * cos(p), r * sin(p)
+            far, angle, s, o = far0, angle0, scale, offset
+        r = exp(far)
+        x, y = r * cos(angle), r * sin(angle)
         e, hx, hy, _, hs, ho = sensed(
             centre[0] + x - pose[0], centre[1] + y - pose[1], pose[2], constant * s, constant * o, z, share
         )
         if e == inf:
             return inf
         hl, hp, hs, ho = hx * x + hy * y, hy * x - hx * y, constant * hs, constant * ho
-        e += hl * (l - l0) + hp * (p - p0) + hs * (s - scale) + ho * (o - offset)
+        e += hl * (far - far0) + hp * (angle - angle0) + hs * (s - scale) + ho * (o - offset)
         c, u, pl, pp, g0, g1, t0, t1 = gains(C, B, S, hl, hp, hs, ho, var)
         if settled or turn == ITERATIONS:
             break
-        nl = l0 + (pl + B[0] * t0 + B[1] * t1) * e / u
-        np_ = p0 + (pp + B[2] * t0 + B[3] * t1) * e / u
-        settled = abs(nl - l) + abs(np_ - p) < SETTLED
-        l, p, s, o = nl, np_, scale + t0 * e / u, offset + t1 * e / u
-        if not abs(l - l0) + abs(p - p0) < 3.0:
-            l, p, s, o = l0, p0, scale, offset
+        next_far = far0 + (pl + B[0] * t0 + B[1] * t1) * e / u
+        next_angle = angle0 + (pp + B[2] * t0 + B[3] * t1) * e / u
+        settled = abs(next_far - far) + abs(next_angle - angle) < SETTLED
+        far, angle, s, o = next_far, next_angle, scale + t0 * e / u, offset + t1 * e / u
+        if not abs(far - far0) + abs(angle - angle0) < 3.0:
+            far, angle, s, o = far0, angle0, scale, offset
             settled = True
     kl, kp, whole = pl / c, pp / c, e + g0 * scale + g1 * offset
     after[1], after[2] = own[1] + kl * whole, own[2] + kp * whole
@@ -125,10 +125,10 @@ def response(
 @compiled
 def merge(one: Array, other: Array, scale: float, offset: float) -> bool:
     """Merges `other` into `one`, both (EACH,), if they are at one place; their weights are shares, not logarithms."""
-    l = one[1] + one[6] * scale + one[7] * offset
-    p = one[2] + one[8] * scale + one[9] * offset
-    dl = other[1] + other[6] * scale + other[7] * offset - l
-    dp = wrap(other[2] + other[8] * scale + other[9] * offset - p)
+    far = one[1] + one[6] * scale + one[7] * offset
+    angle = one[2] + one[8] * scale + one[9] * offset
+    dl = other[1] + other[6] * scale + other[7] * offset - far
+    dp = wrap(other[2] + other[8] * scale + other[9] * offset - angle)
     ll, lp, pp = one[3] + other[3], one[4] + other[4], one[5] + other[5]
     det = ll * pp - lp * lp
     if not dl * dl * pp - 2.0 * dl * dp * lp + dp * dp * ll < TOGETHER * det:
@@ -140,8 +140,8 @@ def merge(one: Array, other: Array, scale: float, offset: float) -> bool:
     one[3] += a * b * dl * dl
     one[4] += a * b * dl * dp
     one[5] += a * b * dp * dp
-    one[1] = l + b * dl - one[6] * scale - one[7] * offset
-    one[2] = p + b * dp - one[8] * scale - one[9] * offset
+    one[1] = far + b * dl - one[6] * scale - one[7] * offset
+    one[2] = angle + b * dp - one[8] * scale - one[9] * offset
     one[0], other[0] = total, 0.0
     return True
 
@@ -199,9 +199,7 @@ def respond(
             if share_ > 0.0:
                 for i in range(1, EACH):
                     rings[slot, FIRST + h * EACH + i, m] = after[h, i]
-        put_errors(
-            rings, slot, OWN_HERE, common, each, m, (errors[0], errors[1], errors[2], errors[3], errors[4])
-        )
+        put_errors(rings, slot, OWN_HERE, common, each, m, (errors[0], errors[1], errors[2], errors[3], errors[4]))
 
 
 @compiled
@@ -235,7 +233,11 @@ def place(
         ll, lp, pp = own[3, m], own[4, m], own[5, m]
         xl, xp = x * ll - y * lp, x * lp - y * pp
         yl, yp = y * ll + x * lp, y * lp + x * pp
-        filters[into, 2, m], filters[into, 3, m], filters[into, 4, m] = xl * x - xp * y, xl * y + xp * x, yl * y + yp * x
+        filters[into, 2, m], filters[into, 3, m], filters[into, 4, m] = (
+            xl * x - xp * y,
+            xl * y + xp * x,
+            yl * y + yp * x,
+        )
         mx, my = rings[slot, 0, m] + x, rings[slot, 1, m] + y
         b0, b1 = x * own[6, m] - y * own[8, m], x * own[7, m] - y * own[9, m]
         b2, b3 = y * own[6, m] + x * own[8, m], y * own[7, m] + x * own[9, m]

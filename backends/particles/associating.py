@@ -45,7 +45,9 @@ class AssociatingFastSlam(PathParticles):
         if prior.loops:
             raise Unsuited("association=particle takes no loop closures, and the log has some; association=jcbb does")
         if prior.partial or prior.fixes:
-            raise Unsuited("association=particle takes whole sightings alone, and the log has others; association=jcbb does")
+            raise Unsuited(
+                "association=particle takes whole sightings alone, and the log has others; association=jcbb does"
+            )
         super().__init__(prior, options, rng)
         self._gate = -2 * WIDER * log1p(-options.new)
         self._maps = OwnMaps(options.particles)

@@ -10,6 +10,9 @@ weights particles by it, version 2.0 draws the pose from odometry, loop closures
 
 Ranges and bearings alone, and fixes: see `parts`. Of these version 2.0 draws the pose too, but of no sighting of a
 landmark that may still be in several places: the pose would be in several, too. Such ones weight particles, as in 1.0.
+On logs with ranges or bearings alone, without fixes or a given map, nothing measures the start: all particles are then
+at its mean, and its covariance, which turns and moves path and map together, is added to what they believe. Drawn, it
+would take particles from the hypotheses, and their mean would be no path.
 """
 
 from itertools import islice
@@ -51,6 +54,7 @@ class FastSlam(PathParticles):
         self._vicinity = Vicinity()
         if prior.map is not None:
             self._adopt(prior.map)
+        self._draws_start = self._parts is None or prior.fixes or prior.map is not None
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by mean and covariance of the weighted particles."""
@@ -67,12 +71,18 @@ class FastSlam(PathParticles):
         xy = filters[:, :2] @ w
         apart = (filters[:, :2] - xy[..., None]).reshape(2 * n, len(w))
         cov = (apart * w) @ apart.T
-        return Map(self._ids(), xy, with_blocks((cov + cov.T) / 2 + shared, filters[:, 2:] @ w))
+        cov = with_blocks((cov + cov.T) / 2 + shared, filters[:, 2:] @ w)
+        return Map(self._ids(), xy, cov if self._draws_start else cov + self._of_start(xy)[: 2 * n, : 2 * n])
 
     def belief(self) -> Belief:
         """That of the particles; a measurement is refused by those of more than half of the weight."""
         found = super().belief()
-        return found if self._parts is None else found._replace(refused=self._parts.refused(self._weights))
+        if self._parts is None:
+            return found
+        cov = found.cov
+        if cov is not None and self._started and not self._draws_start:
+            cov = cov + self._of_start(found.pose[None, :2])
+        return found._replace(cov=cov, refused=self._parts.refused(self._weights))
 
     def finish(self) -> Solution:
         """The path, map and constant errors of the heaviest particle; landmarks not placed are at their likeliest."""
@@ -80,15 +90,13 @@ class FastSlam(PathParticles):
         if parts is None:
             return found
         best = self._heaviest()
-        more = parts.unplaced(self._poses, best)
-        constant = parts.estimated(self._maps.all(), more.ids, best)
-        if not len(more.ids) or found.map.cov is None or more.cov is None:
-            return found._replace(constant=constant)
-        n, k = 2 * len(found.map.ids), 2 * len(more.ids)
-        cov = np.zeros((n + k, n + k))
-        cov[:n, :n], cov[n:, n:] = found.map.cov, with_blocks(np.zeros((k, k)), more.cov)
-        ids, xy = (np.concatenate(pair) for pair in zip(found.map[:2], more[:2], strict=True))
-        return found._replace(map=Map(ids, xy, cov), constant=constant)
+        ids, xy, blocks = parts.unplaced(self._poses, best)
+        filters = self._maps.all()
+        placed, constant = self._marginal(filters)[..., best], parts.estimated(filters, ids, best)
+        within = np.concatenate((placed[:, 2:], blocks))
+        cov = with_blocks(np.zeros((2 * len(within), 2 * len(within))), within)
+        landmarks = Map(np.concatenate((self._ids(), ids)), np.concatenate((placed[:, :2], xy)), cov)
+        return found._replace(map=landmarks, constant=constant)
 
     def _see(self, step: Step) -> None:
         """Samples the poses, weights them by the sightings, corrects landmarks and adds new ones."""
@@ -147,6 +155,17 @@ class FastSlam(PathParticles):
             self._weigh(distance + (np.log(volume).sum(axis=0) if k > LOGGED else np.log(volume[0])))
         elif self._parts is not None or (loops is not None and len(loops.delta)):
             self._weigh(distance)
+
+    def _of_start(self, xy: Array) -> Array:
+        """(2n + 1, 2n + 1) covariance of places (n, 2) and a heading at the end, by the prior's of the start.
+
+        It moves and turns all of them together.
+        """
+        n = len(xy)
+        J = np.zeros((2 * n + 1, 3))
+        J[: 2 * n : 2, 0] = J[1 : 2 * n : 2, 1] = J[-1, 2] = 1.0
+        J[: 2 * n : 2, 2], J[1 : 2 * n : 2, 2] = self._prior.pose[1] - xy[:, 1], xy[:, 0] - self._prior.pose[0]
+        return J @ self._prior.cov @ J.T
 
     def _adopt(self, known: Map) -> None:
         """Gives every particle the same map: its covariance's diagonal blocks; held fixed without one."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from ...core.factors import Map, Prior, RangeBearing, Step
+from ...core.factors import Prior, RangeBearing, Step
 from ...core.partial import BEARING, RANGE
 from ...core.se2 import Array, Ints
 from ..api import Constant
@@ -138,8 +138,8 @@ class PartialSightings:
         self._ahead = ~heading | (np.cumsum(heading) == 1) if self._turn_var > 0 else np.ones_like(heading)
         ahead = Whitened(*(np.compress(self._ahead, column, axis=0) for column in self._whitened))
         _parts.propose(
-            poses, motion, Loops(np.zeros((0, 3, M)), *NO_LOOPS) if loops is None else loops, maps.filters, slots, z, cov,
-            self.common, self.each, parts, ahead, self.turned, distance, volume,
+            poses, motion, Loops(np.zeros((0, 3, M)), *NO_LOOPS) if loops is None else loops, maps.filters, slots, z,
+            cov, self.common, self.each, parts, ahead, self.turned, distance, volume,
         )  # fmt: skip
         self._whitened.refused[self._ahead] = ahead.refused
 
@@ -166,6 +166,8 @@ class PartialSightings:
             else:
                 self._begin(poses, part)
         for i, (root, ahead) in enumerate(zip(self._whitened.root, self._ahead, strict=True)):
+            if not ahead:
+                root[:] = self._root(self._cov[i])
             gain = self._turn_var * (root.T @ root)[2]
             _parts.take_fix(poses, self._whitened, i, gain, bool(ahead), self.turned, distance)
             if self._whitened.refused[i] @ weights < 0.5:
@@ -195,27 +197,30 @@ class PartialSightings:
         """(2N, 2N) covariance between landmarks by errors common to all, as far as `marginals` has not got it."""
         if not self.constant or self.each:
             return 0.0
-        n = len(filters)
-        B = filters[:, SLOPES:OWN].reshape(n, 2, 2, -1)
-        S = self.common[[2, 3, 3, 4]].reshape(2, 2, -1)
+        n, M = len(filters), len(weights)
+        B = filters[:, SLOPES:OWN].reshape(n, 2, 2, M)
+        S = self.common[[2, 3, 3, 4]].reshape(2, 2, M)
         found = np.einsum("niam,abm,kjbm,m->nikj", B, S, B, weights)
         found[np.arange(n), :, np.arange(n)] = 0.0
         return found.reshape(2 * n, 2 * n)
 
-    def unplaced(self, poses: Array, particle: int) -> Map:
-        """The landmarks that are open, each at the particle's likeliest hypothesis."""
+    def unplaced(self, poses: Array, particle: int) -> tuple[Ints, Array, Array]:
+        """The k landmarks that are open, each at the particle's likeliest hypothesis.
+
+        Returns ids (k,), places (k, 2) and covariances xx, xy, yy (k, 3).
+        """
         M = poses.shape[1]
         slots = self.open.slots(np.fromiter(self.open.row.values(), np.int64, len(self.open.row)))
-        filters = np.zeros((len(slots), self.columns, M))
+        filters, unsure = np.zeros((len(slots), self.columns, M)), np.zeros(M, np.bool_)
         for into, slot in enumerate(slots.tolist()):
             _rings.place(
-                poses, self.open.filters, slot, self.common, self.each, CLEAR, SPREAD, filters, into, np.zeros(M, np.bool_)
-            )
+                poses, self.open.filters, slot, self.common, self.each, CLEAR, SPREAD, filters, into, unsure
+            )  # fmt: skip
         found = self.marginals(filters)[..., particle]
-        return Map(np.fromiter(self.open.row, np.int64, len(slots)), found[:, :2].copy(), found[:, 2:])
+        return np.fromiter(self.open.row, np.int64, len(slots)), found[:, :2].copy(), found[:, 2:]
 
     def estimated(self, filters: Array, unplaced: Ints, particle: int) -> Constant | None:
-        """A particle's constant errors: each landmark's own in the order of `filters` (N, C, M), then of the open ones."""
+        """A particle's constant errors; each landmark's own in the order of `filters` (N, C, M), then `unplaced`."""
         if not self.constant and not self._turn_var > 0:
             return None
         values = self.common[:2, particle, None]
@@ -229,22 +234,22 @@ class PartialSightings:
         """Adds a whole sighting as a bearing, and a range given that: its errors are independent of the bearing's."""
         part = cov[0, 1] / cov[1, 1]
         self._parts.append(_Part(landmark, z, np.array((0.0, 1.0)), float(cov[1, 1]), 0.0, np.inf))
-        self._parts.append(
-            _Part(landmark, z, np.array((1.0, -part)), float(cov[0, 0] - part * cov[0, 1]), 0.0, np.inf)
-        )
+        self._parts.append(_Part(landmark, z, np.array((1.0, -part)), float(cov[0, 0] - part * cov[0, 1]), 0.0, np.inf))
 
     def _white(self, z: Array, cov: Array, arm: Array) -> Whitened:
         """Fixes with the root of their information, the heading's offset counted as noise."""
-        roots, gates = np.zeros((len(z), 3, 3)), np.zeros(len(z))
-        for i, known in enumerate(~np.isnan(z)):
-            V = cov[i].copy()
-            V[2, 2] += self._turn_var
-            k = int(known.sum())
-            roots[i, :k, known] = np.linalg.inv(np.linalg.cholesky(V[known][:, known])).T
-            gates[i] = self._gates[k - 1]
-        self._ahead = np.zeros(len(z), np.bool_)
-        M = self.common.shape[1] if hasattr(self, "common") else 0
-        return Whitened(np.nan_to_num(z), arm.copy("C"), roots, gates, np.zeros((len(z), M), np.bool_))
+        self._ahead, self._cov = np.zeros(len(z), np.bool_), cov
+        roots = np.array([self._root(one) for one in cov]).reshape(-1, 3, 3)
+        gates = self._gates[(~np.isnan(z)).sum(axis=1) - 1]
+        return Whitened(np.nan_to_num(z), arm.copy("C"), roots, gates, np.zeros((len(z), len(self.turned)), np.bool_))
+
+    def _root(self, cov: Array) -> Array:
+        """The root (3, 3) of a fix's information at present, zero in the columns of what is not measured."""
+        known = ~np.isnan(np.diagonal(cov))
+        V, root, k = cov.copy(), np.zeros((3, 3)), int(known.sum())
+        V[2, 2] += self._turn_var
+        root[:k, known] = np.linalg.inv(np.linalg.cholesky(V[known][:, known]))
+        return root
 
     def _begin(self, poses: Array, part: _Part) -> None:
         """Starts a landmark of which a range or a bearing has been sighted."""
