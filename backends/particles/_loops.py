@@ -19,8 +19,8 @@ from ...core.kernels._planar import wrap
 from ...core.kernels._small import factored
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from ._particles import BLOCK, LOGGED, cosine_sine, root
-from ._proposal import ROWS, Motion, draw, fold, predict
+from ._particles import BLOCK, cosine_sine, root
+from ._proposal import ROWS, Motion, draw, fold_all, predict
 
 
 class Loops(NamedTuple):
@@ -102,6 +102,15 @@ def fold_loop(work: Array, count: int, earlier: Array, start: int, z: Array, cov
 
 
 @compiled
+def fold_loops(work: Array, count: int, loops: Loops, start: int, off: Array) -> None:
+    """Corrects `count` proposals by loop closures; `off` (count,) receives their -2 log-likelihood."""
+    for k in range(len(loops.delta)):
+        fold_loop(work, count, loops.earlier[k], start, loops.delta[k], loops.cov[k])
+        for m in range(count):
+            off[m] += work[17 * BLOCK + m]
+
+
+@compiled
 def propose(
     poses: Array,
     motion: Motion,
@@ -123,18 +132,8 @@ def propose(
         count = len(off)
         work = np.empty(ROWS * BLOCK)
         predict(work, poses, start, count, motion)
-        for k in range(len(loops.delta)):
-            fold_loop(work, count, loops.earlier[k], start, loops.delta[k], loops.cov[k])
-            for m in range(count):
-                off[m] += work[17 * BLOCK + m]
-        for k in range(len(slots)):
-            for i in range(5):
-                work[(12 + i) * BLOCK : (12 + i) * BLOCK + count] = filters[slots[k], i, part]
-            fold(work, count, z[k], cov[k])
-            spread = volume[k // LOGGED, part]
-            for m in range(count):
-                off[m] += work[17 * BLOCK + m]
-                spread[m] *= work[18 * BLOCK + m]
+        fold_loops(work, count, loops, start, off)
+        fold_all(work, count, filters, slots, z, cov, part, off, volume)
         draw(work, poses, start, count, motion.noise)
 
 

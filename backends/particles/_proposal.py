@@ -146,6 +146,21 @@ def draw(work: Array, poses: Array, start: int, count: int, noise: Array) -> Non
 
 
 @compiled
+def fold_all(
+    work: Array, count: int, filters: Array, slots: Ints, z: Array, cov: Array, part: slice, off: Array, volume: Array
+) -> None:  # fmt: skip
+    """Corrects the proposals of the `count` particles in `part` by sightings (k,); `off` (count,) is their distance."""
+    for k in range(len(slots)):
+        for i in range(5):
+            work[(12 + i) * BLOCK : (12 + i) * BLOCK + count] = filters[slots[k], i, part]
+        fold(work, count, z[k], cov[k])
+        spread = volume[k // LOGGED, part]
+        for m in range(count):
+            off[m] += work[17 * BLOCK + m]
+            spread[m] *= work[18 * BLOCK + m]
+
+
+@compiled
 def propose(
     poses: Array,
     motion: Motion,
@@ -167,12 +182,5 @@ def propose(
         count = len(off)
         work = np.empty(ROWS * BLOCK)
         predict(work, poses, start, count, motion)
-        for k in range(len(slots)):
-            for i in range(5):
-                work[(12 + i) * BLOCK : (12 + i) * BLOCK + count] = filters[slots[k], i, part]
-            fold(work, count, z[k], cov[k])
-            spread = volume[k // LOGGED, part]
-            for m in range(count):
-                off[m] += work[17 * BLOCK + m]
-                spread[m] *= work[18 * BLOCK + m]
+        fold_all(work, count, filters, slots, z, cov, part, off, volume)
         draw(work, poses, start, count, motion.noise)

@@ -44,6 +44,10 @@ class AssociatingFastSlam(PathParticles):
     def __init__(self, prior: Prior, options: Any, rng: np.random.Generator) -> None:
         if prior.loops:
             raise Unsuited("association=particle takes no loop closures, and the log has some; association=jcbb does")
+        if prior.partial or prior.fixes:
+            raise Unsuited(
+                "association=particle takes whole sightings alone, and the log has others; association=jcbb does"
+            )
         super().__init__(prior, options, rng)
         self._gate = -2 * WIDER * log1p(-options.new)
         self._maps = OwnMaps(options.particles)

@@ -18,41 +18,51 @@ RESERVED = 8
 
 
 class ParticleMaps:
-    """N landmarks in each of M particles; 40 bytes per particle and landmark, and 8 for their ancestors."""
+    """N landmarks of C columns in each of M particles; 8 C bytes per particle and landmark, and 8 for their ancestors.
 
-    def __init__(self, particles: int) -> None:
+    The first five columns are mean x, y (m) and covariance xx, xy, yy (m^2), unless a caller has others.
+    """
+
+    def __init__(self, particles: int, columns: int = 5, reserved: int = RESERVED) -> None:
         self.row: dict[int, int] = {}  # landmark id -> its row
-        self._filters = np.zeros((RESERVED + 1, 5, particles))  # per slot: mean x, y, covariance xx, xy, yy
-        self._slots = np.arange(RESERVED)  # (reserved,) the slot of each row; one slot is spare
-        self._spare = RESERVED
-        self._written = np.zeros(RESERVED, np.int64)  # (reserved,) the epoch of each row's last update
-        self._hops = np.zeros((2 * RESERVED, particles), np.int32)
+        self._filters = np.zeros((reserved + 1, columns, particles))
+        self._slots = np.arange(reserved)  # (reserved,) the slot of each row; one slot is spare
+        self._spare = reserved
+        self._written = np.zeros(reserved, np.int64)  # (reserved,) the epoch of each row's last update
+        self._hops = np.zeros((2 * reserved, particles), np.int32)
         self._epoch = 0
         self._turn = 0
+        self._rows = 0  # that have been in use
+        self._left: list[int] = []  # of them, those of landmarks that were removed
 
     def __len__(self) -> int:
         return len(self.row)
 
     @property
     def filters(self) -> Array:
-        """(slots, 5, M) mean x, y (m) and covariance xx, xy, yy (m^2); for kernels, which write to it."""
+        """(slots, C, M), for kernels, which write to it."""
         return self._filters
 
     def add(self, landmark: int) -> int:
         """Returns a slot for a new landmark, to be filled by the caller."""
-        row = len(self.row)
+        row = self._left.pop() if self._left else self._rows
         if row == len(self._slots):
             self._grow()
+        self._rows = max(self._rows, row + 1)
         self.row[landmark] = row
         self._written[row] = self._epoch
         return int(self._slots[row])
+
+    def remove(self, landmark: int) -> None:
+        """Removes a landmark; its space is for the next."""
+        self._left.append(self.row.pop(landmark))
 
     def resampled(self, ancestors: Ints) -> None:
         """Replaces each particle m by a copy of particle ancestors[m]."""
         self._epoch += 1
         remember(self._hops, self._epoch, ancestors)
-        if self.row:
-            self._turn = (self._turn + 1) % len(self.row)
+        if self._rows:
+            self._turn = (self._turn + 1) % self._rows
             self.slots(np.array([self._turn]))
 
     def slots(self, rows: Ints) -> Ints:
@@ -61,14 +71,14 @@ class ParticleMaps:
         return self._slots[rows]
 
     def all(self) -> Array:
-        """(N, 5, M) every landmark's filters, in the order of the rows: a copy."""
-        return self._filters[self.slots(np.arange(len(self.row)))]
+        """(N, C, M) every landmark's filters, in the order of `row`: a copy."""
+        return self._filters[self.slots(np.fromiter(self.row.values(), np.int64, len(self.row)))]
 
     def _grow(self) -> None:
         """Doubles the space for landmarks, and for ancestor maps."""
         before = len(self._slots)
-        particles = self._filters.shape[-1]
-        filters = np.zeros((2 * before + 1, 5, particles))
+        _, columns, particles = self._filters.shape
+        filters = np.zeros((2 * before + 1, columns, particles))
         filters[: before + 1] = self._filters
         self._filters = filters
         self._slots = np.concatenate((self._slots, np.arange(before + 1, 2 * before + 1)))

@@ -1,7 +1,7 @@
 """Weighted particles over the path of a robot, each with a map of its own: what all of FastSLAM has in common."""
 
 from dataclasses import dataclass
-from math import atan2, isfinite, pi
+from math import atan2, cos, isfinite, pi, sin
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,12 @@ class Options:
     resample_below: float = option(
         0.5, "resample when the effective sample size is below this share of the particles", minimum=0, maximum=1
     )
+    gate: float = option(
+        0.0,
+        "gate: each particle refuses ranges, bearings alone and fixes beyond this chi-square probability; 0: no gate",
+        minimum=0,
+        maximum=0.999999999,
+    )
 
 
 class PathParticles:
@@ -58,6 +64,7 @@ class PathParticles:
         )  # x, y, heading, and the cosine and sine that rotate a motion into the world's axes
         self._poses.T[:] = (*prior.pose, 1.0, 0.0)  # turned by 0: the prior's covariance is in the world frame already
         self._started = False
+        self._draws_start = True  # False: all start at the prior's pose; its covariance is added to beliefs
         self._log_weights = np.zeros(M)  # the largest is zero
         self._weights = np.full(M, 1 / M)
         self._origins = np.arange(M)  # initial particle that each descends from
@@ -106,7 +113,7 @@ class PathParticles:
         raise NotImplementedError
 
     def _motion(self, step: Step) -> Odometry | None:
-        """The distribution of the step's poses: at the first, the prior's covariance about its pose.
+        """The distribution of the step's poses: at the first, the prior's covariance about its pose, if that is drawn.
 
         Copies: a log's arrays are read-only, and kernels would be compiled once for each kind.
         """
@@ -114,6 +121,9 @@ class PathParticles:
         if self._started:
             return motion
         self._started = True
+        if not self._draws_start:
+            self._poses[3], self._poses[4] = cos(self._prior.pose[2]), sin(self._prior.pose[2])
+            return motion
         start = Odometry(np.zeros(3), self._prior.cov.copy("C"))
         if motion is None:
             return start
