@@ -131,13 +131,19 @@ def test_it_finds_the_beacons(name: str, case: str) -> None:
 @pytest.mark.parametrize("case", [case for case in DRIVES if "scale" not in case])
 @pytest.mark.parametrize("name", OURS)
 def test_it_is_the_ekf_to_second_order(name: str, case: str) -> None:
-    """A tenth of the noise leaves a hundredth of the difference."""
-    off = []
-    for noise in (0.02, 0.002):
-        log = drive(6, steps=150, noise=noise, **DRIVES[case]).log
-        log = replace(log, prior=log.prior._replace(cov=noise**2 * np.diag([1e-4, 1e-4, 1e-4])))
-        off.append(apart(run("ekf", log)[1], run(name, log)[1]))
-    assert off[1] < 0.03 * off[0] + 1e-9
+    """A tenth of the noise leaves a hundredth of the difference, on a rough map; also without, where places are sharp.
+
+    How sharp they are at a late start by one kind alone depends on when that is.
+    """
+    for known in (True, False) if case == "both in turn" else (True,):
+        off = []
+        for noise in (0.2, 0.02):
+            log = drive(6, steps=150, noise=noise, **DRIVES[case]).log
+            rough = BEACONS + noise * 0.05 * np.random.default_rng(1).standard_normal((4, 2))
+            given = Map(np.arange(4), rough, noise**2 * 0.05**2 * np.eye(8)) if known else None
+            log = replace(log, prior=log.prior._replace(cov=noise**2 * 1e-4 * np.eye(3), map=given))
+            off.append(apart(run("ekf", log)[1], run(name, log)[1]))
+        assert 1e-9 < off[1] < 0.015 * off[0]
 
 
 @pytest.mark.parametrize("each", [False, True])
@@ -152,7 +158,7 @@ def test_all_constant_errors_are_those_of_the_ekf(name: str, each: bool) -> None
     prior = log.prior._replace(systematic=Systematic(0.1, 0.3, 0.1, each))
     wrong = replace(log, prior=prior, partial=replace(log.partial, z=longer), fixes=replace(log.fixes, z=turned))
     expected, filter_ = run("ekf", wrong), run(name, wrong)
-    assert apart(filter_[1], expected[1]) < 2e-3
+    assert apart(filter_[1], expected[1]) < 5e-3
     right = run(name, log)
     assert apart(filter_[1][-50:], right[1][-50:]) < 0.01
     if not each:
@@ -213,7 +219,7 @@ def test_whole_sightings_beside_partial_ones_and_what_is_expected_then(name: str
 
 def test_loop_closures_beside_late_starts() -> None:
     """The invariant EKF has both sorts of kept poses: at low noise it is the EKF, its smoothed path too."""
-    made = drive(6, steps=120, noise=0.01)
+    made = drive(6, steps=120, kinds=(RANGE, BEARING), noise=0.02)
     steps, rng = list(made.log), np.random.default_rng(2)
     for k in range(30, 120, 10):
         delta = compose(between(made.path[k - 25], made.path[k]), 1e-4 * rng.standard_normal(3))
