@@ -23,6 +23,13 @@ ITERATIONS = 30
 SCALE = 2.3849
 """Of the Cauchy loss, in standard deviations, 95 % efficient."""
 
+WIDE = 0.1
+"""Standard deviation of a range, in the largest distance, and of a bearing, rad, that a fit begins with.
+
+It is a quarter of what lies between two starts on a ring: precise sightings alone attract a fit from nearby only, and
+of two mirrored places one would be missed.
+"""
+
 APART = 9.0
 """Squared Mahalanobis distance from the best minimum beyond which another one is another place."""
 
@@ -82,8 +89,11 @@ def fit(poses: Array, kind: Ints, z: Array, var: Array, at: Array, J: Array) -> 
 
 
 @compiled
-def starts(poses: Array, kind: Ints, z: Array, out: Array) -> int:
-    """Fills out (2 STARTS, 2) with points of the last ring and of the last ray; returns their number."""
+def starts(poses: Array, kind: Ints, z: Array, out: Array) -> tuple[int, float]:
+    """Fills out (2 STARTS, 2) with points of the last ring and of the last ray.
+
+    Returns their number, and the largest distance (m).
+    """
     n, k = 0, len(z)
     ring, ray, size = -1, -1, 0.0
     for i in range(k):
@@ -108,7 +118,7 @@ def starts(poses: Array, kind: Ints, z: Array, out: Array) -> int:
             out[n, 1] = poses[ray, 1] + far * sin(angle)
             far *= 2.0
             n += 1
-    return n
+    return n, size
 
 
 @compiled
@@ -118,10 +128,14 @@ def best(poses: Array, kind: Ints, z: Array, var: Array, at: Array, cov: Array) 
     Returns False where the sightings determine none, and by how much the loss of the best one elsewhere is larger.
     """
     points, J, own = np.empty((2 * STARTS, 2)), np.empty(5), np.empty(5)
-    n = starts(poses, kind, z, points)
-    losses = np.empty(n)
+    n, size = starts(poses, kind, z, points)
+    losses, wide = np.empty(n), np.empty(len(z))
+    for i in range(len(z)):
+        sd = WIDE * size if kind[i] == RANGE else WIDE
+        wide[i] = var[i] + sd * sd
     least, first = np.inf, -1
     for i in range(n):
+        fit(poses, kind, z, wide, points[i], J)
         losses[i] = fit(poses, kind, z, var, points[i], J)
         if losses[i] < least and J[0] * J[2] - J[1] * J[1] > 1e-12 * J[0] * J[2]:
             least, first = losses[i], i

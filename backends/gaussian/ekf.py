@@ -39,6 +39,7 @@ from ._expected import expect
 from ._loops import close, keep
 from .compressed import Active
 from .joint import Joint
+from .joint_parts import JointParts
 from .kept_poses import SUMMARY, KeptPoses, Loops
 from .late_starts import LateStarts
 
@@ -104,8 +105,9 @@ class Ekf:
             self._whole.adopt(prior.map)
             self._whole.agreed[: len(prior.map.ids)] = self._confirm
             self._slot = {landmark: i for i, landmark in enumerate(prior.map.ids.tolist())}
-        partial = prior.partial or prior.fixes
-        self._late = LateStarts(self._whole, prior, self._slot, self._where, self._started) if partial else None
+        self._late: LateStarts | None = None
+        if prior.partial or prior.fixes:
+            self._late = LateStarts(JointParts(self._whole, self._where), prior, self._slot, self._started)
 
     def tell(self, truth: Truth) -> bool:
         """Stores the ground truth to linearise at; False unless the Jacobians are to be ideal."""

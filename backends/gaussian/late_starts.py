@@ -1,4 +1,4 @@
-"""Partial sightings and fixes in the EKF's joint belief, and the late start of landmarks that one sighting leaves open.
+"""Partial sightings and fixes in a filter, and the late start of landmarks that one sighting leaves open: one layer.
 
 Of a landmark on the map, a range or a bearing corrects the belief as a whole sighting does. Of another one it is held
 back, and the pose is kept in the state (a clone, see `kept_poses`): when the held ones together place the landmark (see
@@ -9,10 +9,13 @@ a place that may be wrong. Poses that nothing waits for leave the state, which i
 At most `MOST` sightings of a landmark wait; of more, the one is dropped whose neighbours along the way are closest.
 
 Constant errors of the sensor (`Systematic`) are entries of the state: scale and offset of ranges, the heading's offset.
+
+The layer decides what is used when; a filter does it to its own belief, by the methods of `Parts`.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -21,11 +24,8 @@ from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ..api import Diverged
 from ..placing import placed
-from . import _triangle
-from ._ekf import AT_ROBOT, FIRST, IDEAL, POSE
-from ._loops import keep
-from ._partial import NO_ENTRY, REFUSED, USED, begin, fixed, partly, together
-from .joint import Joint
+from ._ekf import AT_ROBOT
+from ._partial import NO_ENTRY, REFUSED, USED
 
 MOST = 40
 """Sightings of one landmark that wait."""
@@ -36,8 +36,75 @@ FURTHER = 0.05
 LOOSE = 1e4
 """Standard deviation of a new landmark, in those of its place: it has no prior information to eight digits."""
 
+NO_GATES = np.zeros(3)
+"""Of one, two and three degrees of freedom."""
+
 OWN = (-3, -2, -1)
 """Entries of the present pose."""
+
+
+class Parts(Protocol):
+    """A filter's belief as this layer corrects it: a pose, and a state of pairs of entries.
+
+    An entry is counted from the first one after the pose. The seven entries of a partial sighting are the pose's x, y
+    and heading, the landmark's x and y, scale and offset of ranges; NO_ENTRY where there is none. Outcomes are USED,
+    REFUSED by a gate, or a reason of failure.
+    """
+
+    @property
+    def pairs(self) -> int:
+        """The pairs of the state."""
+        ...
+
+    def constant(self, first: float, second: float) -> int:
+        """Adds a pair of constant errors around zero, with these standard deviations; returns its first entry."""
+        ...
+
+    def constants(self, entry: int) -> tuple[float, float]:
+        """The present means of a pair of constant errors."""
+        ...
+
+    def space(self) -> list[tuple[int, int]]:
+        """Adds space for poses to keep; returns the entries of each: x, with y after it, and heading."""
+        ...
+
+    def keep(self, clone: tuple[int, int]) -> None:
+        """Clones the pose into these entries."""
+        ...
+
+    def poses(self, clones: Ints) -> tuple[Array, Array]:
+        """Kept poses (k, 3) in the world at entries (k, 2), and their joint covariance (3k, 3k)."""
+        ...
+
+    def begin(self, xy: Array, sd: float, agreed: int) -> int:
+        """Adds a landmark at xy (2,), independent, of standard deviation `sd` (m); returns its pair.
+
+        `agreed` sightings have placed it.
+        """
+        ...
+
+    def partly(self, entries: Ints, slot: int, kind: int, z: float, var: float, gate: float) -> tuple[int, float]:
+        """Corrects by a partial sighting of a landmark, with these entries (7,) and the filter's number `slot`.
+
+        The number is negative for a landmark held fixed, which has no entries. Returns the outcome and the squared
+        distance.
+        """
+        ...
+
+    def together(self, entries: Ints, kind: Ints, z: Array, var: Array) -> int:
+        """Corrects by k <= MOST partial sightings at once, with entries (k, 7); returns the outcome."""
+        ...
+
+    def fixed(self, offset: int, z: Array, cov: Array, arm: Array, gate: float) -> tuple[int, float, int]:
+        """Corrects by a fix; `offset` is the entry of the heading's constant error.
+
+        Returns the outcome, the squared distance and the number of entries measured.
+        """
+        ...
+
+    def reduce(self, left: list[int]) -> None:
+        """Takes out all pairs but those `left`, ascending."""
+        ...
 
 
 @dataclass
@@ -59,25 +126,32 @@ class _Held:
     var: float
 
 
+def nothing(landmark: int, slot: int) -> None:
+    """A landmark has entered the map, which a filter need not be told."""
+    del landmark, slot
+
+
 class LateStarts:
-    """The part of an EKF for logs with partial sightings or fixes."""
+    """The part of a filter for logs with partial sightings or fixes."""
 
     def __init__(
-        self, whole: Joint, prior: Prior, slot: dict[int, int], where: int, started: Callable[[int, int], None]
+        self, parts: Parts, prior: Prior, slot: dict[int, int], started: Callable[[int, int], None] = nothing
     ) -> None:
-        """`slot` has the pairs of landmarks, by id; `started` is told of a new one, and of its pair."""
-        self._whole, self._slot, self._where, self._started = whole, slot, where, started
+        """`slot` has the filter's numbers of landmarks by id, the pairs of those in the state.
+
+        `started` is told of a new one, and of its pair.
+        """
+        self._parts, self._slot, self._started = parts, slot, started
         self._prior: Systematic = prior.systematic
         self._held: dict[int, list[_Held]] = {}
         self._tried: dict[int, float] = {}  # m, the way at which a landmark was tried last
         self._free: list[tuple[int, int]] = []  # entries of poses that are needed no longer
         self._way = 0.0
-        ranges = self._prior.range_scale > 0 or self._prior.range_offset > 0
-        common = ranges and not self._prior.each
-        self._common = self._constant(self._prior.range_scale, self._prior.range_offset) if common else NO_ENTRY
-        self._each: dict[int, int] | None = {} if ranges and self._prior.each else None
-        heading = self._prior.heading_offset
-        self._heading = self._constant(heading, 0.0) if heading > 0 else NO_ENTRY
+        scale, offset, heading, each = self._prior
+        self._ranging = scale > 0 or offset > 0
+        self._common = parts.constant(scale, offset) if self._ranging and not each else NO_ENTRY
+        self._each: dict[int, int] | None = {} if self._ranging and each else None
+        self._heading = parts.constant(heading, 0.0) if heading > 0 else NO_ENTRY
 
     def step(self, step: Step, gates: Array) -> tuple[float, int, int]:
         """Corrects by a step's fixes and partial sightings, after its motion and whole sightings.
@@ -87,13 +161,10 @@ class LateStarts:
         """
         if step.odometry is not None:
             self._way += float(np.hypot(*step.odometry.delta[:2]))
-        whole, nis, dof, refused = self._whole, 0.0, 0, 0
-        pose = np.array((*OWN, self._heading), np.int64)
+        parts, nis, dof, refused = self._parts, 0.0, 0, 0
         for z, cov, arm in zip(*step.fixes, strict=True):
             measured = int(np.sum(~np.isnan(z)))
-            why, distance, k = fixed(
-                whole.address, 2 * whole.pairs, pose, z, cov, arm, self._where, float(gates[measured - 1])
-            )
+            why, distance, k = parts.fixed(self._heading, z, cov, arm, float(gates[measured - 1]))
             refused += self._counted(why, "a fix")
             if why == USED:
                 nis, dof = nis + distance, dof + k
@@ -103,7 +174,7 @@ class LateStarts:
                 waiting.append(self._hold(landmark, kind, z, var))
                 continue
             entries = self._entries(OWN, landmark, kind)
-            why, distance = partly(whole.address, 2 * whole.pairs, entries, kind, z, var, self._where, float(gates[0]))
+            why, distance = parts.partly(entries, self._slot[landmark], kind, z, var, float(gates[0]))
             refused += self._counted(why, f"landmark {landmark}")
             if why == USED:
                 nis, dof = nis + distance, dof + 1
@@ -121,11 +192,11 @@ class LateStarts:
         if self._held or not self._free:
             return False
         gone = {entry // 2 for entries in self._free for entry in entries}
-        left = [pair for pair in range(self._whole.pairs) if pair not in gone]
-        self._whole.reduce(left)
+        left = [pair for pair in range(self._parts.pairs) if pair not in gone]
+        self._parts.reduce(left)
         place = {pair: i for i, pair in enumerate(left)}
         for landmark, pair in self._slot.items():
-            self._slot[landmark] = place[pair]
+            self._slot[landmark] = place.get(pair, pair)  # one held fixed has no pair
         for name in ("_common", "_heading"):
             entry = getattr(self, name)
             setattr(self, name, entry if entry == NO_ENTRY else 2 * place[entry // 2])
@@ -137,36 +208,22 @@ class LateStarts:
     @property
     def range_errors(self) -> tuple[float, float] | None:
         """The scale and offset (m) of all ranges at present, where they are estimated together."""
-        if self._common == NO_ENTRY:
-            return None
-        scale, offset = self._whole.mean[3 + self._common : 5 + self._common].tolist()
-        return scale, offset
-
-    def _constant(self, first: float, second: float) -> int:
-        """Adds a pair of constant errors around zero, with these standard deviations; returns its first entry."""
-        whole = self._whole
-        pair = whole.pairs
-        whole.grow(pair + 1)
-        whole.agreed[pair] = POSE
-        rows = np.zeros((2, 2 * pair + 2))
-        rows[0, 2 * pair], rows[1, 2 * pair + 1] = first**2, second**2
-        _triangle.put(whole.flat, 2 * pair, 2 * pair + 2, rows)
-        return 2 * pair
+        return None if self._common == NO_ENTRY else self._parts.constants(self._common)
 
     def _errors(self, landmark: int) -> int:
         """The first entry of the errors of ranges to a landmark."""
         if self._each is None:
             return self._common
         if landmark not in self._each:
-            self._each[landmark] = self._constant(self._prior.range_scale, self._prior.range_offset)
+            self._each[landmark] = self._parts.constant(self._prior.range_scale, self._prior.range_offset)
         return self._each[landmark]
 
     def _entries(self, pose: tuple[int, int, int], landmark: int, kind: int) -> Ints:
         """The seven entries of a partial sighting."""
-        place = 2 * self._slot[landmark]
-        errors = self._errors(landmark) if kind == RANGE else NO_ENTRY
+        slot, errors = self._slot[landmark], self._errors(landmark) if kind == RANGE else NO_ENTRY
+        place = (2 * slot, 2 * slot + 1) if slot >= 0 else (NO_ENTRY, NO_ENTRY)
         both = (NO_ENTRY, NO_ENTRY) if errors == NO_ENTRY else (errors, errors + 1)
-        return np.array((*pose, place, place + 1, *both), np.int64)
+        return np.array((*pose, *place, *both), np.int64)
 
     def _hold(self, landmark: int, kind: int, z: float, var: float) -> _Held:
         one = _Held(_Clone((NO_ENTRY, NO_ENTRY), self._way), kind, z, var)
@@ -175,16 +232,12 @@ class LateStarts:
 
     def _keep(self, waiting: list[_Held]) -> None:
         """Keeps the present pose for the sightings of this step that wait."""
-        whole = self._whole
         if not self._free:
-            place = 2 * whole.pairs
-            whole.grow(whole.pairs + 3)
-            whole.agreed[whole.pairs - 3 : whole.pairs] = POSE
-            self._free = [(place + 2, place + 5), (place, place + 4)]  # two headings make a pair
+            self._free = self._parts.space()
         clone = _Clone(self._free.pop(), self._way, len(waiting))
         for one in waiting:
             one.clone = clone
-        keep(whole.address, 2 * whole.pairs, 0, *clone.entries)
+        self._parts.keep(clone.entries)
 
     def _release(self, one: _Held) -> None:
         one.clone.needed -= 1
@@ -194,7 +247,7 @@ class LateStarts:
     def _try(self, landmark: int) -> None:
         """Starts a landmark if its held sightings place it."""
         held = self._held[landmark]
-        if len(held) > MOST:
+        while len(held) > MOST:
             ways = np.array([one.clone.way for one in held])
             self._release(held.pop(1 + int(np.argmin(ways[2:] - ways[:-2]))))
         way = self._way - held[0].clone.way
@@ -203,25 +256,17 @@ class LateStarts:
         self._tried[landmark] = way
         poses, spread = self._poses(held)
         kind = np.array([one.kind for one in held])
-        scale, offset = self._whole.mean[3 + np.array([0, 1]) + self._errors(landmark)] if self._ranging else (0.0, 0.0)
+        scale, offset = self._parts.constants(self._errors(landmark)) if self._ranging else (0.0, 0.0)
         z = np.array([one.z for one in held])
         z = np.where(kind == RANGE, np.maximum(z - offset, 0.0) / (1 + scale), z)
         var = np.array([one.var for one in held]) + np.where(kind == RANGE, spread[:, 0], spread[:, 1])
         place = placed(poses, kind, z, var)
         if place is None or not place.sure:
             return
-        whole = self._whole
-        pair = self._slot[landmark] = whole.pairs
-        whole.grow(pair + 1)
-        whole.agreed[pair] = len(held)
         loose = LOOSE * float(np.sqrt(np.trace(place.cov)))
-        begin(whole.address, 2 * whole.pairs, 2 * pair, place.xy, loose, whole.points is not whole.mean)
+        pair = self._slot[landmark] = self._parts.begin(place.xy, loose, len(held))
         self._started(landmark, pair)
         self._use(landmark)
-
-    @property
-    def _ranging(self) -> bool:
-        return self._common != NO_ENTRY or self._each is not None
 
     def _use(self, landmark: int) -> None:
         """Corrects by the held sightings of a landmark that is on the map."""
@@ -231,10 +276,9 @@ class LateStarts:
             self._entries((one.clone.entries[0], one.clone.entries[0] + 1, one.clone.entries[1]), landmark, one.kind)
             for one in held
         ]
-        whole = self._whole
-        why, _ = together(
-            whole.address, 2 * whole.pairs, np.array(rows), np.array([one.kind for one in held], np.int64),
-            np.array([one.z for one in held]), np.array([one.var for one in held]), self._where in (FIRST, IDEAL),
+        why = self._parts.together(
+            np.array(rows), np.array([one.kind for one in held], np.int64),
+            np.array([one.z for one in held]), np.array([one.var for one in held]),
         )  # fmt: skip
         self._counted(why, f"landmark {landmark}")
         for one in held:
@@ -242,15 +286,12 @@ class LateStarts:
 
     def _poses(self, held: list[_Held]) -> tuple[Array, Array]:
         """The poses (k, 3) of held sightings, and variances (k, 2), m² and rad², relative to the last of them."""
-        whole = self._whole
-        entries = np.array([(one.clone.entries[0], one.clone.entries[0] + 1, one.clone.entries[1]) for one in held])
         k = len(held)
-        cov = np.empty((3 * k, 3 * k))
-        _triangle.submatrix(whole.flat, entries.ravel(), cov)
+        poses, cov = self._parts.poses(np.array([one.clone.entries for one in held]))
         own = np.einsum("iaia->ia", cov.reshape(k, 3, k, 3))
         last = np.einsum("iaa->ia", cov.reshape(k, 3, k, 3)[:, :, -1])
         between = own + own[-1] - 2 * last
-        return whole.mean[3 + entries], np.column_stack((between[:, :2].mean(axis=1), between[:, 2]))
+        return poses, np.column_stack((between[:, :2].mean(axis=1), between[:, 2]))
 
     @staticmethod
     def _counted(why: int, of: str) -> int:

@@ -18,13 +18,16 @@ range: here, as in the EKF, rounding can make a covariance indefinite where the 
 than 10^6 times a sighting's. The filter then ends with `Diverged`.
 
 The models are those of ArUco EKF SLAM: eq. (2) for a motion, (12) for a sighting, (17) for a new landmark.
+
+Positions, headings and sightings of a range or a bearing alone come after the whole sightings of their step, and
+landmarks that these leave open start late: see `late_starts`, and `_unscented_partial` for the transform.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
+from ...core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step
 from ...core.options import option
 from .._expected_arrays import ExpectedArrays
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose
@@ -33,6 +36,8 @@ from . import _ukf
 from ._ekf import STANDARD
 from ._expected import expect
 from .joint import Joint
+from .joint_parts import UnscentedParts
+from .late_starts import NO_GATES, LateStarts
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ class Ukf:
         del rng
         self._scaling = np.array([options.alpha**2, options.kappa, options.beta - options.alpha**2])
         self._slot: dict[int, int] = {}  # landmark id -> its number, or -1 minus its number among those held fixed
-        self._ids = np.zeros(0, np.int64)  # and the inverse, of those known when last asked what is expected
+        self._ids = np.zeros(0, np.int64)  # and the inverse when last asked what is expected; UNKNOWN for other pairs
         self._known = np.zeros((0, 2))  # landmarks held fixed, m
         self._joint = Joint(prior.pose, prior.cov, fixed_points=False)
         self._expected = room_for(16)
@@ -59,15 +64,19 @@ class Ukf:
         self._nis, self._nis_dof = 0.0, 0
         if prior.map is not None:
             self._adopt(prior.map)
+        self._late: LateStarts | None = None
+        if prior.partial or prior.fixes:
+            self._late = LateStarts(UnscentedParts(self._joint, self._known, self._scaling), prior, self._slot)
 
     def step(self, step: Step) -> Pose:
         """Predicts with the odometry, then corrects by sightings one by one, adding new landmarks."""
         joint, slot = self._joint, self._slot
-        count, fixed = joint.pairs, len(self._known)
+        count = joint.pairs
+        others = count - len(slot)  # pairs of no landmark, less landmarks held fixed
         ids, z, R = step.sightings
-        slots = [slot.setdefault(landmark, len(slot) - fixed) for landmark in ids.tolist()]
-        if len(slot) - fixed > count:
-            joint.grow(len(slot) - fixed)
+        slots = [slot.setdefault(landmark, others + len(slot)) for landmark in ids.tolist()]
+        if others + len(slot) > count:
+            joint.grow(others + len(slot))
         if step.odometry is not None:
             self._motion[0], self._motion[1:] = step.odometry
         wrong, self._nis, self._nis_dof = _ukf.frame(
@@ -76,6 +85,11 @@ class Ukf:
         )  # fmt: skip
         if wrong:
             raise Diverged(f"the covariance of {_ukf.WRONG[wrong]} is not positive definite")
+        if self._late is not None:
+            nis, dof, _ = self._late.step(step, NO_GATES)
+            self._nis, self._nis_dof = self._nis + nis, self._nis_dof + dof
+            if self._late.compacted():
+                self._ids = self._ids[:0]
         return joint.mean[:3].copy()
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
@@ -90,8 +104,10 @@ class Ukf:
         joint = self._joint
         if odometry is not None:
             self._motion[0], self._motion[1:] = odometry
-        if len(self._ids) < len(self._slot):
-            self._ids = np.fromiter(self._slot, np.int64, len(self._slot))
+        if len(self._ids) < joint.pairs:
+            self._ids = np.full(joint.pairs, UNKNOWN)
+            pairs = np.fromiter(self._slot.values(), np.int64, len(self._slot))
+            self._ids[pairs[pairs >= 0]] = np.fromiter(self._slot, np.int64, len(self._slot))[pairs >= 0]
         while not expect(
             joint.address, self._ids, joint.pairs, odometry is not None, self._motion, STANDARD, seen.z, seen.cov, gate,
             into.address,
@@ -106,14 +122,26 @@ class Ukf:
 
     def map(self) -> Map:
         """All landmarks with their joint covariance, fixed ones first, then in order of first sighting."""
-        fixed, n = self._known.size, 2 * self._joint.pairs
+        joint, fixed = self._joint, self._known.size
+        pairs = np.fromiter(self._slot.values(), np.int64, len(self._slot))[len(self._known) :]
+        n = 2 * len(pairs)
         cov = np.zeros((fixed + n, fixed + n))
-        cov[fixed:, fixed:] = self._joint.cov()
-        xy = np.concatenate((self._known, self._joint.xy()))
+        cov[fixed:, fixed:] = joint.cov() if self._late is None else joint.cov_of(pairs)
+        xy = np.concatenate((self._known, joint.xy()[pairs]))
         return Map(np.fromiter(self._slot, np.int64, len(self._slot)), xy, cov)
 
     def finish(self) -> None:
         """None: a filter does not smooth."""
+
+    @property
+    def range_errors(self) -> tuple[float, float] | None:
+        """The scale and offset (m) of all ranges at present; None where they are not estimated."""
+        return None if self._late is None else self._late.range_errors
+
+    @property
+    def pairs(self) -> int:
+        """The state's pairs after the pose: landmarks, kept poses, constant errors."""
+        return self._joint.pairs
 
     def _adopt(self, given: Map) -> None:
         """Starts from a given map; landmarks without covariance are held fixed, outside of the state."""
@@ -130,4 +158,4 @@ class Ukf:
         self._joint.adopt(given)
 
 
-build = Builder(Ukf, options=Options, implementation=COMPILED_HERE)
+build = Builder(Ukf, options=Options, partial=True, fixes=True, implementation=COMPILED_HERE)

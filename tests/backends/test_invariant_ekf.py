@@ -69,10 +69,10 @@ def test_the_joint_covariance_of_some_landmarks_is_a_part_of_that_of_all() -> No
         some = rng.permutation(len(dense.ids))[:5]
         entries = np.concatenate([3 + np.stack((2 * some, 2 * some + 1), axis=1).ravel(), [1, 2, 0]])
         plain = dense.plain()
-        _, at, cov = ours._marginals([dense.ids[k] for k in some])
+        _, at, cov = ours._group.marginals(np.array([ours._slot[dense.ids[k]] for k in some]))
         assert at == pytest.approx(dense.state[:2, 3:].T[some], abs=1e-9)
         assert cov == pytest.approx((plain @ dense.cov @ plain.T)[np.ix_(entries, entries)], abs=1e-9)
-        owed.add((bool(ours._owing[0]), bool(ours._owing[1])))
+        owed.add((bool(ours._group.owing[0]), bool(ours._group.owing[1])))
     assert len(owed) > 2
 
 

@@ -32,10 +32,15 @@ def drive(
     fix_every: int = 0,
     fix_sd: float = 0.1,
     compass: bool = False,
+    noise: float = 1.0,
 ) -> Drive:
-    """A circle of 3 m radius through the beacons, one beacon measured a step, each kind in turn."""
+    """A circle of 3 m radius through the beacons, one beacon measured a step, each kind in turn.
+
+    `noise` multiplies the standard deviations of motions and measurements, `scale_sd` aside.
+    """
     rng = np.random.default_rng(seed)
-    sd = np.array([0.01, 0.005, 0.005])
+    sd = noise * np.array([0.01, 0.005, 0.005])
+    range_sd, bearing_sd, fix_sd, compass_sd = (noise * one for one in (range_sd, bearing_sd, fix_sd, 0.05))
     scale = rng.normal(0, scale_sd) if scale_sd else 0.0
     path, delta = [np.zeros(3)], [np.full(3, np.nan)]
     for _ in range(1, steps):
@@ -59,9 +64,9 @@ def drive(
         arm = np.array([0.3, -0.2])
         c, s = np.cos(poses[at, 2]), np.sin(poses[at, 2])
         where = poses[at, :2] + np.column_stack((c * arm[0] - s * arm[1], s * arm[0] + c * arm[1]))
-        heading = wrap(poses[at, 2] + rng.normal(0, 0.05, len(at))) if compass else np.full(len(at), np.nan)
+        heading = wrap(poses[at, 2] + rng.normal(0, compass_sd, len(at))) if compass else np.full(len(at), np.nan)
         measured = np.column_stack((where + rng.normal(0, fix_sd, where.shape), heading))
-        cov = np.tile(np.diag([fix_sd**2, fix_sd**2, 0.05**2 if compass else np.nan]), (len(at), 1, 1))
+        cov = np.tile(np.diag([fix_sd**2, fix_sd**2, compass_sd**2 if compass else np.nan]), (len(at), 1, 1))
         unmeasured = np.isnan(measured)
         cov[unmeasured[:, :, None] | unmeasured[:, None, :]] = np.nan
         fixes = FixTable.from_arrays(steps, at, measured, cov, np.tile(arm, (len(at), 1)))
