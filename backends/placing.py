@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.se2 import Array, Ints
-from ._placing import best
+from ._placing import STARTS, best, fit, starts
 
 CLEAR = 13.8
 """Twice the loss by which the place must be better than any elsewhere: odds of a thousand to one."""
@@ -15,6 +15,10 @@ SPREAD = 0.15
 
 Beyond, the errors of a linearised range or bearing are no longer small.
 """
+
+
+APART = 0.1
+"""Least distance of one place from another, in that from the last pose."""
 
 
 class Place(NamedTuple):
@@ -38,3 +42,20 @@ def placed(poses: Array, kind: Ints, z: Array, var: Array) -> Place | None:
     near = np.hypot(*(poses[:, :2] - xy).T).min()
     spread = np.sqrt(np.linalg.eigvalsh(cov)[-1])
     return Place(xy, cov, float(clear), bool(clear > CLEAR and spread < SPREAD * near))
+
+
+def places(poses: Array, kind: Ints, z: Array, var: Array) -> list[Array]:
+    """The places (2,) that k sightings leave open, likeliest first: minima of their robust loss that are `APART`."""
+    points, J = np.empty((2 * STARTS, 2)), np.empty(5)
+    points = points[: starts(poses, kind, z, points)]
+    losses = np.array([fit(poses, kind, z, var, at, J) for at in points])
+    found = list[Array]()
+    for k in np.argsort(losses, kind="stable"):
+        if np.isfinite(losses[k]) and all(are_apart(points[k], one, poses[-1]) for one in found):
+            found.append(points[k].copy())
+    return found
+
+
+def are_apart(a: Array, b: Array, pose: Array) -> bool:
+    """Tells if two places (2,) are different ones, seen from a pose (3,)."""
+    return bool(np.hypot(*(a - b)) > APART * np.hypot(*(a - pose[:2])))

@@ -109,9 +109,9 @@ class Batch:
             if landmark in self.variable:
                 values[self.variable[landmark], :2] = xy
 
-    def start_by_odometry(self) -> None:
-        """Adds everything, with poses from dead reckoning."""
-        self._start_along(np.zeros((0, 3)))
+    def start_by_odometry(self, along: Array | None = None) -> None:
+        """Adds everything, with poses from dead reckoning, or from the path `along` (n, 3)."""
+        self._start_along(np.zeros((0, 3)) if along is None else along)
 
     def start_by_headings(self) -> None:
         """Adds everything, with poses from dead reckoning along headings that loop closures have a part in."""

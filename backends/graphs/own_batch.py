@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from ...core.factors import Log, Prior, Step
+from ...core.se2 import Array
 from ..api import Diverged, Solution
 from ..common_options import LOSSES
 from ..smoothing.smoother import Options as SmootherOptions
@@ -19,6 +20,7 @@ from ..smoothing.smoother import Smoother
 from ..smoothing.valleys import freed, here, near
 from .batch import Batch
 from .distances import unevenness
+from .elsewhere import lowest
 from .gauss_newton import eliminate
 from .graduated import leave_out
 from .graph_options import Options
@@ -35,27 +37,36 @@ does not depend on the scale of the noise that is stated.
 SAME = 1e-6  # relative difference of J up to which two fits end at one minimum
 
 
-def optimum(prior: Prior, options: Options, steps: Sequence[Step]) -> Solution:
-    """Path, map and, where J is curved in every direction, the covariances of both; Diverged without an optimum."""
+def optimum(prior: Prior, options: Options, steps: Sequence[Step], along: Array | None = None) -> Solution:
+    """Path, map and, where J is curved in every direction, the covariances of both; Diverged without an optimum.
+
+    `along` (n, 3) is a path to start with in place of dead reckoning.
+    """
     log = Log.from_steps("batch", prior, steps)
     trusted = False
     if options.start == "auto" and not options.gnc and options.loss == "none":
-        batch, converged, trusted = _chosen(log, options)
+        batch, converged, trusted = _chosen(log, options, along)
     else:
-        batch = _started(log, options, steps)
+        batch = _started(log, options, steps, along)
         if options.gnc:
             leave_out(batch, options.iterations)
         converged = _fit(batch, options)
+    if not options.gnc and log.partial is not None:
+        start = log.dead_reckoned() if along is None else along
+        lower = lowest(batch, start, partial(_empty, log, options))
+        if lower is not batch:
+            lower.refit()
+            batch, converged = lower, _fit(lower, options)
     if near(batch.forest.g) and not options.gnc:
         batch = _freed(batch, options, () if trusted or _has_parts(log) else steps)
     return batch.solution(options.joint_up_to, options.iterations, converged)
 
 
-def _chosen(log: Log, options: Options) -> tuple[Batch, bool, bool]:
+def _chosen(log: Log, options: Options, along: Array | None) -> tuple[Batch, bool, bool]:
     """A fit, whether it converged and is trusted: one from a cheap start if so, else the lowest of all starts."""
     tried = list[Batch]()
     with contextlib.suppress(Diverged):
-        if _is_trusted(log, options, tried):
+        if _is_trusted(log, options, along, tried):
             return tried[0], True, True
     batch = _empty(log, options)
     batch.start_by_chunks()
@@ -68,14 +79,14 @@ def _chosen(log: Log, options: Options) -> tuple[Batch, bool, bool]:
     return batch, converged, False
 
 
-def _is_trusted(log: Log, options: Options, tried: list[Batch]) -> bool:
+def _is_trusted(log: Log, options: Options, along: Array | None, tried: list[Batch]) -> bool:
     """Tells if the fit from a cheap start is to be trusted; its batches are added to `tried`, that one first.
 
     It takes few iterations, and its distances are even or the other start takes few, too, to the same J.
     """
     for start in ("headings", "odometry") if len(log.loop_to) else ("odometry",):
         batch = _empty(log, options)
-        _start(batch, start)
+        _start(batch, start, along)
         tried.append(batch)
         if not batch.fit(options.relative_tolerance, min(AT_ONCE, options.iterations)).converged:
             return False
@@ -91,12 +102,12 @@ def _are_same(batches: Sequence[Batch]) -> bool:
     return max(costs) - min(costs) <= SAME * min(costs)
 
 
-def _started(log: Log, options: Options, steps: Sequence[Step]) -> Batch:
+def _started(log: Log, options: Options, steps: Sequence[Step], along: Array | None) -> Batch:
     """A batch as the options say, from a robust smoother where outliers are to be expected."""
     if options.start in ("auto", "incremental") and (options.gnc or options.loss != "none") and not _has_parts(log):
         return _started_online(log, options, steps)
     batch = _empty(log, options)
-    _start(batch, options.start)
+    _start(batch, options.start, along)
     return batch
 
 
@@ -105,11 +116,11 @@ def _has_parts(log: Log) -> bool:
     return log.partial is not None or log.fixes is not None
 
 
-def _start(batch: Batch, start: str) -> None:
+def _start(batch: Batch, start: str, along: Array | None) -> None:
     if start == "headings":
         batch.start_by_headings()
     elif start == "odometry":
-        batch.start_by_odometry()
+        batch.start_by_odometry(along)
     else:
         batch.start_by_chunks()
 

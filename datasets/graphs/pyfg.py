@@ -10,10 +10,15 @@
 A. Papalia et al., py-factor-graph (MarineRoboticsGroup/PyFactorGraph). A letter is a robot's, L that of landmarks; the
 six numbers are a covariance, of which the format does not say the frame: that after the motion, as GTSAM has it, which
 the package solves with. The first VERTEX_SE2:PRIOR of the first pose is the prior of the log, others are fixes.
+
+The package writes the true values of its variables, and has no other place for values to start a solver with. Some
+files have these in the place of the true ones, goats_15.pyfg for one: poses that are the motions one after another, to
+rounding, and that ranges, sightings and loop closures do not fit. Such poses are no truth, nor are the landmarks with
+them.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,9 +30,10 @@ from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Map, Prior, Truth
 from ...core.options import option
 from ...core.partial import RANGE
-from ...core.se2 import Array, Ints
+from ...core.se2 import Array, Ints, between
 from ...core.small_matrices import symmetric
 from ...core.table import LARGEST, MOST, Table, text
+from ...core.truth.errors import difference, driven_errors, rows_of, sighting_errors
 from ..false_loops import FalseLoops
 from ..formats.graph_parts import Alone, Placed, with_parts
 from ..formats.pose_graph import START, PoseGraph, log_of, points_seen, wrapped
@@ -50,6 +56,10 @@ _NAME = re.compile(r"([A-Za-z])(\d{1,15})", re.ASCII)
 _LEFT_OUT = {
     "VERTEX_XY:PRIOR": "priors of landmarks, which a log has no place for",
 }
+ROUNDING = 2e-6  # m, rad; motions of written poses are that close to the written motions, where they are their sum
+EXACT = 100.0  # times ROUNDING that motions are stated to be uncertain by, where equal ones are no chance
+MISFIT = 3.0  # standard deviations that other measurements are typically off where poses are no truth
+NO_TRUTH = "none: the file's poses are its motions one after another, which its other measurements do not fit"
 _IN_SPACE = re.compile(r"SE3|XYZ")
 
 
@@ -91,7 +101,40 @@ def read(path: Path) -> Dataset:
     order = np.argsort(step)
     log = _timed(log, step, vertices.column("t"))
     places = Map(points.whole("id"), points.rows[:, 1:3], None) if len(points.rows) else None
-    return Dataset(log, Truth(log.t[step[order]], wrapped(vertices, "theta")[order, 1:4], places))
+    truth = Truth(log.t[step[order]], wrapped(vertices, "theta")[order, 1:4], places)
+    if _is_start(log, truth):
+        return Dataset(replace(log, notes={**log.notes, "truth": NO_TRUTH}), None)
+    return Dataset(log, truth)
+
+
+def _is_start(log: Log, truth: Truth) -> bool:
+    """Tells if poses are the motions one after another, to rounding, and what else is measured does not fit them."""
+    driven = driven_errors(log, truth)
+    if not len(driven.row) or (np.abs(driven.values) > ROUNDING).any():
+        return False
+    sds = np.sqrt(np.diagonal(log.delta_cov[driven.row], axis1=1, axis2=2))
+    other = np.concatenate([np.zeros(0), *_squared(log, truth)])
+    return bool((sds > EXACT * ROUNDING).any() and len(other) and np.median(other) > MISFIT**2)
+
+
+def _squared(log: Log, truth: Truth) -> Iterator[Array]:
+    """Yields the squared distances of sightings, ranges and loop closures, each over its degrees of freedom."""
+    seen = sighting_errors(log, truth)
+    yield _distances(seen.values, log.z_cov[seen.row])
+    at = rows_of(truth.t, log.t)
+    ends = np.flatnonzero((at[log.loop_to] >= 0) & (at[log.loop_step] >= 0))
+    to, here = truth.poses[at[log.loop_to[ends]]], truth.poses[at[log.loop_step[ends]]]
+    yield _distances(difference(between(to, here), log.loop_delta[ends]), log.loop_cov[ends])
+    if log.partial is not None and truth.map is not None:
+        table = log.partial
+        pose, place = at[table.step], rows_of(truth.map.ids, table.ids)
+        both = np.flatnonzero((pose >= 0) & (place >= 0))
+        away = truth.map.xy[place[both]] - truth.poses[pose[both], :2]
+        yield (np.hypot(*away.T) - table.z[both]) ** 2 / table.var[both]
+
+
+def _distances(values: Array, cov: Array) -> Array:
+    return np.einsum("mi,mi->m", values, np.linalg.solve(cov, values[..., None])[..., 0]) / values.shape[1]
 
 
 def _priors(graph: PoseGraph, priors: Table) -> tuple[Prior | None, Placed]:

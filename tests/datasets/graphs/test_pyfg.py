@@ -152,6 +152,25 @@ def test_the_file_in_gtsams_package_has_ranges_alone() -> None:
     assert set(log.partial.var.tolist()) == {0.5625}
 
 
+@pytest.mark.parametrize("number", [15, 16])
+def test_poses_that_are_dead_reckoning_are_no_truth(number: int) -> None:
+    log, truth = read(Path(gtsam.findExampleDataFile(f"goats_{number}.pyfg")))
+    assert truth is None
+    assert "one after another" in log.notes["truth"]
+
+
+def test_poses_of_exact_motions_are_the_truth_where_all_else_fits_them(small: Path) -> None:
+    """Without noise, dead reckoning is the truth."""
+    rows = [row for row in SMALL.splitlines() if row.startswith(("VERTEX_SE2:PRIOR", "VERTEX_XY"))]
+    rows += [f"VERTEX_SE2 {k}.0 A{k} {k} 0 0" for k in range(5)]
+    rows += [f"EDGE_SE2 {k}.0 A{k - 1} A{k} 1 0 0 0.04 0 0 0.04 0 0.01" for k in range(1, 5)]
+    ranges = [f"EDGE_RANGE {k}.0 A{k} L7 {np.hypot(3 - k, 4)} 0.01" for k in range(5)]
+    small.write_text("\n".join([*rows, *ranges]))
+    assert read(small).truth is not None
+    small.write_text("\n".join([*rows, *[row.replace(" 0.01", " 1e-6").replace("L7 ", "L7 1") for row in ranges]]))
+    assert read(small).truth is None
+
+
 def test_damaged_files_are_read_or_refused(small: Path) -> None:
     found, sentences = survivors(read, small, 300, 4)
     assert len(found) > 5
