@@ -50,6 +50,7 @@ def measured(kind: int, at: Array, arm: Array, out: Array) -> bool:
     return there
 
 
+# One by one, as they come from Python objects at every step.
 @compiled
 def transformed(
     b: JointArrays, n: int, entries: Ints, at: Array, kind: int, arm: Array, rows: Ints, z: Array, R: Array,

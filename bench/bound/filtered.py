@@ -79,6 +79,7 @@ class _State:
         ids = np.concatenate((log.ids, partial[0]))
         step = np.concatenate((log.sighting_step, partial[1]))
         given = np.zeros(0, np.int64) if prior.map is None else prior.map.ids
+        self.ids: Ints
         self.ids, which = np.unique(np.concatenate((given, ids)), return_inverse=True)
         comes = np.full(len(self.ids), len(log))
         np.minimum.at(comes, which, np.concatenate((np.zeros(len(given), np.int64), step)))

@@ -120,7 +120,7 @@ def turned(log: Log) -> Log:
 
 @pytest.mark.parametrize("change", [mirrored, renamed, turned])
 @pytest.mark.parametrize("number", LEAST)
-def test_side_names_and_place_do_not_matter(number: int, change) -> None:  # noqa: ANN001
+def test_side_names_and_place_do_not_matter(number: int, change) -> None:
     log = change(dive(number))
     assert cost(log, optimum(log, perturbed(log, 1), "odometry")) == pytest.approx(LEAST[number], rel=1e-6)
 
