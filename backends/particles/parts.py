@@ -23,7 +23,7 @@ from ..api import Constant
 from ..placing import CLEAR, SPREAD
 from . import _parts, _rings
 from ._loops import Loops
-from ._parts import OWN, SLOPES, WIDE, Parts, Whitened
+from ._parts import OWN, SLOPES, WIDE, Flags, Parts, Whitened
 from ._proposal import Motion
 from .particle_maps import ParticleMaps
 
@@ -66,10 +66,11 @@ class PartialSightings:
         self.open = ParticleMaps(particles, _rings.COLUMNS, 1)
         self._gates = np.array([float(chdtri(k, 1 - gate)) if gate > 0 else np.inf for k in (1, 2, 3)])
         self._parts = list[_Part]()
+        self._whole = list[int]()  # landmarks of the step's whole sightings in the log
         self._whitened = self._white(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 2)))
         self._gains = list[Array]()
         self._ahead = np.zeros(0, np.bool_)  # fixes that enter the proposal
-        self._refusals = list[Array]()
+        self._refusals = list[Flags]()
 
     def resampled(self, ancestors: Ints) -> None:
         """Replaces each particle m by a copy of particle ancestors[m]."""
@@ -88,6 +89,7 @@ class PartialSightings:
         ids, z, cov = step.sightings
         whole = [not self.constant and landmark not in self.open.row for landmark in ids.tolist()]
         self._parts, self._refusals = [], []
+        self._whole = np.compress(whole, ids).tolist()
         for i in np.flatnonzero(~np.array(whole, np.bool_)).tolist():
             self._split(int(ids[i]), z[i].copy(), cov[i])
         seen, there = dict[tuple[int, int], int](), set(ids.tolist())
@@ -106,7 +108,7 @@ class PartialSightings:
             self._parts.append(_Part(landmark, at, share, float(var[i]), constant, self._gates[0]))
         self._whitened = self._white(*step.fixes)
         if not pairs:
-            return RangeBearing(*(np.compress(whole, column, axis=0) for column in step.sightings))
+            return RangeBearing(np.compress(whole, ids), np.compress(whole, z, axis=0), np.compress(whole, cov, axis=0))
         halves = np.array(pairs, np.int64).T
         both = np.zeros((len(pairs), 2, 2))
         both[:, 0, 0], both[:, 1, 1] = var[halves[1]], var[halves[2]]
@@ -121,9 +123,10 @@ class PartialSightings:
         distance: Array, volume: Array,
     ) -> None:  # fmt: skip
         """Samples the poses, as version 2 of FastSLAM does; see `_proposal.propose`."""
-        first = list[_Part]()
+        first, folded = list[_Part](), set(self._whole)
         for part in self._parts:
-            if part.landmark in maps.row and all(one.landmark != part.landmark for one in first):
+            if part.landmark in maps.row and part.landmark not in folded:
+                folded.add(part.landmark)
                 part.folded = len(first)
                 first.append(part)
         at = maps.slots(np.array([maps.row[part.landmark] for part in first], np.int64))
@@ -136,12 +139,13 @@ class PartialSightings:
         self._refusals = list(parts.refused)
         heading = (self._whitened.root[:, :, 2] != 0).any(axis=1)
         self._ahead = ~heading | (np.cumsum(heading) == 1) if self._turn_var > 0 else np.ones_like(heading)
-        ahead = Whitened(*(np.compress(self._ahead, column, axis=0) for column in self._whitened))
+        all_, ahead = self._whitened, self._ahead
+        entering = Whitened(all_.z[ahead], all_.arm[ahead], all_.root[ahead], all_.gate[ahead], all_.refused[ahead])
         _parts.propose(
             poses, motion, Loops(np.zeros((0, 3, M)), *NO_LOOPS) if loops is None else loops, maps.filters, slots, z,
-            cov, self.common, self.each, parts, ahead, self.turned, distance, volume,
+            cov, self.common, self.each, parts, entering, self.turned, distance, volume,
         )  # fmt: skip
-        self._whitened.refused[self._ahead] = ahead.refused
+        all_.refused[ahead] = entering.refused
 
     def correct(self, poses: Array, maps: ParticleMaps, weights: Array) -> Array:
         """Corrects landmarks and constant errors by sightings and fixes at the poses (5, M).

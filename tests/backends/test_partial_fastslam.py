@@ -176,9 +176,9 @@ def test_version_two_draws_from_ranges_bearings_and_fixes_too() -> None:
         H = np.array([[-dx / r, -dy / r, 0.0] if kind == RANGE else [dy / r**2, -dx / r**2, -1.0]])
         ekf.update(np.array([value - expected(at, ekf.mean, kind)]) + H @ ekf.mean, H, np.array([[1e-4]]))
     c, s = np.cos(ekf.mean[2]), np.sin(ekf.mean[2])
-    H = np.array([[1.0, 0.0, -(s * 0.3 - c * 0.2)], [0.0, 0.0, 1.0]])
+    slope = np.array([[1.0, 0.0, -(s * 0.3 - c * 0.2)], [0.0, 0.0, 1.0]])
     off = np.array([0.32 - ekf.mean[0] - (c * 0.3 + s * 0.2), 0.31 - ekf.mean[2]])
-    ekf.update(off + H @ ekf.mean, H, R[np.ix_([0, 2], [0, 2])])
+    ekf.update(off + slope @ ekf.mean, slope, R[np.ix_([0, 2], [0, 2])])
     errors = np.linalg.solve(np.linalg.cholesky(ekf.cov), backend._poses[:3] - ekf.mean[:, None])
     assert errors.mean(axis=1) == pytest.approx(0, abs=6 / np.sqrt(M) + 0.01)
     assert np.cov(errors) == pytest.approx(np.eye(3), abs=6 * np.sqrt(2 / M) + 0.01)
@@ -299,8 +299,8 @@ def test_the_start_is_not_drawn_where_nothing_measures_it() -> None:
     assert backend.belief().cov == pytest.approx(off + J @ cov @ J.T, rel=0.1, abs=0.01)
     found = backend.map()
     mx, my = found.xy[0]
-    J = np.array([[1.0, 0.0, -my], [0.0, 1.0, mx]])
-    assert found.cov[:2, :2] == pytest.approx(J @ cov @ J.T, rel=0.2, abs=0.05)
+    turned = np.array([[1.0, 0.0, -my], [0.0, 1.0, mx]])
+    assert found.cov[:2, :2] == pytest.approx(turned @ cov @ turned.T, rel=0.2, abs=0.05)
 
 
 @pytest.mark.parametrize("version", [1, 2])
