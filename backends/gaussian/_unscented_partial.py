@@ -50,7 +50,7 @@ def measured(kind: int, at: Array, arm: Array, out: Array) -> bool:
     return there
 
 
-# One by one, as they come from Python objects at every step.
+# The belief, the entries, the model, the measurement and the transform's settings, none of them an object here.
 @compiled
 def transformed(
     b: JointArrays, n: int, entries: Ints, at: Array, kind: int, arm: Array, rows: Ints, z: Array, R: Array,
@@ -86,15 +86,14 @@ def transformed(
             if not measured(kind, x, arm, value):
                 return AT_ROBOT, 0.0
             for a in range(k):
-                off = value[rows[a]] - centre[rows[a]]
-                away[side, q, a] = wrap(off) if kind == BEARING or rows[a] == 2 else off
+                moved = float(value[rows[a]] - centre[rows[a]])
+                away[side, q, a] = wrap(moved) if kind == BEARING or rows[a] == 2 else moved
     slope, shift, rest = regress(away[0], away[1], dims, k, spread, scaling[2])
     unroot(slope, root, k, dims)
     off = np.empty(k)
     for a in range(k):
-        off[a] = z[a] - centre[rows[a]] - shift[a]
-        if kind == BEARING or rows[a] == 2:
-            off[a] = wrap(off[a])
+        unexpected = z[a] - centre[rows[a]] - shift[a]
+        off[a] = wrap(unexpected) if kind == BEARING or rows[a] == 2 else unexpected
         for c in range(k):
             rest[a, c] += R[a, c]
     return correct(b, n, varying, slope, off, rest, gate)

@@ -36,8 +36,8 @@ from . import _ukf
 from ._ekf import STANDARD
 from ._expected import expect
 from .joint import Joint
-from .joint_parts import UnscentedParts
 from .late_starts import NO_GATES, LateStarts
+from .unscented_parts import UnscentedParts
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,8 @@ class Group:
         self.flat = np.zeros(0)  # the landmarks' covariance without deferred updates: see _triangle, _invariant
         self.owed, self.owing = np.zeros((_invariant.RANK, 0)), np.zeros(2, np.int64)
         self.blas = np.array([routine("dgemm"), routine("dsyrk")])
-        self.loops, self.late = NOWHERE, NOWHERE  # (k, 2) entries of poses kept for loop closures, and by `GroupParts`
+        self.loops = self.late = NOWHERE  # (k, 2) entries of poses kept for loop closures, and of those of `GroupParts`
+        self.kept = NOWHERE  # (k, 2) both: x, with y after it, and heading of what is an element of SE(2) of its own
         self._arrays: GroupArrays | None = None
         self.reserve(SPACE)
         self.strip[:, :3] = cov  # both errors agree at the origin
@@ -44,10 +45,11 @@ class Group:
             )  # fmt: skip
         return self._arrays
 
-    @property
-    def kept(self) -> Ints:
-        """(k, 2) entries of x and of the heading of what is an element of SE(2) of its own."""
-        return np.concatenate((self.loops, self.late)) if len(self.late) else self.loops
+    def beside(self, *, loops: Ints | None = None, late: Ints | None = None) -> None:
+        """Has these entries move as elements of SE(2) of their own, in place of earlier ones of that sort."""
+        self.loops = self.loops if loops is None else loops
+        self.late = self.late if late is None else late
+        self.kept = np.concatenate((self.loops, self.late)) if len(self.late) else self.loops
 
     def placed(self) -> Array:
         """The pose in the world."""

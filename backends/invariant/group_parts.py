@@ -37,7 +37,7 @@ class GroupParts:
         rows = np.zeros((2, group.n))
         rows[0, at], rows[1, at + 1] = first**2, second**2
         _triangle.put(group.flat, at, group.n, rows)
-        self._beside([(at, self._still)])
+        self._add([(at, self._still)])
         return at
 
     def constants(self, entry: int) -> tuple[float, float]:
@@ -49,7 +49,7 @@ class GroupParts:
         """Adds space for two poses to keep, whose headings make a pair."""
         place = self._group.add(3)
         added = [(place + 2, place + 5), (place, place + 4)]
-        self._beside(added)
+        self._add(added)
         return added
 
     def keep(self, clone: tuple[int, int]) -> None:
@@ -104,12 +104,11 @@ class GroupParts:
         place = {pair: i for i, pair in enumerate(left)}
         self._group.reduce(left)
         stay = [one for one in self._group.late.tolist() if all(entry // 2 in place for entry in one)]
-        self._group.late = np.array(
-            [[2 * place[entry // 2] + entry % 2 for entry in one] for one in stay], np.int64
-        ).reshape(-1, 2)
+        moved = [[2 * place[entry // 2] + entry % 2 for entry in one] for one in stay]
+        self._group.beside(late=np.array(moved, np.int64).reshape(-1, 2))
         if self._still >= 0:
             self._still = 2 * place[self._still // 2]
 
-    def _beside(self, elements: list[tuple[int, int]]) -> None:
+    def _add(self, elements: list[tuple[int, int]]) -> None:
         """Has these entries, of x and of the heading, move as elements of SE(2) of their own."""
-        self._group.late = np.concatenate((self._group.late, np.array(elements, np.int64)))
+        self._group.beside(late=np.concatenate((self._group.late, np.array(elements, np.int64))))

@@ -170,7 +170,7 @@ class InvariantEkf:
         self._others_nis, self._others_dof = self._others_nis + nis, self._others_dof + 3 * len(loops.to)
         self._left_out = len(found.to) - len(loops.to)
         group.add(pairs - group.n // 2)
-        group.loops = kept.entries
+        group.beside(loops=kept.entries)
         _invariant_loops.keep(group.arrays.address, group.n, *loops.clone)
 
     def _take(self, seen: RangeBearing) -> None:

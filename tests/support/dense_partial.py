@@ -158,7 +158,7 @@ class DensePartial:
 
     def _try(self, landmark: int) -> None:
         def poses(kept: list[int]) -> tuple[Array, Array]:
-            entries = (np.array(kept)[:, None] + [0, 1, 2]).ravel()
+            entries = np.add.outer(np.array(kept, np.int64), np.arange(3)).ravel()
             return self.x[entries].reshape(-1, 3), self.cov[np.ix_(entries, entries)]
 
         found = self.wait.placed(landmark, self.x[3], poses)
@@ -213,8 +213,8 @@ class DenseUnscentedPartial(DensePartial):
         self, model: Callable[[Array], Array], touched: list[int], z: Array, R: Array, angles: list[bool]
     ) -> None:
         P = self.cov[np.ix_(touched, touched)]
-        expected, S, across = self._transform(model, self.x[touched], P, angles)
-        S = S + R
+        expected, spread, across = self._transform(model, self.x[touched], P, angles)
+        S = spread + R
         K = self.cov[:, touched] @ np.linalg.solve(P, across) @ np.linalg.inv(S)
         off = z - expected
         off[angles] = wrap(off[angles])
