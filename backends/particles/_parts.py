@@ -131,6 +131,7 @@ def gains(
     return c, c + g0 * t0 + g1 * t1, px, py, g0, g1, t0, t1
 
 
+# The sighting comes as its numbers, as to `_rings.respond`, and with what the proposal has decided on it.
 @compiled
 def correct(
     poses: Array, filters: Array, slot: int, common: Array, each: bool, z: Array, share: Array, var: float,
@@ -288,6 +289,7 @@ def take_fix(poses: Array, fixes: Whitened, i: int, gain: Array, folded: bool, t
             turned[m] += gain[0] * ex + gain[1] * ey + gain[2] * et
 
 
+# Those of `_loops.propose`, and what the partial sightings and fixes add.
 @compiled
 def propose(
     poses: Array, motion: Motion, loops: Loops, filters: Array, slots: Ints, z: Array, cov: Array, common: Array,
