@@ -131,7 +131,7 @@ def gains(
     return c, c + g0 * t0 + g1 * t1, px, py, g0, g1, t0, t1
 
 
-# One by one, as they come from Python objects at every step.
+# The sighting comes as its numbers, as to `_rings.respond`, and with what the proposal has decided on it.
 @compiled
 def correct(
     poses: Array, filters: Array, slot: int, common: Array, each: bool, z: Array, share: Array, var: float,
@@ -289,7 +289,7 @@ def take_fix(poses: Array, fixes: Whitened, i: int, gain: Array, folded: bool, t
             turned[m] += gain[0] * ex + gain[1] * ey + gain[2] * et
 
 
-# One by one, as they come from Python objects at every step.
+# Those of `_loops.propose`, and what the partial sightings and fixes add.
 @compiled
 def propose(
     poses: Array, motion: Motion, loops: Loops, filters: Array, slots: Ints, z: Array, cov: Array, common: Array,
