@@ -67,7 +67,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "own_worlds": {TOP, "worlds", "formats", "on_demand"},
         "graphs": {TOP, "formats"},
         "published": {TOP, "on_demand", "formats", "graphs", "bags", "depth", "noise"},
-        "beacons": {TOP, "formats", "graphs"},
+        "beacons": {TOP, "formats", "graphs", "noise"},
         "bags": {TOP},
         "scans": {TOP, "bags", "formats"},
         "depth": {TOP, "bags"},
