@@ -46,7 +46,7 @@ def of_ranges(known: Sequence[Dataset]) -> SystematicFit | None:
     if len(d) < FEWEST:
         return None
     fit = _sure(_line(d, off, part), STRETCHES, CERTAIN)
-    free = list(fit.certain) or ["range_scale"]
+    free = [name for name in NAMES if name in fit.certain or name == "range_scale"]
     each = dict[int, Mapping[str, Estimated]]()
     for landmark in np.unique(ids).tolist():
         mine = ids == landmark

@@ -50,7 +50,7 @@ def sentences(fit: SystematicFit) -> Iterator[str]:
     for name in fit.certain:
         yield f"{clause(fit, name)[0].upper()}{clause(fit, name)[1:]}."
     for name in RANGES:
-        apart = [k for k, one in fit.each.items() if name in one and name in fit.certain and _differs(one, fit, name)]
+        apart = [k for k, one in fit.each.items() if name in one and _differs(one, fit, name)]
         parts = [
             f"{_size(fit.each[k][name], name)} too {FORMS[name][3][fit.each[k][name].value < 0]} to landmark {k}"
             for k in apart
