@@ -1,4 +1,4 @@
-"""Errors of sightings by the true path, as chains of one landmark each; whole sightings, and ranges or bearings alone."""
+"""Errors of sightings by the true path, whole ones and ranges or bearings alone, as chains of one landmark each."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

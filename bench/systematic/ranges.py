@@ -30,7 +30,7 @@ STRETCHES, RESOLVED = 20, 8
 VAGUE = (0.3, 3.0)  # standard deviations of scale and offset, m, that the batch begins with
 NAMES = ("range_scale", "range_offset")
 ROUNDS, CAUCHY, ROBUST = 20, 2.3849, 1.4826
-"""Rounds of weights; their scale, of 95 % efficiency; a normal standard deviation over the median of absolute values."""
+"""Rounds of weights; their scale, of 95 % efficiency; a normal standard deviation over the median absolute value."""
 
 Solve = Callable[[Sequence[str], int], Array]
 """(2,) scale and offset, those that are free, without one of the stretches; -1: with all."""
@@ -148,8 +148,9 @@ def around_optimum(log: Log) -> SystematicFit | None:
 
 def _solved(log: Log, free: Sequence[str]) -> Array:
     """Scale and offset (2,) at the optimum; 0 of what is not free."""
-    sds = [sd if name in free else 0.0 for name, sd in zip(NAMES, VAGUE, strict=True)]
-    found = best(replace(log, prior=log.prior._replace(systematic=Stated(*sds)))).constant
+    scale, offset = (sd if name in free else 0.0 for name, sd in zip(NAMES, VAGUE, strict=True))
+    unknown = Stated(range_scale=scale, range_offset=offset)
+    found = best(replace(log, prior=log.prior._replace(systematic=unknown))).constant
     return np.zeros(2) if found is None else np.array((found.range_scale[0], found.range_offset[0]))
 
 

@@ -17,13 +17,13 @@ divides them by a known one. Around that they scatter by 0.54 m in the first and
 (kurtosis 3.04), and independent, the correlation of two ranges of a beacon being below 0.03 at every time between them.
 `noise=others` states for each log what the other one tells.
 
-Until the robots move, for 45 and 17 s, the gyro of the first turns by 1e-5 rad/s and that of the second by -0.0070: `gyro`
-takes that off, as no robot turns on wheels that stand. By GPS, the distance along the path is off by 0.05 m per root
-metre in both, over 5 to 300 m, and across by 0.02 to 0.05. Turns, with what the gyro had at rest taken off, are off by
-0.0069 and 0.0084 rad per root second over 20 s, 0.0054 and 0.0139 over 40 s, beyond the scatter of courses; the second
-gyro still drifts by 0.0014 rad/s. One setting for both is `turn`, the root mean square of all four, rounded up. The
-headings of GT are not used: those of the first log are the odometry's own, those of the second point backwards. The true
-heading is the course of GPS.
+Until the robots move, for 45 and 17 s, the gyro of the first turns by 1e-5 rad/s and that of the second by -0.0070:
+`gyro` takes that off, as no robot turns on wheels that stand. By GPS, the distance along the path is off by 0.05 m per
+root metre in both, over 5 to 300 m, and across by 0.02 to 0.05. Turns, with what the gyro had at rest taken off, are
+off by 0.0069 and 0.0084 rad per root second over 20 s, 0.0054 and 0.0139 over 40 s, beyond the scatter of courses; the
+second gyro still drifts by 0.0014 rad/s. One setting for both is `turn`, the root mean square of all four, rounded up.
+The headings of GT are not used: those of the first log are the odometry's own, those of the second point backwards. The
+true heading is the course of GPS.
 """
 
 from collections.abc import Sequence
@@ -90,7 +90,9 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     tables = _tables(path)
     motions, start = tables["DR"], tables["DRp"][0]
     offset = _offset(motions, start[0]) if options.gyro else 0.0
-    motions = motions - np.column_stack((np.zeros((len(motions), 2)), offset * np.diff(motions[:, 0], prepend=start[0])))
+    motions = motions - np.column_stack(
+        (np.zeros((len(motions), 2)), offset * np.diff(motions[:, 0], prepend=start[0]))
+    )
     seen, dropped = _ranges(path, tables["TD"], start[0], motions[-1, 0])
     t = _steps(np.concatenate((start[:1], seen[:, 0], motions[-1:, 0])))
     delta, delta_cov = _motions(t, start[0], motions, options)

@@ -72,9 +72,7 @@ def _alone(table: PartialTable, errors: Systematic) -> PartialTable:
     is_range = table.kind == RANGE
     scale = np.where(is_range, 1 + errors.range_scale, 1 + errors.bearing_scale)
     z = (table.z - np.where(is_range, errors.range_offset, 0.0)) / scale
-    return replace(
-        table, z=_frozen(np.where(is_range, np.maximum(z, NEAREST), z)), var=_frozen(table.var / scale**2)
-    )
+    return replace(table, z=_frozen(np.where(is_range, np.maximum(z, NEAREST), z)), var=_frozen(table.var / scale**2))
 
 
 def _known(prior: Prior, errors: Systematic) -> Prior:

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from beacon_drives import drive
+from driven import final
 from slamduel.backends.api import Solution
 from slamduel.backends.graphs import own_batch
 from slamduel.backends.graphs.batch import Batch
 from slamduel.backends.graphs.elsewhere import lowest
 from slamduel.backends.graphs.graph_options import Options
-from slamduel.backends.placing import are_apart, places
+from slamduel.backends.placing import are_apart, placed, places
 from slamduel.backends.smoothing.valleys import here
 from slamduel.bench.measure.misfit import misfit
 from slamduel.bench.plan.load import load
@@ -126,6 +127,17 @@ def test_side_names_and_place_do_not_matter(number: int, change: Callable[[Log],
     assert cost(log, optimum(log, perturbed(log, 1), "odometry")) == pytest.approx(LEAST[number], rel=1e-6)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [1, 2])
+def test_three_solvers_agree_to_a_millimetre_on_plaza(number: int) -> None:
+    log, _ = load(f"plaza[log={number}]")
+    mine = final("graph", log, loss="cauchy", joint_up_to=0)
+    for backend, options in (("graph", {"solver": "gtsam", "joint_up_to": 0}), ("isam2", {})):
+        other = final(backend, log, loss="cauchy", **options)
+        assert other.converged is not False
+        assert np.hypot(*(other.path - mine.path)[:, :2].T).max() < 1e-3
+
+
 # --- the parts
 
 
@@ -138,6 +150,25 @@ def test_a_straight_way_leaves_two_places_by_ranges_open() -> None:
     np.testing.assert_allclose([one[0] for one in found], 2, atol=1e-6)
     assert are_apart(*found, poses[-1])
     assert not are_apart(found[0], found[0] + 1e-3, poses[-1])
+
+
+def test_a_ring_is_flat_before_a_landmark_starts() -> None:
+    """Half a turn about a beacon 20 m away places it: roughly from the first ranges on, and for sure only later."""
+    angle = np.linspace(0, 1.0, 200)
+    poses = np.column_stack((20 * np.sin(angle), 20 * (1 - np.cos(angle)), angle))
+    beacon = np.array([3.0, -19.0])
+    z, kind = np.hypot(*(beacon - poses[:, :2]).T), np.full(200, RANGE)
+    started = []
+    for sd in (0.5, 0.01):
+        found = [placed(poses[:k], kind[:k], z[:k], np.full(k, sd**2)) for k in range(2, 201)]
+        sure = [one for one in found if one is not None and one.sure]
+        assert sure
+        started.append(len(found) - len(sure))
+        for one in sure:
+            spread = np.sqrt(np.linalg.eigvalsh(one.cov)[-1])
+            away = np.hypot(*(poses[:, :2] - beacon).T).min()
+            assert spread**2 / (2 * away) < 0.11 * sd
+    assert started[0] > started[1]
 
 
 def test_a_beacon_on_the_wrong_side_is_put_right() -> None:
