@@ -78,7 +78,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "words": set(),
         "process": set(),
         "measure": {"process"},
-        "systematic": {"measure"},
+        "systematic": {"measure", "words"},
         "contradiction": {"systematic", "measure", "words"},
         "record": {"measure", "words"},
         "plan": {"words", "measure", "record"},
