@@ -64,7 +64,8 @@ def alone(log: Log, truth: Truth, kind: int) -> Part:
 def joined(parts: Sequence[Part]) -> Part:
     """The errors of several parts of a log, one after another."""
     chains = Chains(*map(np.concatenate, zip(*(one.chains for one in parts), strict=True)))
-    return Part(*(np.concatenate([getattr(one, name) for one in parts]) for name in ("t", "ids", "step")), chains)
+    t, ids, step, _ = zip(*parts, strict=True)
+    return Part(np.concatenate(t), np.concatenate(ids), np.concatenate(step), chains)
 
 
 def sighted(log: Log, truth: Truth) -> Sighted:
