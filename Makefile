@@ -8,6 +8,7 @@
 # make docs                the documentation as a site, build/docs/index.html; its notebook runs
 # make docs-tables          the tables of docs/backends.md and docs/datasets.md, from the registries, and docs/standing.md from its own
 # make mrclam-noise        the noise of robots of MRCLAM's set 6, on all and without each, from the copy of bench fetch mrclam-6
+# make plaza-noise         the noise of each of CMU's Plaza logs, from GTSAM's package
 # make gallery              the classic studies in their quick size, and one page with all their answers
 # make study-city           an EKF with 10,000 landmarks
 # make study-statistics     how often the verdict is right: 10,000 simulated comparisons
@@ -32,7 +33,7 @@ PYTEST := env OMP_NUM_THREADS=1 $(BIN)/pytest -n auto --dist worksteal
 # A process that may not keep bytecode compiles all that it imports at each start: three seconds instead of one.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow test-dist test-older test-newest coverage lint types types-strict unit clean docs docs-tables mrclam-noise gallery study-city \
+.PHONY: demo test test-slow test-dist test-older test-newest coverage lint types types-strict unit clean docs docs-tables mrclam-noise plaza-noise gallery study-city \
 	study-statistics study-kills study-mutations study-locating study-noise study-mountings study-settings study-laser study-mistakes
 
 demo: $(VENV)/.installed
@@ -115,6 +116,9 @@ mrclam-noise: $(VENV)/.installed
 		$(BIN)/bench noise $$(for j in 1 2 3 4 5; do [ $$j = $$k ] || echo "mrclam[robot=$$j]"; done) --quiet \
 			--save datasets/published/noise/mrclam-6-without-$$k.toml || exit 1; \
 	done
+
+plaza-noise: $(VENV)/.installed
+	for k in 1 2; do $(BIN)/bench noise "plaza[log=$$k]" --quiet --save datasets/beacons/noise/plaza-$$k.toml || exit 1; done
 
 study-city: $(VENV)/.installed
 	rm -rf results/study-city

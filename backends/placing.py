@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..core.partial import RANGE
 from ..core.se2 import Array, Ints
 from ._placing import STARTS, best, fit, starts
 
@@ -17,8 +18,19 @@ Beyond, the errors of a linearised range or bearing are no longer small.
 """
 
 
+FLAT = 0.1
+"""Most that a ring may bend away from its tangent within one standard deviation of a place, in those of a range.
+
+At the distance r that is spread² / 2 r. A linear correction takes it for an error of the range, of all ranges of a
+landmark alike. Of 0.03, 0.1, 0.25 and any, 20 simulated drives each with ranges to 0.05, 0.2 and 0.5 m, on a circle of
+3 m, have the least error of an EKF with 0.1, by up to 4 %.
+"""
+
 APART = 0.1
 """Least distance of one place from another, in that from the last pose."""
+
+FLATTEST = 1e-9
+"""Least determinant of a minimum's information, in its squared trace: between two mirrored places there is none."""
 
 
 class Place(NamedTuple):
@@ -41,14 +53,24 @@ def placed(poses: Array, kind: Ints, z: Array, var: Array) -> Place | None:
         return None
     near = np.hypot(*(poses[:, :2] - xy).T).min()
     spread = np.sqrt(np.linalg.eigvalsh(cov)[-1])
-    return Place(xy, cov, float(clear), bool(clear > CLEAR and spread < SPREAD * near))
+    most = min(SPREAD * near, np.sqrt(2 * near * FLAT * _least_sd(kind, var)))
+    return Place(xy, cov, float(clear), bool(clear > CLEAR and spread < most))
+
+
+def _least_sd(kind: Ints, var: Array) -> float:
+    """The least standard deviation of a range, m; infinite without one."""
+    return float(np.sqrt(var[kind == RANGE].min(initial=np.inf)))
 
 
 def places(poses: Array, kind: Ints, z: Array, var: Array) -> list[Array]:
     """The places (2,) that k sightings leave open, likeliest first: minima of their robust loss that are `APART`."""
     points, J = np.empty((2 * STARTS, 2)), np.empty(5)
     points = points[: starts(poses, kind, z, points)]
-    losses = np.array([fit(poses, kind, z, var, at, J) for at in points])
+    losses = np.empty(len(points))
+    for k, at in enumerate(points):
+        losses[k] = fit(poses, kind, z, var, at, J)
+        if not J[0] * J[2] - J[1] ** 2 > FLATTEST * (J[0] + J[2]) ** 2:
+            losses[k] = np.inf
     found = list[Array]()
     for k in np.argsort(losses, kind="stable"):
         if np.isfinite(losses[k]) and all(are_apart(points[k], one, poses[-1]) for one in found):

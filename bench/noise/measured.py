@@ -7,7 +7,8 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Truth
-from ...core.se2 import Array
+from ...core.partial import BEARING, RANGE
+from ...core.se2 import Array, Ints
 from ...core.truth.doubts import judges
 from ...core.truth.errors import named
 from ...datasets.noise.model import Model, SightingModel
@@ -17,11 +18,12 @@ from ..systematic.estimated import Estimated
 from ..systematic.fit import SystematicFit, fitted, of_estimate, of_truth
 from ..systematic.frame import PLACE, Frame, PutRight, put_right
 from ..systematic.places import places_of
+from ..systematic.ranges import around_optimum, best, of_ranges
 from .gauss_markov import Chains, Fitted
 from .gauss_markov import fitted as fitted_chains
 from .innovations import Innovations, by_innovations
 from .motions import Motions, fitted_motions
-from .sightings import Sighted, sighted
+from .sightings import Part, alone, joined, sighted
 from .together import together
 
 
@@ -77,14 +79,19 @@ def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
         return _without_truth(datasets, labels)
     known = [datasets[k] for k in by_truth]
     stays = fitted(systems) if (systems := [one for log, truth in known if (one := of_truth(log, truth))]) else None
+    if stays is None:
+        stays = of_ranges(known)
     own = _put_right(known[0], stays) if stays is not None and len(known) == 1 else None
     if own is not None:
         known, stays = [own.dataset], own.fit
     known = [_corrected(dataset, stays) for dataset in known]
     left = [labels[k] for k in range(len(datasets)) if k not in by_truth]
     remarks = [f"{one} has no true path, and is left out" for one in left]
-    found = [sighted(log, truth) for log, truth in known if truth is not None]
-    range_, bearing = (_sightings(found, axis) for axis in (0, 1))
+    found = [(sighted(log, truth), log, truth) for log, truth in known if truth is not None]
+    range_, bearing = (
+        _sightings([joined((whole.part(axis), alone(log, truth, kind))) for whole, log, truth in found])
+        for axis, kind in ((0, RANGE), (1, BEARING))
+    )
     if range_ is None and bearing is None:
         remarks.append("too few sightings have a known error: their noise stays as stated")
     motions = fitted_motions(known, _matters([log for log, _ in known], (range_, bearing)))
@@ -119,8 +126,8 @@ def _systematic(log: Log, truth: Truth | None) -> SystematicFit | None:
     return None if system is None else fitted([system])
 
 
-def _sightings(found: Sequence[Sighted], axis: int) -> SightingNoise | None:
-    chains = Chains(*map(np.concatenate, zip(*(one.chains(axis) for one in found), strict=True)))
+def _sightings(found: Sequence[Part]) -> SightingNoise | None:
+    chains = Chains(*map(np.concatenate, zip(*(one.chains for one in found), strict=True)))
     fit = fitted_chains(chains)
     if fit is None:
         return None
@@ -129,7 +136,7 @@ def _sightings(found: Sequence[Sighted], axis: int) -> SightingNoise | None:
     size = np.hypot(fit.model(0.0).spread(chains.stated, chains.reach), 0.0 if fit.bias is None else fit.bias.value)
     alike = together(step[fit.used], (chains.error / size)[fit.used])
     t = np.concatenate([one.t for one in found])
-    return SightingNoise(fit, alike, chains, t, len(found[0].row))
+    return SightingNoise(fit, alike, chains, t, len(found[0].t))
 
 
 def _matters(logs: Sequence[Log], noises: Sequence[SightingNoise | None]) -> float:
@@ -138,20 +145,61 @@ def _matters(logs: Sequence[Log], noises: Sequence[SightingNoise | None]) -> flo
     The time between steps with sightings, nearly always; and twice the time of correlation, in which sightings of a
     landmark have the information of one more.
     """
-    spans = [np.diff(log.t[np.unique(log.sighting_step)]) for log in logs]
+    spans = [np.diff(log.t[np.unique(_seen_at(log))]) for log in logs]
     spans = [one for one in spans if len(one)]
     between = float(np.percentile(np.concatenate(spans), 95)) if spans else np.inf
     times = [2 * c.time.value for one in noises if one is not None and (c := one.fitted.correlation) is not None]
     return max(between, *times) if times else between
 
 
+def _seen_at(log: Log) -> Ints:
+    """The steps of all sightings."""
+    return log.sighting_step if log.partial is None else np.concatenate((log.sighting_step, log.partial.step))
+
+
 def _without_truth(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
+    alone_ = [not len(log.ids) and log.partial is not None for log, _ in datasets]
+    if all(alone_) and (found := _along_gps(datasets, labels)) is not None:
+        return found
     remarks = [f"{label} is left out: without a true path one log is fitted" for label in labels[1:]]
+    if alone_[0]:
+        return _around_optimum(datasets[0].log, labels[0], remarks)
     stays = _systematic(*datasets[0])
     found, rough = by_innovations(_corrected(datasets[0], stays), labels[0])
     remarks.append(
         "without a true path, slow errors of sightings look like motion: sizes hold if errors are independent from "
         "sighting to sighting"
     )
-    range_, bearing = (None if rough is None else _sightings([rough], axis) for axis in (0, 1))
+    range_, bearing = (None if rough is None else _sightings([rough.part(axis)]) for axis in (0, 1))
     return Noise(labels[:1], range_, bearing, None, found, remarks, stays)
+
+
+def _along_gps(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise | None:
+    """Ranges alone along true paths of GPS, which tell positions; None without any, or where ranges are too few."""
+    by_gps = [k for k, (_, truth) in enumerate(datasets) if truth is not None and truth.kind == "truth"]
+    known = [datasets[k] for k in by_gps]
+    stays = of_ranges(known)
+    if stays is None:
+        return None
+    parts = [alone(log, truth, RANGE) for log, truth in (_corrected(one, stays) for one in known) if truth is not None]
+    remarks = [
+        "the true path is not exact: its errors are among those of ranges, and the odometry's noise stays as stated"
+    ]
+    return Noise([labels[k] for k in by_gps], _sightings(parts), None, None, None, remarks, stays)
+
+
+def _around_optimum(log: Log, label: str, remarks: list[str]) -> Noise:
+    """Ranges alone without a path: the errors that stay, and the residuals of the batch optimum without them."""
+    log = log.identified()
+    stays = around_optimum(log)
+    if stays is None:
+        raise InputError(
+            f"{label}: found no true path and too few ranges alone, or no optimum of these, expected some 200: nothing "
+            "in the log tells how large its errors are."
+        )
+    log = corrected(log, stays.errors)
+    found = best(log)
+    remarks.append("without a true path, the wheels' way tells how long ranges are: theirs may be the error")
+    remarks.append("errors of ranges are those from the batch optimum, whose path follows slow ones: they are larger")
+    part = alone(log, Truth(log.t, found.path, found.map), RANGE)
+    return Noise([label], _sightings([part]), None, None, None, remarks, stays)

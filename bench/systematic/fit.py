@@ -63,6 +63,7 @@ class SystematicFit(NamedTuple):
     estimates: Mapping[str, Estimated]  # of all that are told; of others than the certain ones as if all were free
     by_truth: bool
     scaled: bool  # known, true places or paths tell the scale of ranges
+    each: Mapping[int, Mapping[str, Estimated]] = {}  # by landmark, those of ranges alone
 
     @property
     def certain(self) -> Sequence[str]:

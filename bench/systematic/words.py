@@ -1,15 +1,17 @@
 """Says in words which errors of sensor and wheels stay the same."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from ...datasets.noise.systematic import NAMES
+from ..words.numerals import listed
 from .estimated import Estimated
 from .fit import SystematicFit
 from .frame import Frame
 
 DEGREE = np.pi / 180
+RANGES = ("range_scale", "range_offset")
 
 FORMS = {
     "x": (1.0, "m", "the sensor sits {} {of} the robot's origin", ("ahead of", "behind")),
@@ -47,6 +49,20 @@ def sentences(fit: SystematicFit) -> Iterator[str]:
     """Yields a sentence for each error that is certain."""
     for name in fit.certain:
         yield f"{clause(fit, name)[0].upper()}{clause(fit, name)[1:]}."
+    for name in RANGES:
+        apart = [k for k, one in fit.each.items() if name in one and _differs(one, fit, name)]
+        parts = [
+            f"{_size(fit.each[k][name], name)} too {FORMS[name][3][fit.each[k][name].value < 0]} to landmark {k}"
+            for k in apart
+        ]
+        if parts:
+            yield f"Not all landmarks' ranges are alike: they are {listed(parts)}."
+
+
+def _differs(one: Mapping[str, Estimated], fit: SystematicFit, name: str) -> bool:
+    """Tells if the intervals of a landmark's error and of all landmarks' are apart."""
+    own, all_ = one[name], fit.estimates[name]
+    return own.low > all_.high or own.high < all_.low
 
 
 def clause(fit: SystematicFit, name: str) -> str:
@@ -72,7 +88,13 @@ def of_frame(frame: Frame) -> str:
 
 def rows(fit: SystematicFit) -> Iterator[tuple[str, Estimated, str]]:
     """Yields title, estimate and unit of all that are told."""
-    return ((TITLES[name], *_in_its_unit(fit.estimates[name], name)) for name in NAMES if name in fit.estimates)
+    for name in NAMES:
+        if name in fit.estimates:
+            yield TITLES[name], *_in_its_unit(fit.estimates[name], name)
+    for landmark, found in fit.each.items():
+        for name in RANGES:
+            if name in found:
+                yield f"{TITLES[name]}, landmark {landmark}", *_in_its_unit(found[name], name)
 
 
 def rows_of_frame(frame: Frame) -> Iterator[tuple[str, Estimated, str]]:

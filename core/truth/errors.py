@@ -7,6 +7,7 @@ import numpy as np
 
 from ..elementary import arctan2, hypot
 from ..factors import UNKNOWN, Log, Map, Truth
+from ..partial import RANGE
 from ..se2 import Array, Ints, between, wrap
 
 STANDING = 0.05  # of the motion in a slow step that is driven; wheels and truth of a robot that stands move by less
@@ -33,6 +34,19 @@ def sighting_errors(log: Log, truth: Truth) -> Errors:
     pose, place = rows_of(truth.t, log.t[log.sighting_step]), rows_of(known.ids, ids)
     row = np.flatnonzero((pose >= 0) & (place >= 0) & (ids != UNKNOWN))
     return Errors(row, difference(log.z[row], sighted_from(truth.poses[pose[row]], known.xy[place[row]])))
+
+
+def partial_errors(log: Log, truth: Truth) -> Errors:
+    """Errors (m,) of partial sightings where pose and landmark have ground truth, without those of moving landmarks."""
+    table, known = log.partial, standing(truth)
+    if table is None or known is None:
+        return Errors(np.zeros(0, np.int64), np.zeros(0))
+    ids = table.ids if truth.assigned_partial is None else truth.assigned_partial
+    pose, place = rows_of(truth.t, log.t[table.step]), rows_of(known.ids, ids)
+    row = np.flatnonzero((pose >= 0) & (place >= 0) & (ids != UNKNOWN))
+    right = sighted_from(truth.poses[pose[row]], known.xy[place[row]])
+    off = table.z[row, None] - right
+    return Errors(row, np.where(table.kind[row] == RANGE, off[:, 0], wrap(off[:, 1])))
 
 
 def odometry_errors(log: Log, truth: Truth) -> Errors:

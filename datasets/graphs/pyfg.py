@@ -33,7 +33,7 @@ from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, between
 from ...core.small_matrices import symmetric
 from ...core.table import LARGEST, MOST, Table, text
-from ...core.truth.errors import difference, driven_errors, rows_of, sighting_errors
+from ...core.truth.errors import difference, driven_errors, partial_errors, rows_of, sighting_errors
 from ..false_loops import FalseLoops
 from ..formats.graph_parts import Alone, Placed, with_parts
 from ..formats.pose_graph import START, PoseGraph, log_of, points_seen, wrapped
@@ -125,12 +125,9 @@ def _squared(log: Log, truth: Truth) -> Iterator[Array]:
     ends = np.flatnonzero((at[log.loop_to] >= 0) & (at[log.loop_step] >= 0))
     to, here = truth.poses[at[log.loop_to[ends]]], truth.poses[at[log.loop_step[ends]]]
     yield _distances(difference(between(to, here), log.loop_delta[ends]), log.loop_cov[ends])
-    if log.partial is not None and truth.map is not None:
-        table = log.partial
-        pose, place = at[table.step], rows_of(truth.map.ids, table.ids)
-        both = np.flatnonzero((pose >= 0) & (place >= 0))
-        away = truth.map.xy[place[both]] - truth.poses[pose[both], :2]
-        yield (np.hypot(*away.T) - table.z[both]) ** 2 / table.var[both]
+    if log.partial is not None:
+        alone = partial_errors(log, truth)
+        yield alone.values**2 / log.partial.var[alone.row]
 
 
 def _distances(values: Array, cov: Array) -> Array:

@@ -1,10 +1,12 @@
 """States a noise in a log: scaled covariances, and for correlated errors less information per sighting."""
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from ...core.factors import UNKNOWN, Log
+from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from .._information import FIRST, kept
 from .chains import gaps, in_chains
@@ -34,21 +36,51 @@ def stated(log: Log, model: Model, *, own: bool = False) -> Log:
     delta_cov = log.delta_cov if model.odometry is None else scaled(log.delta_cov, np.array(model.odometry))
     for array in (z_cov, delta_cov):
         array.flags.writeable = False
-    return replace(log, z_cov=z_cov, delta_cov=delta_cov, notes={**log.notes, "noise": noted(model)})
+    partial = None if log.partial is None else _alone(log, log.partial, model, own=own)
+    return replace(log, z_cov=z_cov, delta_cov=delta_cov, partial=partial, notes={**log.notes, "noise": noted(model)})
 
 
 def factors(log: Log, one: SightingModel, axis: int, *, own: bool = False) -> Array:
     """Factors (s,) on the stated variances of range (0) or bearing (1) of every sighting."""
-    spread = one.spread(np.sqrt(log.z_cov[:, axis, axis]), log.z[:, 0])
-    whole = (spread**2 + one.bias**2) / log.z_cov[:, axis, axis]
+    var, step = log.z_cov[:, axis, axis], log.sighting_step
+    return _factors(one, _Seen(log.ids, step, log.t[step], var, log.z[:, 0]), beside=axis == 0, own=own)
+
+
+class _Seen(NamedTuple):
+    """Ranges, or bearings, in order of step."""
+
+    ids: Ints  # (s,)
+    step: Ints  # (s,)
+    t: Array  # (s,) s
+    var: Array  # (s,) as stated
+    reach: Array  # (s,) m
+
+
+def _factors(one: SightingModel, seen: _Seen, *, beside: bool, own: bool) -> Array:
+    spread = one.spread(np.sqrt(seen.var), seen.reach)
+    whole = (spread**2 + one.bias**2) / seen.var
     if own:
         return whole
-    order = in_chains(log.ids, log.sighting_step)
-    order = order[log.ids[order] != UNKNOWN]
+    order = in_chains(seen.ids, seen.step)
+    order = order[seen.ids[order] != UNKNOWN]
     if len(order):
-        gap = gaps(log.ids[order], log.t[log.sighting_step[order]])
+        gap = gaps(seen.ids[order], seen.t[order])
         whole /= kept(np.where(np.isinf(gap), FIRST, np.exp(-gap / one.time)), one.share)
-    return whole * (1 + (_beside(log.sighting_step) - 1) * one.together) if axis == 0 else whole
+    return whole * (1 + (_beside(seen.step) - 1) * one.together) if beside else whole
+
+
+def _alone(log: Log, table: PartialTable, model: Model, *, own: bool) -> PartialTable:
+    """Ranges and bearings alone, likewise; a bearing tells no distance, and has the noise at the typical one."""
+    var = table.var.copy()
+    for kind, one in ((RANGE, model.range), (BEARING, model.bearing)):
+        mine = np.flatnonzero(table.kind == kind)
+        if one is not None and len(mine):
+            step = table.step[mine]
+            reach = table.z[mine] if kind == RANGE else np.full(len(mine), one.reach)
+            seen = _Seen(table.ids[mine], step, log.t[step], table.var[mine], reach)
+            var[mine] *= _factors(one, seen, beside=kind == RANGE, own=own)
+    var.flags.writeable = False
+    return replace(table, var=var)
 
 
 def scaled(cov: Array, scales: Array) -> Array:

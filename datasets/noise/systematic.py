@@ -5,8 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.factors import Log
+from ...core.factors import Log, Prior
 from ...core.mounting import Mounting
+from ...core.partial import RANGE, PartialTable
 from ...core.se2 import Array
 from .clock import motions_after
 
@@ -59,9 +60,29 @@ def corrected(log: Log, errors: Systematic) -> Log:
         delta_cov=_frozen((delta_cov + delta_cov.swapaxes(1, 2)) / 2),
         z=_frozen(z),
         z_cov=_frozen(log.z_cov / np.outer(scale, scale)),
+        partial=None if log.partial is None else _alone(log.partial, errors),
+        prior=_known(log.prior, errors),
     )
     mounting = Mounting(errors.x, errors.y, errors.yaw, errors.delay)
     return changed if mounting == Mounting() else changed.of_sensor(mounting)
+
+
+def _alone(table: PartialTable, errors: Systematic) -> PartialTable:
+    """Ranges and bearings alone without these errors."""
+    is_range = table.kind == RANGE
+    scale = np.where(is_range, 1 + errors.range_scale, 1 + errors.bearing_scale)
+    z = (table.z - np.where(is_range, errors.range_offset, 0.0)) / scale
+    return replace(table, z=_frozen(np.where(is_range, np.maximum(z, NEAREST), z)), var=_frozen(table.var / scale**2))
+
+
+def _known(prior: Prior, errors: Systematic) -> Prior:
+    """The prior without scale or offset of ranges among what is unknown, where they are known now."""
+    left = prior.systematic
+    left = left._replace(
+        range_scale=0.0 if errors.range_scale else left.range_scale,
+        range_offset=0.0 if errors.range_offset else left.range_offset,
+    )
+    return prior if left == prior.systematic else prior._replace(systematic=left)
 
 
 def true_motions(delta: Array, errors: Systematic) -> tuple[Array, Array]:

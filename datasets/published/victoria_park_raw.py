@@ -50,6 +50,7 @@ LASTING = 1.0  # s that a steering error lasts
 STANDING = 0.01  # m/s; a slower car stands
 HOLE = 1.0  # s; longest time without a reading of speed and steering, which come every 0.025 s
 START_SD = 1e-3  # m and rad, of the prior, which fixes the world's frame to that of GPS
+COURSE_SD = 0.1  # rad, of a course of GPS, as those of 2.5 s apart and the odometry between them tell
 TENTH = 10  # of so many detections one is left out
 _LATEST, _FARTHEST, _FASTEST = 1e6, 1e5, 50.0  # s, m and m/s; the log lasts half an hour
 
@@ -99,7 +100,7 @@ def read(folder: Path, options: Options) -> Dataset:
     fixed = np.flatnonzero(known)[due(t[known], options.gps_every)]
     log = Log.from_arrays(
         "victoria-park-raw",
-        Prior(poses[0], START_SD**2 * np.eye(3)),
+        _start(poses[0], options),
         t,
         delta,
         delta_cov,
@@ -112,6 +113,12 @@ def read(folder: Path, options: Options) -> Dataset:
     )
     known[fixed] = False
     return Dataset(log, Truth(t[known], poses[known], words="GPS"))
+
+
+def _start(pose: Array, options: Options) -> Prior:
+    """The first position and course of GPS, which are the world's frame, or, among its fixes, no better than these."""
+    sds = (options.gps_sd, options.gps_sd, COURSE_SD) if options.gps_every else (START_SD,) * 3
+    return Prior(pose, np.diag(np.square(sds)))
 
 
 def _fixes(steps: int, step: Ints, poses: Array, sd: float) -> FixTable:

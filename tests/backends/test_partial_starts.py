@@ -1,5 +1,6 @@
 """The batch of logs with ranges alone: the least J, from dead reckoning that is far off, too."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,12 +9,13 @@ import numpy as np
 import pytest
 
 from beacon_drives import drive
+from driven import final
 from slamduel.backends.api import Solution
 from slamduel.backends.graphs import own_batch
 from slamduel.backends.graphs.batch import Batch
 from slamduel.backends.graphs.elsewhere import lowest
 from slamduel.backends.graphs.graph_options import Options
-from slamduel.backends.placing import are_apart, places
+from slamduel.backends.placing import are_apart, placed, places
 from slamduel.backends.smoothing.valleys import here
 from slamduel.bench.measure.misfit import misfit
 from slamduel.bench.plan.load import load
@@ -70,9 +72,9 @@ def test_it_is_the_optimum_of_gtsams_own_factors_of_the_file(number: int) -> Non
     assert 2 * error == pytest.approx(LEAST[number], rel=1e-6)
     params = gtsam.LevenbergMarquardtParams()
     params.setRelativeErrorTol(1e-14)
-    assert gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize() is not None
-    lowest_error = graph.error(gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize())
-    assert error == pytest.approx(lowest_error, rel=1e-6)
+    optimizer = gtsam.LevenbergMarquardtOptimizer(graph, values, params)
+    optimizer.optimize()
+    assert error == pytest.approx(optimizer.error(), rel=1e-6)
 
 
 def native(path: Path, found: Solution) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
@@ -85,16 +87,17 @@ def native(path: Path, found: Solution) -> tuple[gtsam.NonlinearFactorGraph, gts
     for row in path.read_text().splitlines():
         tag, *words = row.split()
         keys = [gtsam.symbol(word[0].lower(), int(word[1:])) for word in words if word[0] in "AL"]
+        one, other = (*keys, 0, 0)[:2]
         numbers = [float(word) for word in words if word[0] not in "AL"]
         if tag == "EDGE_SE2":
             x, y, turn, *six = numbers[1:]
             cov = np.zeros((3, 3))
             cov[np.triu_indices(3)] = six
             noise = gtsam.noiseModel.Gaussian.Covariance(cov + np.triu(cov, 1).T)
-            graph.add(gtsam.BetweenFactorPose2(*keys, gtsam.Pose2(x, y, turn), noise))
+            graph.add(gtsam.BetweenFactorPose2(one, other, gtsam.Pose2(x, y, turn), noise))
         elif tag == "EDGE_RANGE":
             noise = gtsam.noiseModel.Isotropic.Sigma(1, np.sqrt(numbers[2]))
-            graph.add(gtsam.RangeFactor2D(*keys, numbers[1], noise))
+            graph.add(gtsam.RangeFactor2D(one, other, numbers[1], noise))
     noise = gtsam.noiseModel.Gaussian.Covariance(START * np.eye(3))
     graph.add(gtsam.PriorFactorPose2(gtsam.symbol("a", 0), gtsam.Pose2(), noise))
     return graph, values
@@ -120,9 +123,20 @@ def turned(log: Log) -> Log:
 
 @pytest.mark.parametrize("change", [mirrored, renamed, turned])
 @pytest.mark.parametrize("number", LEAST)
-def test_side_names_and_place_do_not_matter(number: int, change) -> None:
+def test_side_names_and_place_do_not_matter(number: int, change: Callable[[Log], Log]) -> None:
     log = change(dive(number))
     assert cost(log, optimum(log, perturbed(log, 1), "odometry")) == pytest.approx(LEAST[number], rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [1, 2])
+def test_three_solvers_agree_to_a_millimetre_on_plaza(number: int) -> None:
+    log, _ = load(f"plaza[log={number}]")
+    mine = final("graph", log, loss="cauchy", joint_up_to=0)
+    for backend, options in (("graph", {"solver": "gtsam", "joint_up_to": 0}), ("isam2", {})):
+        other = final(backend, log, loss="cauchy", **options)
+        assert other.converged is not False
+        assert np.hypot(*(other.path - mine.path)[:, :2].T).max() < 1e-3
 
 
 # --- the parts
@@ -135,8 +149,27 @@ def test_a_straight_way_leaves_two_places_by_ranges_open() -> None:
     assert len(found) == 2
     np.testing.assert_allclose(sorted(one[1] for one in found), [-3, 3], atol=1e-6)
     np.testing.assert_allclose([one[0] for one in found], 2, atol=1e-6)
-    assert are_apart(*found, poses[-1])
+    assert are_apart(found[0], found[1], poses[-1])
     assert not are_apart(found[0], found[0] + 1e-3, poses[-1])
+
+
+def test_a_ring_is_flat_before_a_landmark_starts() -> None:
+    """Half a turn about a beacon 20 m away places it: roughly from the first ranges on, and for sure only later."""
+    angle = np.linspace(0, 1.0, 200)
+    poses = np.column_stack((20 * np.sin(angle), 20 * (1 - np.cos(angle)), angle))
+    beacon = np.array([3.0, -19.0])
+    z, kind = np.hypot(*(beacon - poses[:, :2]).T), np.full(200, RANGE)
+    started = []
+    for sd in (0.5, 0.01):
+        found = [placed(poses[:k], kind[:k], z[:k], np.full(k, sd**2)) for k in range(2, 201)]
+        sure = [one for one in found if one is not None and one.sure]
+        assert sure
+        started.append(len(found) - len(sure))
+        for one in sure:
+            spread = np.sqrt(np.linalg.eigvalsh(one.cov)[-1])
+            away = np.hypot(*(poses[:, :2] - beacon).T).min()
+            assert spread**2 / (2 * away) < 0.11 * sd
+    assert started[0] > started[1]
 
 
 def test_a_beacon_on_the_wrong_side_is_put_right() -> None:

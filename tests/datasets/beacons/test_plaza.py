@@ -109,7 +109,7 @@ def test_a_file_that_is_none_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("number", "steps", "ranges", "off"), [(1, 4429, 3527, 1.472), (2, 1818, 1816, 15.97)])
 def test_the_shipped_logs_are_as_published(number: int, steps: int, ranges: int, off: float) -> None:
     """Dead reckoning's error is that measured before, and the ranges are 7 % too long, without one that is wrong."""
-    log, truth = load(f"plaza[log={number}]")
+    log, truth = load(f"plaza[log={number},gyro=false]")
     assert truth is not None
     assert truth.map is not None
     assert log.partial is not None
@@ -122,3 +122,38 @@ def test_the_shipped_logs_are_as_published(number: int, steps: int, ranges: int,
     right = sighted_from(truth.poses[log.partial.step], places)[:, 0]
     assert np.median(log.partial.z / right) == pytest.approx(1.07, abs=0.002)
     assert np.abs(log.partial.z / 1.07 - right).max() < 2.0
+
+
+def test_what_the_gyro_turns_while_the_wheels_stand_is_taken_off(tmp_path: Path) -> None:
+    """A second before the robot moves, and a gyro that is off by 0.05 rad/s all along."""
+    some = tables()
+    stood = np.column_stack((100 + 0.2 * np.arange(-4, 1), np.zeros((5, 2))))
+    motions = np.concatenate((stood, some["DR"]))
+    motions[:, 2] += 0.05 * 0.2
+    start = np.array([[99.0, 0.0, 0.0, 0.0]])
+    changed: dict[str, Any] = {"DR": motions, "DRp": start}
+    log, _, _ = made(saved(tmp_path, changed))
+    np.testing.assert_allclose(log.dead_reckoned()[:, :2], along(np.maximum(log.t - 100, 0))[:, :2], atol=1e-9)
+    drifting, _, _ = made(saved(tmp_path, changed), gyro=False)
+    assert np.hypot(*(drifting.dead_reckoned() - log.dead_reckoned())[-1, :2]) > 5
+
+
+@pytest.mark.parametrize(("number", "off"), [(1, 1.495), (2, 5.344)])
+def test_the_levelled_gyro_of_the_shipped_logs_is_a_better_one_where_it_drifts(number: int, off: float) -> None:
+    log, truth = load(f"plaza[log={number}]")
+    assert truth is not None
+    reckoned = log.dead_reckoned()
+    error = np.hypot(*(aligned(align(reckoned, truth.poses), reckoned) - truth.poses)[:, :2].T)
+    assert np.sqrt((error**2).mean()) == pytest.approx(off, abs=0.005)
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_the_noise_of_the_other_log_is_stated_and_its_scale_is_not(number: int) -> None:
+    log, _ = load(f"plaza[log={number}]")
+    other, _ = load(f"plaza[log={number},noise=others]")
+    assert log.partial is not None
+    assert other.partial is not None
+    assert other.partial.z.tobytes() == log.partial.z.tobytes()
+    assert other.prior.systematic == log.prior.systematic
+    assert np.sqrt(other.partial.var) == pytest.approx(0.55, abs=0.03)
+    assert other.notes["noise"]["fitted_on"] == [{1: "plaza[log=2]", 2: "plaza"}[number]]

@@ -120,6 +120,7 @@ def test_the_settings_are_the_noise(folder: Path):
 def test_gps_every_so_often_is_measured_and_the_truth_of_the_rest(folder: Path):
     plain, before = made(folder)
     log, truth = made(folder, Options(gps_every=3.0, gps_sd=0.5))
+    assert np.sqrt(np.diag(log.prior.cov)).tolist() == pytest.approx([0.5, 0.5, 0.1])  # no better than GPS
     assert log.fixes is not None
     at = log.t[log.fixes.step]
     assert 4 <= len(at) <= 6
