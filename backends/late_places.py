@@ -37,19 +37,24 @@ class LatePlaces:
         """Adds a sighting."""
         self._held[landmark].append(seen)
 
-    def found(self, landmark: int, poses: Callable[[Sequence[int]], Array]) -> Array | None:
-        """(2,) m, a landmark's place by the poses (k, 3) of k steps; None while it is not sure."""
-        held = self._held[landmark]
+    def found(self, landmark: int, poses: Callable[[Sequence[int]], Array], since: int = 0) -> Array | None:
+        """(2,) m, a landmark's place by the poses (k, 3) of k steps; None while it is not sure.
+
+        Sightings before step `since` are dropped.
+        """
+        held = self._since(landmark, since)
         if len(held) < max(2, self._next.get(landmark, 0)):
             return None
         self._next[landmark] = MORE * len(held)
         place = placed(poses([one.step for one in held]), *_columns(held))
         return place.xy if place is not None and place.sure else None
 
-    def taken(self, landmark: int) -> list[Seen]:
-        """Everything held of a landmark, which is held no more."""
+    def taken(self, landmark: int, since: int = 0) -> list[Seen]:
+        """Everything held of a landmark from step `since` on; then nothing is held."""
+        held = self._since(landmark, since)
         self._next.pop(landmark, None)
-        return self._held.pop(landmark, [])
+        self._held.pop(landmark, None)
+        return held
 
     def added_to(self, landmarks: Map, path: Array) -> Map:
         """The map with those still held back, without covariance, where they are likeliest."""
@@ -58,6 +63,15 @@ class LatePlaces:
             return landmarks
         more = np.array([likeliest(path[[one.step for one in held]], *_columns(held)) for held in alone.values()])
         return Map(np.array([*landmarks.ids, *alone], np.int64), np.concatenate((landmarks.xy, more)), None)
+
+    def _since(self, landmark: int, step: int) -> list[Seen]:
+        """What is held of a landmark, without sightings before a step."""
+        held = self._held[landmark]
+        gone = next((i for i, one in enumerate(held) if one.step >= step), len(held))
+        if gone:
+            del held[:gone]
+            self._next[landmark] = self._next.get(landmark, 0) - gone  # as many more as ever are needed
+        return held
 
 
 def likeliest(poses: Array, kind: Ints, z: Array, var: Array) -> Array:

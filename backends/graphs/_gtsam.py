@@ -113,8 +113,8 @@ class Factors:
         """The factors of step `k`, and initial values of the variables they introduce, seen from pose `guess`.
 
         A new landmark is initialised by ArUco EKF SLAM, eq. (17). A held-back sighting is used if its step is not
-        before `since`. `estimated` has the present estimates (k, 3) of the poses of k earlier steps, for landmarks that
-        partial sightings place.
+        before `since`. `estimated` has the present estimates (k, 3) of the poses of k steps from there on, for
+        landmarks that partial sightings place.
         """
         graph, values, here = gtsam.NonlinearFactorGraph(), gtsam.Values(), FIRST_POSE + k
         if step.odometry is not None:
@@ -131,7 +131,7 @@ class Factors:
         if len(step.sightings.ids):
             self._add_sightings(k, step, guess, since, graph, values)
         if len(step.partial.ids) and estimated is not None:
-            self._add_parts(k, step, guess, estimated, graph, values)
+            self._add_parts(k, step, guess, since, estimated, graph, values)
         return graph, values
 
     def _add_parts(
@@ -139,6 +139,7 @@ class Factors:
         k: int,
         step: Step,
         guess: gtsam.Pose2,
+        since: int,
         estimated: Callable[[Sequence[int]], Array],
         graph: gtsam.NonlinearFactorGraph,
         values: gtsam.Values,
@@ -152,11 +153,11 @@ class Factors:
         for landmark, kind, z, var in zip(*(column.tolist() for column in step.partial), strict=True):
             self._late.hold(landmark, Seen(k, kind, z, var))
             if landmark not in self.keys.landmarks:
-                xy = self._late.found(landmark, poses)
+                xy = self._late.found(landmark, poses, since)
                 if xy is None:
                     continue
                 values.insert(self.keys.landmark(landmark), xy)
-            for seen in self._late.taken(landmark):
+            for seen in self._late.taken(landmark, since):
                 errors = self.constant.of(landmark, graph, values) if seen.kind == RANGE else None
                 pose, to = self.keys.pose(seen.step), self.keys.landmarks[landmark]
                 graph.add(part_factor(pose, to, errors, seen, self.weighed))

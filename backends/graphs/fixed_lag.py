@@ -31,4 +31,6 @@ def implementation(options: Options) -> str:
     return COMPILED_HERE if options.solver == "own" else GTSAM_WHEEL
 
 
-build = Builder(make, options=Options, forgets=True, expects=True, implementation=implementation)
+build = Builder(
+    make, options=Options, forgets=True, partial=True, fixes=True, expects=True, implementation=implementation
+)

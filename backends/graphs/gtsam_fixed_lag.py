@@ -1,9 +1,10 @@
 """Fixed-lag smoothing by GTSAM: iSAM2 over the last seconds, older variables marginalised.
 
-Poses and landmarks enter and leave as in `window/fixed_lag.py`.
+Poses and landmarks enter and leave as in `window/fixed_lag.py`, and constant errors stay.
 """
 
 from collections import deque
+from collections.abc import Sequence
 
 import gtsam
 import numpy as np
@@ -41,7 +42,7 @@ class GtsamFixedLag:
         k = len(self._path) + len(self._window)
         guess = self._pose if step.odometry is None else self._pose.compose(pose2(step.odometry.delta))
         graph, values = self._factors.prior() if k == 0 else (gtsam.NonlinearFactorGraph(), gtsam.Values())
-        more, more_values = self._factors.step(k, step, guess, since=len(self._path))
+        more, more_values = self._factors.step(k, step, guess, len(self._path), self._estimated)
         graph.push_back(more)
         values.insert(more_values)
         times = self._refreshed(k, step)
@@ -75,19 +76,29 @@ class GtsamFixedLag:
         keys = [self._factors.keys.pose(first + i) for i in range(len(self._window))]
         last = [array(self._smoother.calculateEstimatePose2(key)) for key in keys]
         path = np.array([*self._path, *last]).reshape(-1, 3)
-        return Solution(path, self._factors.with_newcomers(path, self.map()))
+        landmarks = self._factors.with_newcomers(path, self.map())
+        constant = self._factors.constant
+        found = constant.read(landmarks.ids, self._smoother.calculateEstimate()) if constant.used else None
+        return Solution(path, landmarks, constant=found)
+
+    def _estimated(self, steps: Sequence[int]) -> Array:
+        """The estimates (k, 3) of the poses of k steps in the window."""
+        keys = [self._factors.keys.pose(k) for k in steps]
+        return np.array([array(self._smoother.calculateEstimatePose2(key)) for key in keys]).reshape(-1, 3)
 
     def _refreshed(self, k: int, step: Step) -> dict[int, float]:
-        """Times assigned to variables by this step: its pose, its landmarks, and a given map's when due."""
+        """Times assigned to variables by this step: its pose and landmarks, constant errors, a given map's when due."""
         keys = self._factors.keys
         self._window.append(step.t)
-        sighted = [landmark for landmark in step.sightings.ids.tolist() if landmark in keys.landmarks]
+        ids = step.sightings.ids.tolist() + step.partial.ids.tolist()
+        sighted = [landmark for landmark in ids if landmark in keys.landmarks]
         if self._given and self._kept <= step.t - self._options.lag / 2:
             sighted, self._kept = [*self._given, *sighted], step.t
         for landmark in sighted:
             self._seen.pop(landmark, None)
             self._seen[landmark] = step.t
-        return {keys.pose(k): step.t} | {keys.landmark(landmark): step.t for landmark in sighted}
+        times = {keys.pose(k): step.t} | {keys.landmark(landmark): step.t for landmark in sighted}
+        return times | dict.fromkeys(self._factors.constant.all, step.t)
 
     def _let_go(self, before: float) -> list[int]:
         """Stores every variable older than `before`, which the next update drops; returns the landmarks among them.

@@ -38,6 +38,11 @@ class ConstantKeys:
         """True if a graph has some."""
         return self._turns or len(self._keys) > 0
 
+    @property
+    def all(self) -> list[int]:
+        """The keys of those in a graph."""
+        return [*self._keys.values(), *[HEADING] * self._turns]
+
     def of(self, landmark: int, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> int | None:
         """The key of the errors of ranges to a landmark, which is added where it is new; None without any."""
         if not self._ranges:

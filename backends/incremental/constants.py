@@ -5,9 +5,8 @@ import numpy as np
 from ...core.factors import Systematic
 from ...core.se2 import Array, Ints
 from ..api import Constant
-from ..smoothing import _log
 from ..smoothing._graph import ALONE, NO_VARIABLE, PRIOR
-from ..smoothing.forest import Forest
+from ..smoothing.tables import Row, Tables
 
 HELD = 1e-9
 """Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""
@@ -15,15 +14,12 @@ HELD = 1e-9
 EVERY, HEADING = -1, -2
 """Names of the errors that all landmarks' ranges have, and of a heading's; others are those of a landmark's id."""
 
-Row = tuple[int, int, tuple[float, float, float, float, float]]
-"""Landmark and part, of a forest's `sightings`, and its row of `seen`."""
-
 
 class ConstantVariables:
     """Creates them at their first factor, each with its prior as another row of that step."""
 
-    def __init__(self, forest: Forest, sds: Systematic) -> None:
-        self._forest, self._sds = forest, sds
+    def __init__(self, tables: Tables, sds: Systematic) -> None:
+        self._tables, self._sds = tables, sds
         self._ranges = sds.range_scale > 0 or sds.range_offset > 0
         self._variable: dict[int, int] = {}
 
@@ -51,8 +47,7 @@ class ConstantVariables:
     def _found(self, name: int, sds: tuple[float, float], rows: list[Row]) -> int:
         found = self._variable.get(name, NO_VARIABLE)
         if found == NO_VARIABLE:
-            self._forest.room(0, 1, 0, 0, 0)
-            found = self._variable[name] = _log.add_variable(self._forest.g, 2 if sds[0] > 0 else 0, 0.0, 0.0, 0.0)
+            found = self._variable[name] = self._tables.add_pair(free=sds[0] > 0)
             if sds[0] > 0:
                 rows.append((found, PRIOR, (0.0, 0.0, sds[0] ** -2, 0.0, sds[1] ** -2)))
         return found

@@ -1,4 +1,4 @@
-"""Partial sightings and fixes of a step as rows of a smoother's tables, and the landmarks that these place."""
+"""Partial sightings and fixes of a step as rows of a solver's tables, and the landmarks that these place."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -11,10 +11,9 @@ from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ..api import Constant
 from ..late_places import LatePlaces, Seen
-from ..smoothing._graph import ALONE, FIX, FIXED, LANDMARK, NO_VARIABLE, PART, SIGHTINGS
-from ..smoothing.arrays import with_rows
-from ..smoothing.forest import Forest
-from .constants import ConstantVariables, Row
+from ..smoothing._graph import ALONE, NO_VARIABLE
+from ..smoothing.tables import Row, Tables
+from .constants import ConstantVariables
 
 SIX = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)
 """Rows and columns of the six numbers of a symmetric matrix."""
@@ -36,7 +35,7 @@ class Parts:
 
     def __init__(
         self,
-        forest: Forest,
+        tables: Tables,
         prior: Prior,
         variable: Mapping[int, int],
         start: Callable[[int, float, float], None],
@@ -47,23 +46,26 @@ class Parts:
         `start` is called with a landmark and the place it is to have, and puts it there; `hold` with one and the row of
         `sightings` that is to be its own once it has started.
         """
-        self._forest, self._variable, self._start, self._hold = forest, variable, start, hold
+        self._tables, self._variable, self._start, self._hold = tables, variable, start, hold
         self._late = LatePlaces()
-        self._constants = ConstantVariables(forest, prior.systematic)
-        self._first = 0  # of the step's rows, in the forest
+        self._constants = ConstantVariables(tables, prior.systematic)
+        self._first = 0  # of the step's rows, in the tables
         self.rows = list[Row]()
         """Those of the step so far; one that starts by a whole sighting may add errors of ranges held back."""
 
-    def add(self, k: int, step: Step, poses: Callable[[Sequence[int]], Array]) -> None:
-        """Takes step `k`, after its whole sightings; `poses` gives (n, 3) those of n steps so far."""
+    def add(self, k: int, step: Step, poses: Callable[[Sequence[int]], Array], since: int = 0) -> None:
+        """Takes step `k`, after its whole sightings; `poses` gives (n, 3) those of n steps so far.
+
+        A landmark is placed by its sightings from step `since` on.
+        """
         for fix in zip(*step.fixes, strict=True):
             self._fix(*fix)
-        first = self._first = int(self._forest.g.state[SIGHTINGS]) + len(step.sightings.ids)
+        first = self._first = self._tables.stored + len(step.sightings.ids)
         for landmark, kind, z, var in zip(*(column.tolist() for column in step.partial), strict=True):
             seen = (z, 0.0, 1 / var, 0.0, 0.0) if kind == RANGE else (0.0, z, 0.0, 0.0, 1 / var)
             if landmark not in self._variable:
                 self._late.hold(landmark, Seen(k, kind, z, var))
-                place = self._late.found(landmark, poses)
+                place = self._late.found(landmark, poses, since)
                 if place is None:
                     self._hold(landmark, first + len(self.rows))
                     self.rows.append((NO_VARIABLE, ALONE, seen))
@@ -75,10 +77,10 @@ class Parts:
     def release(self, landmark: int, rows: Sequence[int]) -> None:
         """Gives rows that were held back the variable of their landmark, and ranges their constant errors'."""
         self._late.taken(landmark)
-        variable, stored = self._variable[landmark], int(self._forest.g.state[SIGHTINGS])
+        variable, stored = self._variable[landmark], self._tables.stored
         for row in rows:
             if row < stored:
-                (_, _, part), seen = self._forest.g.sightings[row].tolist(), self._forest.g.seen[row].tolist()
+                part, seen = self._tables.row(row)
             elif row >= self._first:
                 _, part, seen = self.rows[row - self._first]
             else:  # a whole sighting of this step
@@ -86,7 +88,7 @@ class Parts:
             if part == ALONE and seen[2] > 0:
                 part = self._constants.of_range(landmark, self.rows)
             if row < stored:
-                self._forest.g.sightings[row, LANDMARK], self._forest.g.sightings[row, PART] = variable, part
+                self._tables.name(row, variable, part)
             else:
                 self.rows[row - self._first] = variable, part, seen
 
@@ -108,8 +110,5 @@ class Parts:
 
     def _fix(self, z: Array, cov: Array, arm: Array) -> None:
         turn = self._constants.of_heading(self.rows)
-        row = int(self._forest.g.state[FIXED])
-        g = self._forest.g = with_rows(self._forest.g, "fixed", row + 1)
-        g.state[FIXED] = row + 1
-        g.fixed[row, :3], g.fixed[row, 3:9], g.fixed[row, 9:] = np.nan_to_num(z), information(cov)[SIX], arm
-        self.rows.append((turn, FIX - row, (0.0, 0.0, 0.0, 0.0, 0.0)))
+        part = self._tables.add_fix(np.concatenate((np.nan_to_num(z), information(cov)[SIX], arm)))
+        self.rows.append((turn, part, (0.0, 0.0, 0.0, 0.0, 0.0)))

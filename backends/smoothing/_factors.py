@@ -131,10 +131,16 @@ def add_seen(
 def add_held(g: Graph, s: int, F: Array, w: int, il: int) -> None:
     """Adds row `s` of the sightings, the prior of a pair of constant errors, which are at row `il`."""
     values = g.values[g.sightings[s, LANDMARK]]
+    add_known(values[0], values[1], g.seen, s, F, w, il)
+
+
+@compiled
+def add_known(first: float, second: float, seen: Array, s: int, F: Array, w: int, il: int) -> None:
+    """Likewise for row `s` of `seen` and a pair with these values."""
     for i in range(2):
-        W = g.seen[s, 2 + 2 * i]
+        W = seen[s, 2 + 2 * i]
         F[(il + i) * w + il + i] += W
-        F[(il + i) * w + w - 1] += W * (g.seen[s, i] - values[i])
+        F[(il + i) * w + w - 1] += W * (seen[s, i] - (first if i == 0 else second))
 
 
 @compiled
@@ -153,11 +159,19 @@ def range_off(
 @compiled
 def add_range(g: Graph, s: int, F: Array, w: int, ip: int, il: int, ie: int) -> None:
     """Adds sighting `s`, a range alone: pose at row `ip`, landmark at `il` or -1, scale and offset at `ie`."""
-    x, m = g.values[g.sightings[s, POSE]], g.values[g.sightings[s, LANDMARK]]
-    errors = g.values[g.sightings[s, PART]]
-    dx, dy, d, e = range_off(x[0], x[1], m[0], m[1], errors[0], errors[1], g.seen[s, 0])
-    W = g.seen[s, 2] * weight(g.settings[LOSS], g.settings[SCALE], g.seen[s, 2] * e * e)
-    a, b = (1.0 + errors[0]) * dx / d, (1.0 + errors[0]) * dy / d
+    x, m, errors = g.values[g.sightings[s, POSE]], g.values[g.sightings[s, LANDMARK]], g.values[g.sightings[s, PART]]
+    add_ranged(x[0], x[1], m[0], m[1], errors[0], errors[1], g.seen, s, g.settings, F, w, ip, il, ie)
+
+
+@compiled
+def add_ranged(
+    x: float, y: float, mx: float, my: float, scale: float, offset: float,
+    seen: Array, s: int, settings: Array, F: Array, w: int, ip: int, il: int, ie: int,
+) -> None:  # fmt: skip
+    """Likewise for row `s` of `seen`, from a position to a landmark at (mx, my)."""
+    dx, dy, d, e = range_off(x, y, mx, my, scale, offset, seen[s, 0])
+    W = seen[s, 2] * weight(settings[LOSS], settings[SCALE], seen[s, 2] * e * e)
+    a, b = (1.0 + scale) * dx / d, (1.0 + scale) * dy / d
     rows, J = (ip, ip + 1, ie, ie + 1, il, il + 1), (-a, -b, d, 1.0, a, b)
     n = 4 if il < 0 else 6
     for i in range(n):
@@ -180,10 +194,17 @@ def fix_off(
 @compiled
 def add_fix(g: Graph, s: int, F: Array, w: int, ip: int, ih: int) -> None:
     """Adds row `s` of the sightings, a fix: pose at row `ip`, the heading's error at `ih`, -1 without one."""
-    k, x = FIX - g.sightings[s, PART], g.values[g.sightings[s, POSE]]
-    turn = g.values[g.sightings[s, LANDMARK], 0]
-    e0, e1, e2, east, north = fix_off(x[0], x[1], x[2], turn, g.fixed, k)
-    W = g.fixed[k]
+    x, turn = g.values[g.sightings[s, POSE]], g.values[g.sightings[s, LANDMARK], 0]
+    add_fixed(x[0], x[1], x[2], turn, g.fixed, FIX - g.sightings[s, PART], F, w, ip, ih)
+
+
+@compiled
+def add_fixed(
+    x: float, y: float, heading: float, turn: float, fixed: Array, k: int, F: Array, w: int, ip: int, ih: int
+) -> None:
+    """Likewise for row `k` of `fixed`, of a pose."""
+    e0, e1, e2, east, north = fix_off(x, y, heading, turn, fixed, k)
+    W = fixed[k]
     rows, n = (ip, ip + 1, ip + 2, ih), 3 if ih < 0 else 4
     J = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-north, east, 1.0), (0.0, 0.0, 1.0))
     for i in range(n):

@@ -8,7 +8,7 @@ from scipy.linalg import solve_triangular
 from ...core.kernels.compile_ahead import compile_ahead
 from ...core.se2 import Array, Ints
 from ..api import Diverged
-from . import _cost, _covariances, _front, _graph, _offsets, _opening, _ordering, _relinearise, _tree
+from . import _cost, _covariances, _front, _graph, _log, _offsets, _opening, _ordering, _relinearise, _tree
 from ._graph import (
     CLIQUES,
     DAMPING,
@@ -31,6 +31,7 @@ from ._graph import (
 )  # fmt: skip
 from ._step import SPARE_INTS, SPARE_REALS
 from .arrays import made, with_front, with_root, with_rows
+from .tables import Seen
 
 NOBODY = np.zeros(0, np.int64)
 
@@ -100,6 +101,31 @@ class Forest:
         g = with_rows(g, "links", int(state[LINKS]) + links)
         g = with_rows(g, "cliques", int(state[CLIQUES]) + 1)
         self.g = _with_arenas(g, 2 * size + SPARE_INTS, size * size + SPARE_REALS)
+
+    @property
+    def stored(self) -> int:
+        """The number of rows of sightings so far: this and what follows is as in `tables`."""
+        return int(self.g.state[_graph.SIGHTINGS])
+
+    def row(self, row: int) -> tuple[int, Seen]:
+        """Part and sighting of a row."""
+        return int(self.g.sightings[row, _graph.PART]), tuple(self.g.seen[row].tolist())
+
+    def name(self, row: int, landmark: int, part: int) -> None:
+        """Gives a row the variable of its landmark, and its part."""
+        self.g.sightings[row, _graph.LANDMARK], self.g.sightings[row, _graph.PART] = landmark, part
+
+    def add_pair(self, *, free: bool) -> int:
+        """Adds a pair of constant errors at zero, held there unless `free`; returns its variable."""
+        self.room(0, 1, 0, 0, 0)
+        return _log.add_variable(self.g, 2 if free else 0, 0.0, 0.0, 0.0)
+
+    def add_fix(self, fix: Array) -> int:
+        """Adds a row (11,) of the table of fixes; returns its part in the sightings."""
+        row = int(self.g.state[_graph.FIXED])
+        self.g = with_rows(self.g, "fixed", row + 1)
+        self.g.state[_graph.FIXED], self.g.fixed[row] = row + 1, fix
+        return _graph.FIX - row
 
     def advance(self, x: int) -> None:
         """A plain step: the root becomes pose `x`, which sees its landmarks and new ones; there must be room."""

@@ -20,7 +20,8 @@ from ...core.kernels._planar import add_turned, information
 from ...core.kernels._small import factored
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ..smoothing._factors import add_seen
+from ..smoothing._factors import add_fixed, add_known, add_ranged, add_seen
+from ..smoothing._graph import ALONE, FIX, PRIOR, WHOLE
 from ..smoothing._links import motion_offset
 from ._window import (
     AT,
@@ -39,6 +40,7 @@ from ._window import (
     NAME,
     NOISE,
     NOW,
+    OLD_FIXES,
     OWN,
     POSE,
     PRESENCE,
@@ -68,19 +70,48 @@ def enter(w: Window, v: int) -> None:
 
 
 @compiled
+def slot_of(w: Window, v: int) -> int:
+    """The row of landmark `v` in the front, where it is put if need be; -1 if it is held fixed."""
+    if w.marks[v, SLOT] == FRESH:
+        enter(w, v)
+    return -1 if w.marks[v, SLOT] == FIXED else 3 + 2 * w.marks[v, SLOT]
+
+
+@compiled
+def add_part(w: Window, i: int, s: int, il: int) -> int:
+    """Adds row `s` of pose `i`, a range with constant errors, their prior or a fix; the landmark is at row `il`."""
+    x, v, part, r = w.poses[i], w.sightings[s], w.parts[s], row(w)
+    if part <= FIX:
+        add_fixed(
+            x[0], x[1], x[2], w.places[v, 0], w.fixed, FIX - part - w.state[OLD_FIXES], w.front, r, 0, il
+        )  # fmt: skip
+    elif part == PRIOR:
+        add_known(w.places[v, 0], w.places[v, 1], w.seen, s, w.front, r, il)
+    elif w.marks[part, SLOT] == RETIRED:
+        return RETURNS
+    else:
+        add_ranged(
+            x[0], x[1], w.places[v, 0], w.places[v, 1], w.places[part, 0], w.places[part, 1],
+            w.seen, s, w.settings, w.front, r, 0, il, slot_of(w, part),
+        )  # fmt: skip
+    return DONE
+
+
+@compiled
 def sight(w: Window, i: int) -> int:
-    """Adds the sightings from pose `i`, whose rows are the front's first, to the front."""
-    x = w.poses[i]
+    """Adds the sightings from pose `i`, whose rows are the front's first, and its fixes to the front."""
+    x, parts = w.poses[i], w.parts
     for s in range(w.rows[i, FIRST], w.rows[i + 1, FIRST]):
         v = w.sightings[s]
         if v == HELD:
             continue
         if w.marks[v, SLOT] == RETIRED:
             return RETURNS
-        if w.marks[v, SLOT] == FRESH:
-            enter(w, v)
-        il = -1 if w.marks[v, SLOT] == FIXED else 3 + 2 * w.marks[v, SLOT]
-        add_seen(x[0], x[1], x[2], w.places[v, 0], w.places[v, 1], w.seen, s, w.settings, w.front, row(w), 0, il)
+        il = slot_of(w, v)
+        if ALONE <= parts[s] <= WHOLE:
+            add_seen(x[0], x[1], x[2], w.places[v, 0], w.places[v, 1], w.seen, s, w.settings, w.front, row(w), 0, il)
+        elif add_part(w, i, s, il) == RETURNS:
+            return RETURNS
     return DONE
 
 

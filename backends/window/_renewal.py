@@ -39,6 +39,8 @@ def settle(w: Window, start: int) -> None:
     for s in range(w.rows[w.state[BOTTOM], FIRST], w.rows[start, FIRST]):
         if w.sightings[s] != HELD:
             w.marks[w.sightings[s], STAYS] = 1
+            if w.parts[s] >= 0:
+                w.marks[w.parts[s], STAYS] = 1
     w.state[BOTTOM], w.state[KNOWN] = start, n
     for k in range(n):
         w.slots[k, BEFORE] = w.slots[k, NOW]

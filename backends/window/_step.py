@@ -3,6 +3,7 @@
 from ...core.kernels._planar import moved
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
+from ..smoothing._graph import WHOLE
 from ..smoothing._log import six
 from ._chain import DONE, RETURNS, eliminate, sight
 from ._estimates import factor_front, last_pose, look_at_pose
@@ -29,13 +30,56 @@ def add_sightings(w: Window, landmarks: Ints, seen: Array) -> None:
     for k in range(len(landmarks)):
         rr, rb, bb = seen[k, 2], (seen[k, 3] + seen[k, 4]) / 2, seen[k, 5]
         d = 1.0 / (rr * bb - rb * rb)
-        w.sightings[s] = landmarks[k]
+        w.sightings[s], w.parts[s] = landmarks[k], WHOLE
         w.seen[s, 0], w.seen[s, 1] = seen[k, 0], seen[k, 1]
         w.seen[s, 2], w.seen[s, 3], w.seen[s, 4] = bb * d, -rb * d, rr * d
         if landmarks[k] != HELD:
             w.marks[landmarks[k], LAST] = i
         s += 1
     w.state[SIGHTINGS] = w.rows[i + 1, FIRST] = s
+
+
+@compiled
+def add_parts(w: Window, landmarks: Ints, parts: Ints, seen: Array) -> None:
+    """Adds partial sightings and fixes of the last pose, after its whole ones: columns of the window's tables."""
+    i, s = w.state[POSES] - 1, w.state[SIGHTINGS]
+    for k in range(len(landmarks)):
+        w.sightings[s], w.parts[s] = landmarks[k], parts[k]
+        for j in range(5):
+            w.seen[s, j] = seen[k, j]
+        if landmarks[k] != HELD:
+            w.marks[landmarks[k], LAST] = i
+        if parts[k] >= 0:
+            w.marks[parts[k], LAST] = i
+        s += 1
+    w.state[SIGHTINGS] = w.rows[i + 1, FIRST] = s
+
+
+@compiled
+def look_at_poses(w: Window, first: int, path: Array, covs: Array) -> None:
+    """Writes the estimates of the poses from `first` on into path (n, 3) and covs (n, 3, 3)."""
+    for k in range(len(path)):
+        look_at_pose(w, first + k, path[k], covs[k])
+
+
+@compiled
+def latest(w: Window, pose: Array, cov: Array) -> int:
+    """Adds the last pose's sightings; `pose` (3,) and `cov` (3, 3) become the latest. Returns the outcome."""
+    ended = sight(w, w.state[POSES] - 1)
+    if ended == DONE:
+        ended = factor_front(w)
+    if ended == DONE:
+        last_pose(w, pose, cov)
+    return ended
+
+
+@compiled
+def advance(w: Window, pose: Array, cov: Array) -> int:
+    """Eliminates the pose before the last in favour of that, and does the same."""
+    if w.state[POSES] == 1:
+        return RETURNS
+    ended = eliminate(w, w.state[POSES] - 2)
+    return latest(w, pose, cov) if ended == DONE else ended
 
 
 @compiled
@@ -46,21 +90,22 @@ def step(
     """Applies `motion` and the sightings; `pose` (3,) and `cov` (3, 3) become the latest.
 
     The poses from `first` on leave, their estimates into path (n, 3) and covs (n, 3, 3). If an eliminated landmark is
-    sighted, everything must be eliminated again. With an empty `motion` the last pose's sightings are added.
+    sighted, everything must be eliminated again.
     """
-    for k in range(len(path)):
-        look_at_pose(w, first + k, path[k], covs[k])
-    if len(motion):
-        add_pose(w, motion, pose)
-        add_sightings(w, landmarks, seen)
-        if w.state[POSES] == 1:
-            return RETURNS
-        ended = eliminate(w, w.state[POSES] - 2)
-        if ended != DONE:
-            return ended
-    ended = sight(w, w.state[POSES] - 1)
-    if ended == DONE:
-        ended = factor_front(w)
-    if ended == DONE:
-        last_pose(w, pose, cov)
-    return ended
+    look_at_poses(w, first, path, covs)
+    add_pose(w, motion, pose)
+    add_sightings(w, landmarks, seen)
+    return advance(w, pose, cov)
+
+
+@compiled
+def parts_step(
+    w: Window, first: int, path: Array, covs: Array, motion: Array, landmarks: Ints, seen: Array,
+    of_parts: Ints, parts: Ints, part_seen: Array, pose: Array, cov: Array,
+) -> int:  # fmt: skip
+    """The same with partial sightings, fixes and priors of constant errors, as `add_parts` has them."""
+    look_at_poses(w, first, path, covs)
+    add_pose(w, motion, pose)
+    add_sightings(w, landmarks, seen)
+    add_parts(w, of_parts, parts, part_seen)
+    return advance(w, pose, cov)

@@ -18,8 +18,10 @@ class Window(Arrays):
     poses: Table  # (P, 12) linearisation point (3), the motion into the pose (3) and its covariance (6)
     rows: IntegerTable  # (P + 1, 2)
     sightings: Integers  # (S,) landmarks, or HELD
+    parts: Integers  # (S,) as the PART of a smoother's sightings: see `smoothing/_graph.py`
     seen: Table  # (S, 5) range, bearing, and their information: rr, rb, bb
-    places: Table  # (V, 2) linearisation points of the landmarks: x, y (m)
+    fixed: Table  # (F, 11) fixes, as there
+    places: Table  # (V, 2) linearisation points of the landmarks, x, y (m), and of pairs of constant errors
     marks: IntegerTable  # (V, 4)
     slots: IntegerTable  # (N, 2) the landmarks of the front, and those of the prior
     front: Numbers  # 2 N + 3 rows of 2 N + 4 numbers
@@ -30,8 +32,9 @@ class Window(Arrays):
     settings: Numbers  # (2,) robust loss and its scale
 
 
-# state; BOTTOM is the pose of the prior; OLD_POSES and OLD_SIGHTINGS have been removed from the tables
-POSES, BOTTOM, SIGHTINGS, SLOTS, KNOWN, STAGES, REALS, DSYRK, OLD_POSES, OLD_SIGHTINGS, STATE = range(11)
+# state; BOTTOM is the pose of the prior; OLD_POSES, OLD_SIGHTINGS and OLD_FIXES have been removed from the tables
+POSES, BOTTOM, SIGHTINGS, SLOTS, KNOWN, STAGES, REALS, DSYRK, OLD_POSES, OLD_SIGHTINGS, FIXES, OLD_FIXES = range(12)
+STATE = 12
 # poses
 POINT, MOTION, NOISE = 0, 3, 6
 # rows: start of a pose's sightings; the stage in which it is eliminated

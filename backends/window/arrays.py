@@ -8,6 +8,7 @@ import numpy as np
 from ...core.factors import Prior
 from ...core.kernels._blas import routine
 from ...core.se2 import Array
+from ..smoothing._graph import FIX
 from . import _estimates, _step
 from ._window import (
     BEFORE,
@@ -15,12 +16,14 @@ from ._window import (
     DSYRK,
     FIRST,
     FIXED,
+    FIXES,
     FREE,
     FRESH,
     IN,
     KNOWN,
     LAST,
     NAME,
+    OLD_FIXES,
     OLD_POSES,
     OLD_SIGHTINGS,
     OWN,
@@ -36,9 +39,6 @@ from ._window import (
     Window,
 )  # fmt: skip
 
-NO_POSES, NO_COVS = np.zeros((0, 3)), np.zeros((0, 3, 3))
-NO_LANDMARKS, NO_SIGHTINGS = np.zeros(0, np.int64), np.zeros((0, 6))
-
 SPARE = 16  # initial rows for landmarks
 
 
@@ -51,7 +51,9 @@ def made(prior: Prior, loss: int, scale: float) -> Window:
         poses=np.zeros((64, 12)),
         rows=np.zeros((65, 2), np.int64),
         sightings=np.zeros(256, np.int64),
+        parts=np.zeros(256, np.int64),
         seen=np.zeros((256, 5)),
+        fixed=np.zeros((0, 11)),
         places=np.zeros((0, 2)),
         marks=np.zeros((0, 4), np.int64),
         slots=np.zeros((0, 2), np.int64),
@@ -89,7 +91,7 @@ def with_steps(w: Window, sightings: int) -> Window:
         w = w.replaced(poses=_longer(w.poses, poses), rows=_longer(w.rows, poses))
     if 2 * (state[SIGHTINGS] + sightings) > seen:
         more = max(seen, 2 * sightings)
-        w = w.replaced(sightings=_longer(w.sightings, more), seen=_longer(w.seen, more))
+        w = w.replaced(sightings=_longer(w.sightings, more), parts=_longer(w.parts, more), seen=_longer(w.seen, more))
     return _with_numbers(_with_stages(w), numbers)
 
 
@@ -108,6 +110,15 @@ def row_of_new(w: Window, x: float, y: float) -> tuple[Window, int]:
         w = _with_rows(w, 2 * v, len(w.slots) + v)
     w.places[v], w.marks[v] = (x, y), (FRESH, -1, IN, 0)
     return w, v
+
+
+def with_fix(w: Window, fix: Array) -> tuple[Window, int]:
+    """`w` with another row (11,) of the fixes, and its part in the sightings."""
+    row = int(w.state[FIXES])
+    if row == len(w.fixed):
+        w = w.replaced(fixed=_longer(w.fixed, row + 16))
+    w.fixed[row], w.state[FIXES] = fix, row + 1
+    return w, FIX - row - int(w.state[OLD_FIXES])
 
 
 def offsets(w: Window) -> tuple[Array, Array]:
@@ -131,7 +142,7 @@ def look_at_landmark(w: Window, v: int) -> Array:
 
 def solve(w: Window, pose: Array, cov: Array) -> int:
     """Adds the last pose's sightings; `pose` (3,) and `cov` (3, 3) become the latest. Returns the outcome."""
-    return _step.step(w, 0, NO_POSES, NO_COVS, NO_POSES, NO_LANDMARKS, NO_SIGHTINGS, pose, cov)
+    return _step.latest(w, pose, cov)
 
 
 def _drop(w: Window) -> None:
@@ -139,18 +150,23 @@ def _drop(w: Window) -> None:
     bottom, poses, sightings = (int(w.state[k]) for k in (BOTTOM, POSES, SIGHTINGS))
     if bottom == 0:
         return
-    s = int(w.rows[bottom, FIRST])
+    s, fixes = int(w.rows[bottom, FIRST]), int(w.state[FIXES])
+    old = int((w.parts[:s] <= FIX).sum())
     w.poses[: poses - bottom] = w.poses[bottom:poses].copy()
     w.rows[: poses - bottom + 1] = w.rows[bottom : poses + 1].copy()
     w.rows[: poses - bottom + 1, FIRST] -= s
     w.sightings[: sightings - s] = w.sightings[s:sightings].copy()
+    w.parts[: sightings - s] = w.parts[s:sightings].copy()
     w.seen[: sightings - s] = w.seen[s:sightings].copy()
+    w.fixed[: fixes - old] = w.fixed[old:fixes].copy()
     w.marks[:, LAST] = np.maximum(w.marks[:, LAST] - bottom, -1)
     stages = w.stages[: w.state[STAGES]]
     stages[stages[:, OWN] == POSE, NAME] -= bottom
     w.state[BOTTOM], w.state[POSES], w.state[SIGHTINGS] = 0, poses - bottom, sightings - s
     w.state[OLD_POSES] += bottom
     w.state[OLD_SIGHTINGS] += s
+    w.state[FIXES] -= old
+    w.state[OLD_FIXES] += old
 
 
 def _with_rows(w: Window, rows: int, slots: int) -> Window:

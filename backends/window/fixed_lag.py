@@ -6,21 +6,25 @@ estimates of variables that have left are kept. A landmark of a given map never 
 
 The poses are eliminated oldest first (see `_chain`), so a step eliminates one, and the prior after the oldest ones have
 left exists already: it is only computed when linearisation points are moved, and then without variables that have left,
-whose linearisation points stay.
+whose linearisation points stay. Constant errors of the sensors are landmarks that never leave.
 """
 
 import math
 from collections import defaultdict, deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
+from ...core.fixes import NO_FIXES
 from ...core.options import option
+from ...core.partial import NO_PARTIAL
 from ...core.se2 import Array
 from .. import common_options
 from ..api import Belief, Diverged, Expected, Pose, Solution
 from ..common_options import LOSSES
+from ..incremental.parts import NO_ROWS, Parts, Rows
 from ..incremental.smoother import NEAREST
 from ..newcomers import Newcomers
 from ..smoothing.arrays import as_rows
@@ -29,8 +33,9 @@ from ..vicinity import Vicinity, first_expected, with_held
 from . import _estimates, _marginals, _step
 from ._chain import DONE, RETURNS
 from ._renewal import renew
-from ._window import BOTTOM, HELD, LEFT, OLD_POSES, OLD_SIGHTINGS, PRESENCE, SIGHTINGS
+from ._window import BOTTOM, HELD, LEFT, OLD_POSES, POINT, PRESENCE
 from .arrays import look_at_landmark, made, offsets, row_of_new, solve, with_all, with_steps
+from .tables import WindowTables
 
 OVER = 32
 """The prior advances when more poses have left than this, and than there are in the window."""
@@ -57,7 +62,8 @@ class FixedLag:
         del rng
         names = list(LOSSES)
         self._options = options
-        self._window = made(prior, names.index(options.loss), options.loss_scale or LOSSES[options.loss])
+        loss_scale = options.loss_scale or LOSSES[options.loss]
+        self._tables = WindowTables(made(prior, names.index(options.loss), loss_scale))
         self._robust = options.loss != "none"
         self._newcomers = Newcomers(two=self._robust)
         self._times = deque[float]()  # of the poses in the window
@@ -72,6 +78,8 @@ class FixedLag:
         self._seen = np.zeros((16, 6))  # range, bearing, and their covariance
         self._pose, self._cov = prior.pose.copy(), prior.cov.copy()
         self._prior, self._vicinity = prior, Vicinity(follows=True)
+        self._parts = Parts(self._tables, prior, self._row, self._start, self._hold)
+        self._anew = False  # everything must be eliminated again
 
     def step(self, step: Step) -> Pose:
         """Drops variables older than the lag, propagates by the motion and adds the sightings."""
@@ -85,19 +93,28 @@ class FixedLag:
         if ids:
             self._seen = as_rows(step.sightings, self._seen)
         rows = [self._row.get(i, HELD) for i in ids]
-        anew = (HELD in rows and self._name(k, step.sightings, rows)) or k == 0
+        tables, more, self._anew = self._tables, NO_ROWS, k == 0
+        if HELD in rows:
+            self._name(k, step.sightings, rows)
+        if step.partial is not NO_PARTIAL or step.fixes is not NO_FIXES or self._parts.rows:
+            more = self._partly(k, step)
+            rows = [self._row.get(i, HELD) for i in ids]  # it may have started some
+            self._refresh(step.t, step.partial.ids.tolist())
         self._refresh(step.t, ids)
         leaving = self._let_go(step.t - self._options.lag)
-        self._window = window = with_steps(self._window, len(ids))
+        tables.window = window = with_steps(tables.window, len(ids) + (0 if more is NO_ROWS else len(more.parts)))
         self._times.append(step.t)
         a, b, first = self._left, self._left + leaving, self._left - int(window.state[OLD_POSES])
-        ended = _step.step(
-            window, first, self._path[a:b], self._covs[a:b], self._motion, np.array(rows, np.int64), self._seen,
-            self._pose, self._cov,
-        )  # fmt: skip
+        path, covs, landmarks = self._path[a:b], self._covs[a:b], np.array(rows, np.int64)
+        if more is NO_ROWS:
+            ended = _step.step(window, first, path, covs, self._motion, landmarks, self._seen, self._pose, self._cov)
+        else:
+            ended = _step.parts_step(
+                window, first, path, covs, self._motion, landmarks, self._seen, *more, self._pose, self._cov
+            )
         self._left += leaving
-        if ended == RETURNS or anew:
-            self._window = window = with_all(window)
+        if ended == RETURNS or self._anew:
+            tables.window = window = with_all(window)
             ended, _ = renew(window, -1, KEEP, 0.0, False)
             if ended == DONE:
                 ended = solve(window, self._pose, self._cov)
@@ -126,9 +143,8 @@ class FixedLag:
 
     def map(self) -> Map:
         """Landmarks in the window at the current estimate, the others at their position when they last left."""
-        w = self._window
-        off = offsets(w)[1] if self._times else np.zeros_like(w.places)
-        places = self._gone | {i: w.places[row] + off[row] for i, row in self._row.items()}
+        at = self._places()
+        places = self._gone | {i: at[row] for i, row in self._row.items()}
         return Map(np.fromiter(places, np.int64, len(places)), np.array([*places.values()]).reshape(-1, 2), None)
 
     def finish(self) -> Solution:
@@ -142,48 +158,79 @@ class FixedLag:
         path, covs = np.zeros((n + inside, 3)), np.zeros((n + inside, 3, 3))
         path[:n], covs[:n] = self._path[:n], self._covs[:n]
         for k in range(n, n + inside):
-            _estimates.look_at_pose(self._window, k - int(self._window.state[OLD_POSES]), path[k], covs[k])
+            w = self._tables.window
+            _estimates.look_at_pose(w, k - int(w.state[OLD_POSES]), path[k], covs[k])
         landmarks = self.map()
         if not (np.isfinite(path).all() and np.isfinite(landmarks.xy).all()):
             raise Diverged("the optimum is not finite")
-        return Solution(path, self._newcomers.added_to(landmarks, path), covs, converged)
+        landmarks = self._newcomers.added_to(self._parts.added_to(landmarks, path), path)
+        constant = self._parts.constant(self._places(), landmarks.ids)
+        return Solution(path, landmarks, covs, converged, constant=constant)
 
     def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The last pose, the landmarks' places and their joint covariance, the pose last."""
         n = len(landmarks)
         pose, at, cov = np.empty(3), np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
         rows = np.array([self._row[landmark] for landmark in landmarks], np.int64)
-        _marginals.joint(self._window, rows, pose, at, cov)
+        _marginals.joint(self._tables.window, rows, pose, at, cov)
         return pose, at, cov
 
-    def _name(self, k: int, sightings: RangeBearing, rows: list[int]) -> bool:
-        """Writes the rows of new landmarks to `rows`; HELD stays for one that is held back.
+    def _places(self) -> Array:
+        """(v, 2) the estimates of all landmarks and constant errors, by their rows."""
+        w = self._tables.window
+        return w.places + offsets(w)[1] if self._times else w.places.copy()
 
-        Returns True if such a new one was sighted before, from a pose of the window.
-        """
+    def _ahead(self) -> tuple[float, float, float]:
+        """The pose of the next step by its motion alone."""
         x, y, heading = self._pose.tolist()
         (dx, dy, turn), c, s = self._motion[0].tolist(), math.cos(heading), math.sin(heading)
-        x, y, heading = x + c * dx - s * dy, y + s * dx + c * dy, heading + turn
-        before = False
-        first = int(self._window.state[SIGHTINGS] + self._window.state[OLD_SIGHTINGS])
+        return x + c * dx - s * dy, y + s * dx + c * dy, heading + turn
+
+    def _poses(self, steps: Sequence[int]) -> Array:
+        """(n, 3) the poses of n steps in the window, the next one included, at the present estimate."""
+        w, here = self._tables.window, np.array([self._ahead()])
+        if not self._times:
+            return here[[0] * len(steps)]
+        off, _ = offsets(w)
+        path = w.poses[: len(off), POINT : POINT + 3] + off
+        return np.concatenate((path, here))[np.array(steps) - int(w.state[OLD_POSES])]
+
+    def _name(self, k: int, sightings: RangeBearing, rows: list[int]) -> None:
+        """Writes the rows of new landmarks to `rows`; HELD stays for one that is held back."""
+        x, y, heading = self._ahead()
+        first = self._tables.stored
         for i, landmark in enumerate(sightings.ids.tolist()):
             if rows[i] != HELD or landmark in self._row:
                 rows[i] = self._row[landmark]
                 continue
-            held = self._newcomers.sighted(landmark, (k, sightings.z[i], sightings.cov[i]), self._left)
-            if not held:
-                inside = [s for s in self._held[landmark] if s >= self._window.state[OLD_SIGHTINGS]]
-                self._held[landmark] = [*inside, first + i]
+            if not self._newcomers.sighted(landmark, (k, sightings.z[i], sightings.cov[i]), self._left):
+                self._hold(landmark, first + i)
                 continue
             r, bearing = self._seen[i, :2].tolist()
             r, angle = max(r, NEAREST), heading + bearing
-            self._window, rows[i] = row_of_new(self._window, x + r * math.cos(angle), y + r * math.sin(angle))
-            self._row[landmark] = rows[i]
-            earlier = self._held.pop(landmark, [])
-            for sighting in earlier[len(earlier) + 1 - len(held) :]:
-                self._window.sightings[sighting - self._window.state[OLD_SIGHTINGS]] = rows[i]
-                before = True
-        return before
+            self._start(landmark, x + r * math.cos(angle), y + r * math.sin(angle))
+            rows[i] = self._row[landmark]
+
+    def _partly(self, k: int, step: Step) -> Rows:
+        """The rows of a step's partial sightings and fixes."""
+        self._parts.add(k, step, self._poses, self._left)
+        return self._parts.taken()
+
+    def _start(self, landmark: int, x: float, y: float) -> None:
+        """Puts a landmark on the map, with its sightings that were held back, from the poses of the window."""
+        self._tables.window, self._row[landmark] = row_of_new(self._tables.window, x, y)
+        held = self._inside(self._held.pop(landmark, []))
+        self._anew = self._anew or any(row < self._tables.stored for row in held)
+        self._parts.release(landmark, held)
+
+    def _hold(self, landmark: int, row: int) -> None:
+        """Keeps a sighting for when its landmark starts."""
+        self._held[landmark] = [*self._inside(self._held[landmark]), row]
+
+    def _inside(self, rows: list[int]) -> list[int]:
+        """Those of the rows of sightings that are from poses of the window."""
+        first = self._tables.first(self._left) if rows else 0
+        return [row for row in rows if row >= first]
 
     def _refresh(self, t: float, ids: list[int]) -> None:
         """Records a sighting of these landmarks."""
@@ -216,7 +263,7 @@ class FixedLag:
 
     def _forget(self, landmark: int) -> None:
         """Stores a landmark's position and drops it; sighted again it is a new one."""
-        w, row = self._window, self._row.pop(landmark)
+        w, row = self._tables.window, self._row.pop(landmark)
         self._vicinity.forget(landmark)
         del self._sighted[landmark]
         self._gone.pop(landmark, None)
@@ -226,8 +273,9 @@ class FixedLag:
     def _check(self) -> None:
         """Relinearises when due, or when much has left."""
         self._since += 1
-        inside, start = len(self._times), self._left - int(self._window.state[OLD_POSES])
-        much = start - int(self._window.state[BOTTOM]) > max(OVER, inside)
+        state = self._tables.window.state
+        inside, start = len(self._times), self._left - int(state[OLD_POSES])
+        much = start - int(state[BOTTOM]) > max(OVER, inside)
         if self._since >= self._options.relinearize_skip:
             self._since = 0
             self._relinearise(self._options.relinearize_threshold, anyway=much)
@@ -240,7 +288,7 @@ class FixedLag:
         Variables that have left are first absorbed by the prior. Nothing is done if nothing is off so far, unless
         `anyway`.
         """
-        self._window = w = with_all(self._window)
+        self._tables.window = w = with_all(self._tables.window)
         ended, furthest = renew(w, self._left - int(w.state[OLD_POSES]), KEEP, threshold, anyway)
         if ended == DONE and (furthest > threshold or anyway):
             ended = solve(w, self._pose, self._cov)

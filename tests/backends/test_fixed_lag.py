@@ -83,5 +83,5 @@ def test_its_tables_stay_as_long_as_the_window() -> None:
     for often in (10, 10**6):
         backend, path = run("fixed-lag", log, lag=lag, relinearize_skip=often)
         assert np.isfinite(path).all()
-        assert len(backend._window.poses) <= 256
-        assert len(backend._window.places) <= 64
+        assert len(backend._tables.window.poses) <= 256
+        assert len(backend._tables.window.places) <= 64

@@ -1,4 +1,4 @@
-"""Ranges and bearings alone, fixes and constant errors in the batch solvers and iSAM2."""
+"""Ranges and bearings alone, fixes and constant errors in the batch solvers, iSAM2, the smoother and fixed-lag."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,11 +7,12 @@ import gtsam
 import numpy as np
 import pytest
 
-from driven import final
+from driven import final, run
 from random_logs import random_log
 from slamduel.backends.api import Constant, Solution
 from slamduel.backends.graphs.gtsam_parts import HEADING, fix_factors, part_factor
 from slamduel.backends.late_places import Seen
+from slamduel.backends.window import fixed_lag
 from slamduel.bench.measure.misfit import lowest_near, misfit, partial_misfits
 from slamduel.core.factors import Log, Systematic
 from slamduel.core.fixes import Fixes, FixTable, residual
@@ -22,17 +23,23 @@ NAN, NONE = np.nan, Systematic()
 MEASURED = ((0, 1, 2), (0, 1), (2,), (1, 2))
 SAME_MODEL = 2e-4
 """m, rad; GTSAM's residual of a motion is another: see `graphs/graph.py`."""
+SAME_OPTIMUM = 1e-6
+"""m, rad."""
+ALL = {"lag": 1e9, "final_checks": 50}
+"""A window that nothing leaves."""
+EXACT = {"relinearize_threshold": 1e-4, "relinearize_skip": 1}
 
 
-def halves(log: Log) -> Log:
-    """A log with each sighting as a range and a bearing, uncorrelated."""
-    n, s = len(log), len(log.ids)
-    var = np.diagonal(log.z_cov, axis1=1, axis2=2).ravel()
-    parts = PartialTable.from_arrays(
-        n, np.repeat(log.sighting_step, 2), np.repeat(log.ids, 2), np.tile((RANGE, BEARING), s), log.z.ravel(), var
-    )
-    none = np.zeros(n + 1, np.int64)
-    return replace(log, sighting_first=none, ids=log.ids[:0], z=log.z[:0], z_cov=log.z_cov[:0], partial=parts)
+def halves(log: Log, whole: Any = None) -> Log:
+    """A log with each sighting as a range and a bearing, uncorrelated, except those that stay `whole` (s,)."""
+    whole = np.zeros(len(log.ids), bool) if whole is None else whole
+    n, some = len(log), ~whole
+    var = np.diagonal(log.z_cov[some], axis1=1, axis2=2).ravel()
+    step, ids, kind = np.repeat(log.sighting_step[some], 2), np.repeat(log.ids[some], 2), (RANGE, BEARING)
+    parts = PartialTable.from_arrays(n, step, ids, np.tile(kind, some.sum()), log.z[some].ravel(), var)
+    first = np.searchsorted(log.sighting_step[whole], np.arange(n + 1))
+    left = {"sighting_first": first, "ids": log.ids[whole], "z": log.z[whole], "z_cov": log.z_cov[whole]}
+    return replace(log, partial=parts, **left)
 
 
 def uncorrelated(log: Log) -> Log:
@@ -76,15 +83,43 @@ def total(log: Log, found: Solution) -> float:
 
 @pytest.mark.parametrize(
     ("backend", "options"),
-    [*(("graph", {"start": start}) for start in ("auto", "odometry", "incremental")), ("smoother", {})],
+    [
+        *(("graph", {"start": start}) for start in ("auto", "odometry", "incremental")),
+        ("smoother", {}),
+        ("fixed-lag", ALL),
+    ],
 )
 def test_both_halves_of_each_sighting_give_what_the_whole_ones_do(backend: str, options: dict[str, Any]) -> None:
     log, _ = drive(1)
     whole, parts = final("graph", log), final(backend, halves(log), **options)
-    assert off(parts.path, whole.path) < 1e-6
+    assert off(parts.path, whole.path) < SAME_OPTIMUM
     assert total(halves(log), parts) == pytest.approx(total(log, whole), rel=1e-9)
     assert whole.cov is not None
     assert np.abs(parts.cov - whole.cov).max() < 1e-9
+
+
+@pytest.mark.parametrize("lag", [0.5, 1.5])
+@pytest.mark.parametrize("solver", ["own", "gtsam"])
+def test_so_do_they_at_each_step_in_a_window(solver: str, lag: float) -> None:
+    log, _ = drive(1)
+    whole, parts = (run(f"fixed-lag by {solver}", one, lag=lag)[1] for one in (log, halves(log)))
+    assert off(parts, whole) < 1e-9
+
+
+@pytest.mark.parametrize("loss", ["none", "cauchy"])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_window_eliminates_and_returns_in_any_order(seed: int, loss: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whole and partial sightings of one landmark, some held back, and constant errors that are used now and then."""
+    rng = np.random.default_rng(seed)
+    monkeypatch.setattr(fixed_lag, "KEEP", int(rng.choice([0, 1, 3])))
+    log, fixed = drive(seed, ERRORS[1 + seed])
+    mixed = replace(halves(log, rng.random(len(log.ids)) < 0.5), fixes=fixed.fixes, prior=fixed.prior)
+    found, best = final("fixed-lag", mixed, loss=loss, **ALL), final("smoother", mixed, loss=loss)
+    assert off(found.path, best.path) < SAME_OPTIMUM
+    assert np.abs(found.cov - best.cov).max() < 1e-5 * np.abs(best.cov).max()
+    assert found.constant is not None
+    order = np.argsort(found.map.ids)
+    assert found.map.xy[order] == pytest.approx(best.map.xy[np.argsort(best.map.ids)], abs=SAME_OPTIMUM)
 
 
 @pytest.mark.parametrize("options", [{"gnc": True}, {"loss": "cauchy"}, {"loss": "huber"}])
@@ -131,18 +166,20 @@ def test_constant_errors_that_are_not_given_are_those_of_least_j(systematic: Sys
 
 @pytest.mark.parametrize("systematic", ERRORS)
 @pytest.mark.parametrize(
-    ("backend", "options"),
+    ("backend", "options", "same"),
     [
-        ("isam2", {"relinearize_threshold": 1e-4, "relinearize_skip": 1}),
-        ("graph", {"solver": "gtsam"}),
-        ("graph", {"solver": "gtsam", "start": "incremental"}),
-        ("smoother", {}),
+        ("isam2", EXACT, SAME_MODEL),
+        ("graph", {"solver": "gtsam"}, SAME_MODEL),
+        ("graph", {"solver": "gtsam", "start": "incremental"}, SAME_MODEL),
+        ("fixed-lag by gtsam", ALL | EXACT, SAME_MODEL),
+        ("fixed-lag", ALL, SAME_OPTIMUM),
+        ("smoother", {}, SAME_OPTIMUM),
     ],
 )
-def test_the_others_find_the_same(backend: str, options: dict[str, Any], systematic: Systematic) -> None:
+def test_the_others_find_the_same(backend: str, options: dict[str, Any], same: float, systematic: Systematic) -> None:
     _, log = drive(2, systematic)
     mine, other = final("graph", log), final(backend, log, **options)
-    assert off(mine.path, other.path) < SAME_MODEL
+    assert off(mine.path, other.path) < same
     assert total(log, other) == pytest.approx(total(log, mine), rel=1e-5)
     if mine.constant is not None and other.constant is not None:
         assert other.constant.heading_offset == pytest.approx(mine.constant.heading_offset, abs=SAME_MODEL)
@@ -170,7 +207,7 @@ def test_a_landmark_with_a_single_range_or_bearing_is_on_the_map() -> None:
     first = np.flatnonzero((parts.partial.ids == one) & (parts.partial.kind == BEARING))[0]
     kept = parts.partial.rows((parts.partial.ids != one) | (np.arange(len(parts.partial)) == first))
     single = replace(parts, partial=kept)
-    for backend in ("graph", "isam2", "smoother"):
+    for backend in ("graph", "isam2", "smoother", "fixed-lag", "fixed-lag by gtsam"):
         found = final(backend, single)
         assert one in found.map.ids
         terms = partial_misfits(single, found.path, found.map, found.constant)
