@@ -111,4 +111,4 @@ class Parts:
     def _fix(self, z: Array, cov: Array, arm: Array) -> None:
         turn = self._constants.of_heading(self.rows)
         part = self._tables.add_fix(np.concatenate((np.nan_to_num(z), information(cov)[SIX], arm)))
-        self.rows.append((turn, part, (0.0,) * 5))
+        self.rows.append((turn, part, (0.0, 0.0, 0.0, 0.0, 0.0)))
