@@ -122,26 +122,37 @@ def starts(poses: Array, kind: Ints, z: Array, out: Array) -> tuple[int, float]:
 
 
 @compiled
+def minima(poses: Array, kind: Ints, z: Array, var: Array, points: Array, losses: Array, J: Array) -> int:
+    """Moves the starts, points (2 STARTS, 2), to minima of the loss; returns their number.
+
+    Fills their losses (2 STARTS,) and J (2 STARTS, 5). A fit begins wide: from far off, precise sightings do not lead on.
+    """
+    n, size = starts(poses, kind, z, points)
+    wide = np.empty(len(z))
+    for i in range(len(z)):
+        sd = WIDE * size if kind[i] == RANGE else WIDE
+        wide[i] = var[i] + sd * sd
+    for i in range(n):
+        fit(poses, kind, z, wide, points[i], J[i])
+        losses[i] = fit(poses, kind, z, var, points[i], J[i])
+    return n
+
+
+@compiled
 def best(poses: Array, kind: Ints, z: Array, var: Array, at: Array, cov: Array) -> tuple[bool, float]:
     """Writes the best place to `at` (2,) and its covariance to `cov` (2, 2).
 
     Returns False where the sightings determine none, and by how much the loss of the best one elsewhere is larger.
     """
-    points, J, own = np.empty((2 * STARTS, 2)), np.empty(5), np.empty(5)
-    n, size = starts(poses, kind, z, points)
-    losses, wide = np.empty(n), np.empty(len(z))
-    for i in range(len(z)):
-        sd = WIDE * size if kind[i] == RANGE else WIDE
-        wide[i] = var[i] + sd * sd
+    points, losses, J = np.empty((2 * STARTS, 2)), np.empty(2 * STARTS), np.empty((2 * STARTS, 5))
+    n = minima(poses, kind, z, var, points, losses, J)
     least, first = np.inf, -1
     for i in range(n):
-        fit(poses, kind, z, wide, points[i], J)
-        losses[i] = fit(poses, kind, z, var, points[i], J)
-        if losses[i] < least and J[0] * J[2] - J[1] * J[1] > 1e-12 * J[0] * J[2]:
+        if losses[i] < least and J[i, 0] * J[i, 2] - J[i, 1] * J[i, 1] > 1e-12 * J[i, 0] * J[i, 2]:
             least, first = losses[i], i
-            own[:] = J
     if first < 0:
         return False, 0.0
+    own = J[first]
     at[0], at[1] = points[first, 0], points[first, 1]
     det = own[0] * own[2] - own[1] * own[1]
     cov[0, 0], cov[0, 1], cov[1, 0], cov[1, 1] = own[2] / det, -own[1] / det, -own[1] / det, own[0] / det

@@ -65,7 +65,7 @@ class LatePlaces:
         return Map(np.array([*landmarks.ids, *alone], np.int64), np.concatenate((landmarks.xy, more)), None)
 
     def _since(self, landmark: int, step: int) -> list[Seen]:
-        """What is held of a landmark, without sightings before a step."""
+        """The sightings held of a landmark, without those before a step."""
         held = self._held[landmark]
         gone = next((i for i, one in enumerate(held) if one.step >= step), len(held))
         if gone:

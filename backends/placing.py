@@ -6,7 +6,7 @@ import numpy as np
 
 from ..core.partial import RANGE
 from ..core.se2 import Array, Ints
-from ._placing import STARTS, best, fit, starts
+from ._placing import STARTS, best, minima
 
 CLEAR = 13.8
 """Twice the loss by which the place must be better than any elsewhere: odds of a thousand to one."""
@@ -64,16 +64,12 @@ def _least_sd(kind: Ints, var: Array) -> float:
 
 def places(poses: Array, kind: Ints, z: Array, var: Array) -> list[Array]:
     """The places (2,) that k sightings leave open, likeliest first: minima of their robust loss that are `APART`."""
-    points, J = np.empty((2 * STARTS, 2)), np.empty(5)
-    points = points[: starts(poses, kind, z, points)]
-    losses = np.empty(len(points))
-    for k, at in enumerate(points):
-        losses[k] = fit(poses, kind, z, var, at, J)
-        if not J[0] * J[2] - J[1] ** 2 > FLATTEST * (J[0] + J[2]) ** 2:
-            losses[k] = np.inf
+    points, losses, J = np.empty((2 * STARTS, 2)), np.empty(2 * STARTS), np.empty((2 * STARTS, 5))
+    n = minima(poses, kind, z, var, points, losses, J)
+    curved = J[:n, 0] * J[:n, 2] - J[:n, 1] ** 2 > FLATTEST * (J[:n, 0] + J[:n, 2]) ** 2
     found = list[Array]()
-    for k in np.argsort(losses, kind="stable"):
-        if np.isfinite(losses[k]) and all(are_apart(points[k], one, poses[-1]) for one in found):
+    for k in np.argsort(losses[:n], kind="stable"):
+        if curved[k] and all(are_apart(points[k], one, poses[-1]) for one in found):
             found.append(points[k].copy())
     return found
 

@@ -163,6 +163,7 @@ def add_range(g: Graph, s: int, F: Array, w: int, ip: int, il: int, ie: int) -> 
     add_ranged(x[0], x[1], m[0], m[1], errors[0], errors[1], g.seen, s, g.settings, F, w, ip, il, ie)
 
 
+# In numbers, as `add_seen`.
 @compiled
 def add_ranged(
     x: float, y: float, mx: float, my: float, scale: float, offset: float,

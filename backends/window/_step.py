@@ -98,6 +98,7 @@ def step(
     return advance(w, pose, cov)
 
 
+# One by one, as they come from Python objects at every step.
 @compiled
 def parts_step(
     w: Window, first: int, path: Array, covs: Array, motion: Array, landmarks: Ints, seen: Array,

@@ -1,8 +1,7 @@
 """Words on the Cramér-Rao bound of a dataset's logs, and on who comes nearest to it."""
 
+import math
 from collections.abc import Sequence
-
-import numpy as np
 
 from ..words.numerals import number
 from .summary import Line, units_of
@@ -18,11 +17,11 @@ def bound_sentence(lines: Sequence[Line]) -> str:
     """
     bounds, nearest = list[str](), list[str]()
     for prefix, end in ENDS.items():
-        having = [line for line in lines if f"{prefix}bound_m" in line.values and not line.told]
+        having = [line for line in lines if line.by_log(f"{prefix}bound_m") and not line.told]
         if not having:
             continue
         bounds.append(f"{number(_rms(having[0], f'{prefix}bound_m'))} m ({end})")
-        whole = [line for line in having if not line.failed]
+        whole = [line for line in having if line.by_log(f"{prefix}over_bound") and not line.failed]
         if whole:
             times = {line.backend: _rms(line, f"{prefix}over_bound") for line in whole}
             best = min(times, key=lambda name: times[name])
@@ -37,4 +36,5 @@ def bound_sentence(lines: Sequence[Line]) -> str:
 
 def _rms(line: Line, column: str) -> float:
     """The root mean square of a column over logs."""
-    return float(np.sqrt(np.mean(np.square([*line.by_log(column).values()]))))
+    values = line.by_log(column).values()
+    return math.hypot(*values) / math.sqrt(len(values))

@@ -114,7 +114,7 @@ def test_a_cell_is_judged_by_no_report() -> None:
     } <= names
     assert {name for name in names if name.startswith("datasets.")} == set()
     assert not libraries & {"matplotlib", "jinja2", "rich", "gtsam", "cv2"}
-    assert {name.split(".")[1] for name in names if name.startswith("bench.")} == {"measure", "process"}
+    assert {name.split(".")[1] for name in names if name.startswith("bench.")} == {"bound", "measure", "process"}
     others = ("report", "plot", "page", "figure", "store", "runner", "summary", "record", "words", "core.table")
     assert not any(word in name for name in names for word in others)
 
