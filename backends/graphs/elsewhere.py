@@ -71,7 +71,9 @@ def _elsewhere(batch: Batch, start: Array) -> Iterator[tuple[Array, Map]]:
         open_ = [_places(table, path, landmarks.ids[row])[:FEW] for row in rows]
         for k in range(max(map(len, open_), default=0)):
             moved = landmarks.xy.copy()
-            moved[rows] = [some[min(k, len(some) - 1)] for some in open_]
+            for row, some in zip(rows, open_, strict=True):
+                if some:  # a single range leaves none that is better than others
+                    moved[row] = some[min(k, len(some) - 1)]
             yield path, landmarks._replace(xy=moved)
         for row, some in zip(rows, open_, strict=True):
             each[row] += [(path, xy) for xy in some if are_apart(xy, landmarks.xy[row], path[-1])]
