@@ -125,7 +125,7 @@ def starts(poses: Array, kind: Ints, z: Array, out: Array) -> tuple[int, float]:
 def minima(poses: Array, kind: Ints, z: Array, var: Array, points: Array, losses: Array, J: Array) -> int:
     """Moves the starts, points (2 STARTS, 2), to minima of the loss; returns their number.
 
-    Fills their losses (2 STARTS,) and J (2 STARTS, 5). A fit begins wide: precise sightings do not lead on from far off.
+    Fills their losses (2 STARTS,) and J (2 STARTS, 5). A fit begins wide: precise ones do not lead on from far off.
     """
     n, size = starts(poses, kind, z, points)
     wide = np.empty(len(z))
