@@ -112,4 +112,4 @@ class Parts:
         g = self._forest.g = with_rows(self._forest.g, "fixed", row + 1)
         g.state[FIXED] = row + 1
         g.fixed[row, :3], g.fixed[row, 3:9], g.fixed[row, 9:] = np.nan_to_num(z), information(cov)[SIX], arm
-        self.rows.append((turn, FIX - row, (0.0,) * 5))
+        self.rows.append((turn, FIX - row, (0.0, 0.0, 0.0, 0.0, 0.0)))
