@@ -13,6 +13,7 @@ from ...core.se2 import Array, Ints, compose
 from ..api import Constant, Diverged, Solution
 from ..common_options import LOSSES
 from ..constant_errors import fitted
+from ..incremental.smoother import LEAST, PATIENCE
 from ..smoothing import _log, _opening
 from ..smoothing._factors import HUBER, NONE
 from ..smoothing._graph import (
@@ -33,7 +34,6 @@ from ..smoothing._graph import (
 )  # fmt: skip
 from ..smoothing.forest import FIRST_DAMPING, NO_COVARIANCE, Forest
 from ..smoothing.maps import add_map, joint_map
-from ..smoothing.smoother import LEAST, PATIENCE
 from ..smoothing.valleys import descend
 from ._whole_log import Columns, linearise_at, write_steps
 from .distances import of_partial, of_sightings

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...core.se2 import Array, Ints
-from ..smoothing.smoother import NEAREST
+from ..incremental.smoother import NEAREST
 
 
 def first_values(poses: Array, z: Array, cov: Array, which: Ints, landmarks: int) -> Array:

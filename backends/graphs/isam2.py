@@ -19,7 +19,7 @@ from ...core.options import option
 from ...core.se2 import Array, rotation
 from .. import common_options
 from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Expected, Pose, Solution
-from ..smoothing.smoother import SMALL
+from ..incremental.smoother import SMALL
 from ..vicinity import Vicinity, first_expected
 from ._gtsam import FAILURES, Factors, array, failure, joint_covariance, path_and_map, pose2, to_world
 from .neighbourhood import Neighbourhood

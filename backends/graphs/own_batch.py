@@ -14,8 +14,8 @@ import numpy as np
 from ...core.factors import Log, Prior, Step
 from ..api import Diverged, Solution
 from ..common_options import LOSSES
-from ..smoothing.smoother import Options as SmootherOptions
-from ..smoothing.smoother import Smoother
+from ..incremental.smoother import Options as SmootherOptions
+from ..incremental.smoother import Smoother
 from ..smoothing.valleys import freed, here, near
 from .batch import Batch
 from .distances import unevenness

@@ -77,6 +77,7 @@ def plain_step(
     return _solved(g, x, outside, fresh, cap, pose, cov), x
 
 
+# One by one, as those of a plain step.
 @compiled
 def parts_step(
     address: int,

@@ -21,10 +21,10 @@ from ...core.se2 import Array
 from .. import common_options
 from ..api import Belief, Diverged, Expected, Pose, Solution
 from ..common_options import LOSSES
+from ..incremental.smoother import NEAREST
 from ..newcomers import Newcomers
 from ..smoothing.arrays import as_rows
 from ..smoothing.forest import INDEFINITE_J, TOLERANCE
-from ..smoothing.smoother import NEAREST
 from ..vicinity import Vicinity, first_expected, with_held
 from . import _estimates, _marginals, _step
 from ._chain import DONE, RETURNS

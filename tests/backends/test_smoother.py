@@ -9,7 +9,8 @@ from hard_logs import with_loops
 from random_logs import random_log
 from slamduel.backends.api import Diverged
 from slamduel.backends.common_options import LOSSES
-from slamduel.backends.smoothing import forest, smoother
+from slamduel.backends.incremental import smoother
+from slamduel.backends.smoothing import forest
 from slamduel.core.factors import Log, Odometry, Prior, RangeBearing, Step
 from tiers import first_quick
 

@@ -9,7 +9,8 @@ from dense_lowest import lowest
 from driven import final, make, run
 from near_logs import near_log, uneven_graph
 from slamduel.backends.graphs import batch
-from slamduel.backends.smoothing import forest, smoother, valleys
+from slamduel.backends.incremental import smoother
+from slamduel.backends.smoothing import forest, valleys
 from slamduel.bench.measure.misfit import misfit
 from slamduel.bench.measure.nees import nees
 from slamduel.bench.plan.load import load

@@ -52,8 +52,9 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "invariant": {TOP, "gaussian"},
         "particles": {TOP, "locating"},
         "smoothing": {TOP},
-        "window": {TOP, "smoothing"},
-        "graphs": {TOP, "smoothing", "window"},
+        "incremental": {TOP, "smoothing"},
+        "window": {TOP, "smoothing", "incremental"},
+        "graphs": {TOP, "smoothing", "incremental", "window"},
         "programs": {TOP},
     },
     "datasets": {

@@ -27,7 +27,8 @@ from numba import njit
 
 from depth_drives import drive
 from redkitchen import FOLDER, judged
-from slamduel.backends.smoothing import forest, smoother
+from slamduel.backends.incremental import smoother
+from slamduel.backends.smoothing import forest
 from slamduel.bench.front_ends.consistency import compared, errors
 from slamduel.bench.measure.accuracy import align, aligned, ate
 from slamduel.bench.plan.load import made, one

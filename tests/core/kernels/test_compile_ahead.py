@@ -31,7 +31,7 @@ ASK = (
 COVERED = """
 import numpy as np
 from slamduel.backends.smoothing import kernels
-from slamduel.backends.smoothing.smoother import Options, Smoother
+from slamduel.backends.incremental.smoother import Options, Smoother
 from slamduel.datasets import registry
 from slamduel.core.kernels import compile_ahead, compiled
 

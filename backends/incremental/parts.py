@@ -11,10 +11,10 @@ from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ..api import Constant
 from ..late_places import LatePlaces, Seen
-from ._graph import ALONE, FIX, FIXED, LANDMARK, NO_VARIABLE, PART, SIGHTINGS
-from .arrays import with_rows
+from ..smoothing._graph import ALONE, FIX, FIXED, LANDMARK, NO_VARIABLE, PART, SIGHTINGS
+from ..smoothing.arrays import with_rows
+from ..smoothing.forest import Forest
 from .constants import ConstantVariables, Row
-from .forest import Forest
 
 SIX = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)
 """Rows and columns of the six numbers of a symmetric matrix."""

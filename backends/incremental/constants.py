@@ -5,9 +5,9 @@ import numpy as np
 from ...core.factors import Systematic
 from ...core.se2 import Array, Ints
 from ..api import Constant
-from . import _log
-from ._graph import ALONE, NO_VARIABLE, PRIOR
-from .forest import Forest
+from ..smoothing import _log
+from ..smoothing._graph import ALONE, NO_VARIABLE, PRIOR
+from ..smoothing.forest import Forest
 
 HELD = 1e-9
 """Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""

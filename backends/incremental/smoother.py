@@ -26,15 +26,15 @@ from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solu
 from ..common_options import LOSSES, without_loss
 from ..expected import as_expected, filled, room_for, roomier
 from ..newcomers import Newcomers
+from ..smoothing import _log, _opening, _step
+from ..smoothing._graph import CLOSEST, FULL, FURTHEST, LAST, NO_VARIABLE, PART, PENDING, POSE, SIGHTINGS, WHOLE, WORK
+from ..smoothing._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, parts_step, plain_step
+from ..smoothing.arrays import as_rows
+from ..smoothing.forest import INDEFINITE_J, NO_COVARIANCE, NOBODY, Forest
+from ..smoothing.maps import add_map, joint_map
+from ..smoothing.valleys import settled
 from ..vicinity import Vicinity, first_expected, with_held
-from . import _log, _opening, _step
-from ._graph import CLOSEST, FULL, FURTHEST, LAST, NO_VARIABLE, PART, PENDING, POSE, SIGHTINGS, WHOLE, WORK
-from ._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, parts_step, plain_step
-from .arrays import as_rows
-from .forest import INDEFINITE_J, NO_COVARIANCE, NOBODY, Forest
-from .maps import add_map, joint_map
 from .parts import NO_ROWS, Parts, Rows
-from .valleys import settled
 
 CAP, REACH, PATIENCE = 48, 2.0, 15.0
 """Limits of the root.
