@@ -27,7 +27,20 @@ from ..common_options import LOSSES, without_loss
 from ..expected import as_expected, filled, room_for, roomier
 from ..newcomers import Newcomers
 from ..smoothing import _log, _opening, _step
-from ..smoothing._graph import CLOSEST, FULL, FURTHEST, LAST, NO_VARIABLE, PART, PENDING, POSE, SIGHTINGS, WHOLE, WORK
+from ..smoothing._graph import (
+    CLOSEST,
+    FULL,
+    FURTHEST,
+    LAST,
+    NO_VARIABLE,
+    PART,
+    PENDING,
+    POSE,
+    SIGHTINGS,
+    WHOLE,
+    WIDTH,
+    WORK,
+)
 from ..smoothing._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, parts_step, plain_step
 from ..smoothing.arrays import as_rows
 from ..smoothing.forest import INDEFINITE_J, NO_COVARIANCE, NOBODY, Forest
@@ -224,7 +237,7 @@ class Smoother:
                 forest.room(1, 1, n, 1, n)
         self._newest = newest
         if ended == OUTSIDE:
-            self._reorganise(NOBODY)
+            self._reorganise(self._seen_now(landmarks, rows), NOBODY)
         elif ended == INDEFINITE:
             raise Diverged(INDEFINITE_J)
 
@@ -248,12 +261,19 @@ class Smoother:
         if k == 0 and not self._given:
             forest.start()
         else:
-            self._reorganise(np.array(touched, np.int64), everything=k == 0)
+            self._reorganise(self._seen_now(landmarks, rows), np.array(touched, np.int64), everything=k == 0)
 
-    def _reorganise(self, touched: Ints, *, everything: bool = False) -> None:
-        """Makes the newest pose, the landmarks it sees and others around them the root."""
+    def _seen_now(self, landmarks: Ints, rows: Rows) -> Ints:
+        """The variables of this step's sightings; those of whole ones alone are at hand."""
+        g = self._forest.g
+        if len(rows.parts):
+            return _opening.sighted(g, self._newest)
+        seen = landmarks[landmarks >= 0]
+        return seen[g.variables[seen, WIDTH] == 2]
+
+    def _reorganise(self, seen: Ints, touched: Ints, *, everything: bool = False) -> None:
+        """Makes the newest pose, the variables `seen` from it and others around them the root."""
         forest, g = self._forest, self._forest.g
-        seen = _opening.sighted(g, self._newest)
         wanted = _opening.about(g, self._newest, REACH * g.settings[FURTHEST], 3 * CAP // 4, seen)
         everything = everything or bool(g.state[WORK] > PATIENCE * g.state[FULL] + LEAST)
         forest.reorganise(self._newest, wanted, touched, everything=everything)
