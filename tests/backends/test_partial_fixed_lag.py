@@ -113,12 +113,16 @@ def test_it_is_consistent(case: str, drives: int) -> None:
     assert 0.5 < np.mean(total) < 2
 
 
-@pytest.mark.parametrize(("number", "lag", "most"), [(1, 20.0, 0.6), (1, 60.0, 0.62), (2, 20.0, 0.46), (2, 60.0, 0.4)])
+@pytest.mark.parametrize(("number", "lag", "most"), [(1, 20.0, 0.7), (1, 60.0, 0.7), (2, 20.0, 0.45), (2, 60.0, 0.4)])
 def test_ranges_alone_to_radio_beacons(number: int, lag: float, most: float) -> None:
-    """The path online, aligned: dead reckoning's is 1.47 and 15.9 m off."""
+    """The path online, aligned: dead reckoning's is 1.47 and 15.9 m off.
+
+    0.56, 0.63, 0.36 and 0.33 m. On log 1 the step at which a beacon starts decides: `placing.FLAT` of 0.03 to 0.4
+    gives 1.2 to 0.43 m at a lag of 20 s; on log 2 all are within 0.01 m.
+    """
     log, truth = load(f"plaza[log={number}]")
     assert truth is not None
-    backend, path = run("fixed-lag", log, lag=lag, loss="cauchy")
+    backend, path = run("fixed-lag", log, lag=lag)
     assert aligned_error(path, truth.poses) < most
     found = backend.finish().constant
     assert found is not None
