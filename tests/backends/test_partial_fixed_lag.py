@@ -75,7 +75,8 @@ def test_the_tables_stay_as_long_as_the_window() -> None:
 
 
 def test_a_place_is_by_sightings_since_a_step() -> None:
-    beacon, poses = np.array([3.0, 2.0]), np.column_stack((np.arange(40) * 0.2, np.sin(np.arange(40)), np.zeros(40)))
+    beacon, poses = np.array([3.0, 2.0]), np.zeros((40, 3))
+    poses[:, 0], poses[:, 1] = np.arange(40) * 0.2, np.sin(np.arange(40))
     wrong, right = LatePlaces(), LatePlaces()
     asked = list[int]()
 
