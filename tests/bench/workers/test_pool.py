@@ -169,7 +169,7 @@ def test_alone_every_backend_has_a_process_of_its_own(pool: Local) -> None:
 
 def test_alone_a_backend_that_goes_wrong_while_it_warms_up_is_one_result(pool: Local) -> None:
     names = ["ekf", "misbehaving:raises", "misbehaving:kills_itself", "misbehaving:sleeps_for_ever"]
-    found = by_index(pool.run([batch(names, timeout_s=3.0)], alone=True))
+    found = by_index(pool.run([batch(names, timeout_s=8.0)], alone=True))
     assert [found[k].status for k in range(4)] == ["done", "error", "error", "timeout"]
 
 
