@@ -252,8 +252,31 @@ def _sure(errors: Systematic, joint: Reduced, free: Sequence[str], least_ratio: 
     return free
 
 
+def _degrees(joint: Reduced, free: Sequence[str]) -> Array:
+    """(p,) degrees of freedom of the standard errors, where `free`: Satterthwaite's, by what each stretch tells.
+
+    Where few stretches tell of one, as turns do of a delay, the jackknife is a variance of few numbers: with shares
+    c of the information, (sum c)^2 / sum c^2 - 1 (Satterthwaite 1946; for clusters Bell and McCaffrey 2002).
+    """
+    out = np.full(len(NAMES), float(len(joint.g_without) - 1))
+    for name in free:
+        k, rest = NAMES.index(name), [NAMES.index(other) for other in free if other != name]
+        told = np.maximum(_told_of(joint.H, k, rest) - _told_of(joint.H_without, k, rest), 0.0)
+        if told.any():
+            out[k] = max(told.sum() ** 2 / (told**2).sum() - 1, 1.0)
+    return out
+
+
+def _told_of(H: Array, k: int, rest: list[int]) -> Array:
+    """(...) the information of variable k, the `rest` estimated, of systems H (..., p, p)."""
+    if not rest:
+        return H[..., k, k]
+    across, at = H[..., k, rest], np.array(rest)
+    return H[..., k, k] - (across * np.linalg.solve(H[..., at[:, None], at], across[..., None])[..., 0]).sum(axis=-1)
+
+
 def _estimates(errors: Systematic, joint: Reduced, free: Sequence[str]) -> dict[str, Estimated]:
-    half = student.ppf(0.975, len(joint.g_without) - 1) * _standard_errors(joint, free)
+    half = student.ppf(0.975, _degrees(joint, free)) * _standard_errors(joint, free)
     return {
         name: Estimated(value := getattr(errors, name), value - half[k], value + half[k])
         for k, name in enumerate(NAMES)
