@@ -18,7 +18,8 @@ from .imu import Imu
 
 WINDOW = 0.5  # s, in which the robot stands or does not
 TRIM = 0.25  # s at both ends of a stand of the wheels, in which the body still rocks
-FEW = 4  # windows from which their scatter says more than that of the readings
+FEW, MANY = 4, 10  # windows from which their scatter tells a standard error, and a density of noise
+BEYOND = 3.0  # times the density of white noise beyond which that of the windows is no chance
 
 CREEP, TURN = 0.005, 0.005  # m/s and rad/s, below which integrated odometry stands
 APART = 1.0  # s between two readings of the wheels beyond which nothing says that they stood
@@ -80,9 +81,9 @@ def standing(imu: Imu, odometry: Readings | None = None) -> Standing:
     if k >= FEW:
         variance = np.maximum(variance, means.var(axis=0, ddof=1) / k)
         neighbours = np.flatnonzero(np.diff(np.flatnonzero(kept)) == 1)
-        if len(neighbours) >= FEW:  # the Allan variance at the window's length
+        if len(neighbours) >= MANY:  # the Allan variance at the window's length
             allan = float((np.diff(means[:, 2])[neighbours] ** 2).mean() / 2)
-            density = max(density, allan * lasting)
+            density = allan * lasting if allan * lasting > BEYOND * density else density
     at = float(imu.t[rows[kept]].mean())
     return Standing(intervals, share, by, means.mean(axis=0), np.sqrt(variance), float(density), at)
 
