@@ -62,7 +62,7 @@ def rates(where: str, gyro: Array, said: str | None, remarks: list[str]) -> Arra
 
 def accelerations(where: str, accel: Array, said: str | None, remarks: list[str]) -> Array | None:
     """`accel` (n, 3) in m/s^2; None where it is not with gravity. `remarks` grows by what is odd."""
-    size = float(np.median(np.linalg.norm(accel, axis=1)))
+    size = float(np.linalg.norm(np.median(accel, axis=0)))  # of what stays, and so without shaking
     units = UNITS["accelerometer"] if said is None else {said: UNITS["accelerometer"][said]}
     found = next((name for name, of in units.items() if abs(size * of / GRAVITY - 1) < NEAR), None)
     if found is None:
@@ -70,19 +70,19 @@ def accelerations(where: str, accel: Array, said: str | None, remarks: list[str]
         removed = size * next(iter(units.values())) < NEAR * GRAVITY
         cause = "gravity was taken off" if removed else "its unit is another"
         remarks.append(
-            f"{where}: the accelerometer measures {size:.4g} (median size), expected gravity, {expected}: perhaps "
+            f"{where}: the accelerometer measures {size:.4g} on average (median), expected gravity, {expected}: perhaps "
             f"{cause}; it is not used"
         )
         return None
     if said is None and found != "m/s^2":
         remarks.append(
-            f"{where}: the accelerometer measures {size:.4g} (median size), expected {GRAVITY:.3g} m/s^2: taken to be "
+            f"{where}: the accelerometer measures {size:.4g} on average (median), expected {GRAVITY:.3g} m/s^2: taken to be "
             f"in {found}, and converted; [imu] accelerometer in robot.toml says"
         )
     off = size * units[found] / GRAVITY - 1
     if abs(off) > EXACT:
         remarks.append(
-            f"{where}: the accelerometer measures {size * units[found]:.3g} m/s^2 (median size), expected "
+            f"{where}: the accelerometer measures {size * units[found]:.3g} m/s^2 on average (median), expected "
             f"{GRAVITY:.3g}: its scale is {100 * off:+.0f} % off"
         )
     return accel * units[found]

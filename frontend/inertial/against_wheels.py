@@ -9,7 +9,7 @@ from .imu import Imu
 from .turns import integrated
 
 PIECE = 1.0  # s, of which the turns are compared
-FEW, TURNS = 10, 0.03  # pieces, and rad by which their turns have to differ, to tell anything
+FEW, TURNS = 10, 0.01  # pieces, and rad by which their turns have to differ, to tell anything
 AGREE = 0.7  # correlation from which on both are of one drive
 ALIKE = 0.7, 1.4  # the gyro's turn for one of the wheels that wheels of a wrong size or slip explain
 DEGREES = 180 / np.pi

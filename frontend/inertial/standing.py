@@ -24,8 +24,14 @@ BEYOND = 3.0  # times the density of white noise beyond which that of the window
 CREEP, TURN = 0.005, 0.005  # m/s and rad/s, below which integrated odometry stands
 APART = 1.0  # s between two readings of the wheels beyond which nothing says that they stood
 
-QUIETEST, TIMES = 0.05, 3.0
+QUIETEST, TIMES = 0.02, 3.0
 """Share of the windows that are the quietest, and how many times as much as these a quiet one may vary."""
+
+LOUDEST, LOUDER = 0.95, 4.0
+"""Share of the windows below the loudest, which vary so many times as much as the quietest, in one of the sensors: else
+the robot does the same all the time, and nothing says that it ever stands."""
+
+AT_REST_GYRO, AT_REST_ACCEL = 0.01, 0.1  # rad/s and m/s^2, below which even the loudest are of a robot at rest
 
 STILL_GYRO, STILL_ACCEL = 0.03, 0.3  # rad/s and m/s^2, the most by which a standing robot's readings vary
 MOST_BIAS = 0.15  # rad/s; no gyro in use has a larger one, so beyond it the robot turns evenly
@@ -62,9 +68,11 @@ def standing(imu: Imu, odometry: Readings | None = None) -> Standing:
     still = np.linalg.norm(gyro.std(axis=1), axis=1)
     kept = (np.abs(mean) < MOST_BIAS).all(axis=1)
     if odometry is None:
-        kept &= _quiet(still, STILL_GYRO)
+        sensors = [_quiet(still, STILL_GYRO, AT_REST_GYRO)]
         if imu.accel is not None:
-            kept &= _quiet(np.linalg.norm(imu.accel[rows].std(axis=1), axis=1), STILL_ACCEL)
+            shakes = np.linalg.norm(imu.accel[rows].std(axis=1), axis=1)
+            sensors.append(_quiet(shakes, STILL_ACCEL, AT_REST_ACCEL))
+        kept &= np.all([one.windows for one in sensors], axis=0) & any(one.told for one in sensors)
         kept &= _in_a_row(kept)
     else:
         kept &= _within(begin, end, still_times(odometry))
@@ -112,9 +120,19 @@ def _windows(imu: Imu) -> tuple[NDArray[np.int64], int]:
     return first[lost[first + count - 1] == lost[first]], count
 
 
-def _quiet(varies: Array, most: float) -> NDArray[np.bool_]:
-    """(w,) which windows vary little beside the quietest."""
-    return varies <= min(most, TIMES * float(np.quantile(varies, QUIETEST)))
+class _Quiet(NamedTuple):
+    """What one sensor says of the windows."""
+
+    windows: NDArray[np.bool_]  # (w,) those that vary little
+    told: bool  # others vary much, or none does
+
+
+def _quiet(varies: Array, most: float, at_rest: float) -> _Quiet:
+    """Compares how much windows vary (w,) with the quietest, but for `most`."""
+    quietest, loudest = np.quantile(varies, (QUIETEST, LOUDEST)).tolist()
+    if loudest <= at_rest:
+        return _Quiet(np.ones(len(varies), np.bool_), told=True)
+    return _Quiet(varies <= min(most, TIMES * quietest), told=loudest >= LOUDER * quietest)
 
 
 def _in_a_row(kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
