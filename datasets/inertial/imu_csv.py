@@ -44,7 +44,6 @@ class Raw(NamedTuple):
     accel: Array | None  # (n, 3)
     mag: Array | None  # (n, 3); NaN in rows without a reading
     units: dict[str, str | None]  # by sensor, where the header says them
-    stated: float | None = None  # rad^2/s, the gyro's white noise as its driver states it
     frame: str = ""  # tf's
 
 

@@ -41,13 +41,11 @@ def read_imu_messages(
         )
     with_force = first is None or first.linear_acceleration_covariance[0] != NOT_GIVEN
     t, found = columns(bag, chosen, _row, remarks, BACK, _no_readings)
-    accel = found[:, 3:6] if with_force and found[:, 3:6].any() else None
-    variance = float(np.median(found[:, 6]))
-    stated = variance * float(np.median(np.diff(t))) if variance > 0 and len(t) > 1 else None
+    accel = found[:, 3:] if with_force and found[:, 3:].any() else None
     if len(t) < 2:
         raise InputError(f"{bag.path}: found {len(t)} messages of topic {chosen.name}, expected at least 2.")
     mag = _magnetic(bag, listed, magnetometer, t, remarks)
-    return Raw(t, found[:, :3], accel, mag, {}, stated, first.header.frame_id.strip("/")), chosen.name
+    return Raw(t, found[:, :3], accel, mag, {}, first.header.frame_id.strip("/")), chosen.name
 
 
 def _magnetic(bag: Bag, listed: Sequence[Topic], named: str | None, t: Array, remarks: list[str]) -> Array | None:
@@ -72,7 +70,7 @@ def _magnetic(bag: Bag, listed: Sequence[Topic], named: str | None, t: Array, re
 
 def _row(message: Any) -> tuple[float, ...]:
     rate, force = message.angular_velocity, message.linear_acceleration
-    return rate.x, rate.y, rate.z, force.x, force.y, force.z, message.angular_velocity_covariance[8]
+    return rate.x, rate.y, rate.z, force.x, force.y, force.z
 
 
 def _field(message: Any) -> tuple[float, ...]:
@@ -83,4 +81,4 @@ def _field(message: Any) -> tuple[float, ...]:
 def _no_readings(found: Array, t: Array) -> dict[int, str]:  # noqa: ARG001 - at any time
     with np.errstate(invalid="ignore"):
         wrong = np.flatnonzero(~(np.abs(found) <= HUGE).all(axis=1))
-    return {row: f"has the readings {found[row, :6].tolist()}, expected finite numbers" for row in wrong.tolist()}
+    return {row: f"has the readings {found[row].tolist()}, expected finite numbers" for row in wrong.tolist()}

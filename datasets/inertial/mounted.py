@@ -11,7 +11,7 @@ ELSEWHERE = 5.0  # degrees by which tf and robot.toml may differ without a remar
 
 
 class Placed(NamedTuple):
-    """How a unit sits on the robot."""
+    """The axes and the place of a unit on the robot."""
 
     turn: Array  # (3, 3) from its axes to the robot's
     arm: Array  # (3,) m, its place

@@ -123,9 +123,6 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
         mag = fields(where, mag, _unit(raw, table, "magnetometer"), remarks)
     ends, shaken = clipped(gyro, RATES), None if accel is None else clipped(accel, FORCES)
     on = placed(where, accel, table.mounting, by_tf, raw.frame, remarks)
-    stated = raw.stated
-    if stated is not None and len(raw.gyro) and gyro is not raw.gyro:
-        stated = None  # of numbers in another unit
     imu = Imu(
         t=raw.t + table.time_offset,
         gyro=gyro @ on.turn.T,
@@ -133,7 +130,6 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
         mag=None if mag is None else mag @ on.turn.T,
         clipped=ends if ends.any() else None,
         shaken=None if shaken is None or not shaken.any() else shaken,
-        stated=stated,
         arm=on.arm,
         mounting=on.words,
         source=where,

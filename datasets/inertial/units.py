@@ -74,17 +74,12 @@ def accelerations(where: str, accel: Array, said: str | None, remarks: list[str]
             f"{cause}; it is not used"
         )
         return None
+    mean = f"{where}: the accelerometer measures {size:.4g} on average (median), expected {GRAVITY:.3g} m/s^2"
     if said is None and found != "m/s^2":
-        remarks.append(
-            f"{where}: the accelerometer measures {size:.4g} on average (median), expected {GRAVITY:.3g} m/s^2: taken to be "
-            f"in {found}, and converted; [imu] accelerometer in robot.toml says"
-        )
+        remarks.append(f"{mean}: taken to be in {found}, and converted; [imu] accelerometer in robot.toml says")
     off = size * units[found] / GRAVITY - 1
     if abs(off) > EXACT:
-        remarks.append(
-            f"{where}: the accelerometer measures {size * units[found]:.3g} m/s^2 on average (median), expected "
-            f"{GRAVITY:.3g}: its scale is {100 * off:+.0f} % off"
-        )
+        remarks.append(f"{mean}: in {found} its scale is {100 * off:+.0f} % off")
     return accel * units[found]
 
 

@@ -26,7 +26,6 @@ class Imu:
     mag: Array | None = None  # (n, 3) T; NaN in rows without a reading of the magnetometer
     clipped: NDArray[np.bool_] | None = None  # (n,) the gyro was at the end of its range; None: never
     shaken: NDArray[np.bool_] | None = None  # (n,) the accelerometer was; None: never
-    stated: float | None = None  # rad^2/s, white noise of the gyro as its driver states it; None: it does not
     arm: Array = field(default_factory=lambda: np.zeros(3))  # (3,) m, the place on the robot
     mounting: str = ""  # what says how it is mounted, in a sentence
     source: str = "imu"  # name of the readings in messages

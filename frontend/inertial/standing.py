@@ -121,7 +121,7 @@ def _windows(imu: Imu) -> tuple[NDArray[np.int64], int]:
 
 
 class _Quiet(NamedTuple):
-    """What one sensor says of the windows."""
+    """The windows as one sensor has them."""
 
     windows: NDArray[np.bool_]  # (w,) those that vary little
     told: bool  # others vary much, or none does

@@ -179,7 +179,8 @@ def test_units_are_found_or_said(case: str, tmp_path: Path) -> None:
 
 
 def test_a_header_says_units(tmp_path: Path) -> None:
-    header = "#timestamp [ms],w_RS_S_x [deg s^-1],w_RS_S_y [deg s^-1],w_RS_S_z [deg s^-1],ax_g,ay_g,az_g,mx(uT),my(uT),mz(uT)"
+    rates = ",".join(f"w_RS_S_{axis} [deg s^-1]" for axis in "xyz")
+    header = f"#timestamp [ms],{rates},ax_g,ay_g,az_g,mx(uT),my(uT),mz(uT)"
     one = short().imu
     late = replace(one, t=(one.t + BEGIN) * 1e3 - BEGIN)
     scale = {"gyro": 180 / np.pi, "accel": 1 / GRAVITY, "mag": 1e6}
