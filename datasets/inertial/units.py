@@ -70,8 +70,8 @@ def accelerations(where: str, accel: Array, said: str | None, remarks: list[str]
         removed = size * next(iter(units.values())) < NEAR * GRAVITY
         cause = "gravity was taken off" if removed else "its unit is another"
         remarks.append(
-            f"{where}: the accelerometer measures {size:.4g} on average (median), expected gravity, {expected}: perhaps "
-            f"{cause}; it is not used"
+            f"{where}: the accelerometer measures {size:.4g} on average (median), expected gravity, {expected}: "
+            f"perhaps {cause}; it is not used"
         )
         return None
     mean = f"{where}: the accelerometer measures {size:.4g} on average (median), expected {GRAVITY:.3g} m/s^2"
