@@ -78,7 +78,7 @@ def main(namespace: argparse.Namespace) -> int:
         print(json.dumps(f.as_json(str(out)), indent=2))
         return 0
     say = partial(console.print, highlight=False)
-    for sentence in (*f.headline(), f.refused(), *f.advice()):
+    for sentence in (*f.sentences(), f.refused(), *f.advice()):
         say(plain(sentence))
     for remark in f.remarks:
         say(plain(f"remark: {remark}."), soft_wrap=True)

@@ -11,6 +11,7 @@ from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Dataset
 from ...core.scan import Scan, attempted
 from ...datasets.formats import log_folder
+from ...datasets.inertial.open import NOTE
 from ..contradiction.remark import explained, remarks
 from ..plan.load import made
 from ..plan.spec import dataset_variants
@@ -85,6 +86,8 @@ def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argpars
         return 2
     found = f"can be read, with {counted(len(odd), 'remark')}" if odd else "good"
     print(f"{place}: {found}; {_counts(dataset)}.")
+    if (inertial := dataset.log.notes.get(NOTE)) is not None:
+        print(f"{place}: IMU: {inertial}.")
     return 0
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from ...core.factors import Dataset, Log, Truth
 from ...core.truth.doubts import judges
 from ...core.truth.errors import driven_errors
+from ...datasets.inertial.open import NOTE
 from ..contradiction.remark import remarks
 from ..drawing.figure import ReportFigure
 from ..measure.stated_noise import TYPICAL, noise_check
@@ -42,6 +43,11 @@ class Findings(ABC):
     @abstractmethod
     def headline(self) -> list[str]:
         """Summarises in sentences: what is in the log first."""
+
+    def sentences(self) -> list[str]:
+        """Summarises in sentences: the headline, and the inertial readings where there are some."""
+        said = self.log.notes.get(NOTE)
+        return self.headline() if said is None else [*self.headline(), f"IMU: {said}."]
 
     @abstractmethod
     def refused(self) -> str:
@@ -82,6 +88,7 @@ class Findings(ABC):
         """Returns the findings as JSON takes them; `out` is the log's folder."""
         known = None if self.truth is None else self.truth.kind
         said = {"advice": self.advice(), "remarks": self.remarks, "truth": known}
+        said |= {NOTE: self.log.notes[NOTE]} if NOTE in self.log.notes else {}
         return {"log": out, "name": self.log.name, **self.numbers(), **said}
 
 

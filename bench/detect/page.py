@@ -25,7 +25,7 @@ def write_page(folder: Path, out: Path, findings: Findings) -> None:
     page = {
         "f": findings,
         **findings.shown(folder),
-        "headline": findings.headline(),
+        "headline": findings.sentences(),
         "number": number,
         "figures": findings.figures(),
         "command": f"bench run --dataset {shlex.quote(str(out))}",

@@ -4,6 +4,7 @@ A folder has lists of images as `folder` reads them, or a bag, with robot.toml, 
 images. Ground truth is truth.tum, of the robot, or groundtruth.txt, of the camera.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +21,7 @@ from ...frontend.wheels.track import Poses, Track
 from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.cameras import COMPRESSED, IMAGE
 from ..bags.siblings import read_alone
+from ..inertial.open import OpenedImu, open_imu
 from ..prior import assumed
 from ..readings import ODOMETRY, read_readings
 from ..robot_files import ROBOT, recording_in, robot_beside
@@ -45,6 +47,7 @@ class OpenedDepth(NamedTuple):
     truth: Truth | None  # at the times of its measurement
     length: int | None  # number of images
     start_given: bool = True  # by [prior] in robot.toml
+    inertial: OpenedImu | None = None
 
 
 def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None:
@@ -63,7 +66,12 @@ def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None
         raise InputError(f"{path}: there is no such file or folder, expected a recording.")
     found = _source(path, robot)
     home = path if path.is_dir() and (not is_bag(path) or (path / ROBOT).is_file()) else found.absolute().parent
-    return _opened(found, robot, home)
+    opened = _opened(found, robot, home)
+    recording, notes = opened.recording, dict(opened.recording.notes)
+    motion = recording.motion
+    odometry = Poses(motion.t, motion.poses) if isinstance(motion, Track) else None
+    inertial = open_imu(found, home, robot.imu, odometry, notes, recording.remarks)
+    return opened._replace(recording=replace(recording, notes=notes), inertial=inertial)
 
 
 def open_bag(path: Path, robot: DepthRobot) -> OpenedDepth:

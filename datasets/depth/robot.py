@@ -9,6 +9,7 @@
     [odometry]   forward, turning, turning_by_turn, floors, max_speed
     [prior]      pose, sd
     [topics]     image, depth, camera_info, depth_info, odometry
+    [imu]        as `inertial.robot` reads it
 
 Only [depth] is required, where the recording has the rest. [camera] is the camera of the images; `calibration` in
 [depth] is of a second camera, which measures depth, and `pose` is its mounting on the first one, whose x axis is where
@@ -34,6 +35,7 @@ from ...frontend.depth.settings import RecordedSettings, Settings
 from ...frontend.wheels.counters import MAX_SPEED
 from ...frontend.wheels.track import Track, TrackNoise
 from ..bags.odometry import FRAME
+from ..inertial.robot import ImuTable, imu_in
 from ..prior import read_prior
 from ..robot_files import CALIBRATION, ROBOT
 from ..robot_limits import check_limits
@@ -90,6 +92,7 @@ class DepthRobot:
     topics: DepthTopics = field(default_factory=DepthTopics)
     settings: Settings = field(default_factory=RecordedSettings)
     prior: Prior | None = None  # None: the first pose of the odometry
+    imu: ImuTable | None = None
 
 
 def read_depth_robot(path: Path) -> DepthRobot | None:
@@ -127,6 +130,7 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
         topics=DepthTopics(**{key: topics.text(key) for key in topics.entries}),
         settings=settings_in(depth, RecordedSettings, path.parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
+        imu=imu_in(file),
     )
     check_limits(file)
     return robot

@@ -98,6 +98,16 @@ def _with_files(streams: Streams, home: Path, robot: Robot) -> Streams:
     return streams._replace(readings=readings, truth=read_truth(home))
 
 
+def places(path: Path, robot: Robot) -> tuple[Path, Path]:
+    """The bag, video or folder of the frames, of several cameras the first one's, and the folder of what is beside."""
+    if not robot.views:
+        return _frames_of(path, robot.frames.source, "frames")
+    name, view = next(iter(robot.views.items()))
+    source = view.frames.source
+    inside = path if source is None else recording_in(path, f"camera.{name}", source, (), _KINDS)
+    return _frames_of(inside, None, f"camera.{name}")[0], path if path.is_dir() else path.parent
+
+
 def is_live(path: Path) -> bool:
     """Tells if `path` is a camera of this machine."""
     return str(path).startswith(live.PREFIX)

@@ -33,6 +33,7 @@ from ..bags.topics import found as found_topics
 from ..bags.topics import plain
 from ..depth.open import build as build_depth
 from ..depth.open import open_depth
+from ..inertial.open import OpenedImu, open_imu
 from ..prior import assumed
 from ..readings import COMMANDS, ODOMETRY, TICKS, Readings
 from ..registry import Named, Source
@@ -43,7 +44,7 @@ from ..scans.open import build as build_scans
 from ..truth import with_truth
 from .camera_frames import of_camera
 from .in_order import InOrder
-from .open import is_live, read_streams
+from .open import is_live, places, read_streams
 from .robot import Robot
 from .settings import read_described
 
@@ -55,6 +56,7 @@ class Opened(NamedTuple):
     truth: Truth | None  # at the times of its measurement; `sample` interpolates it to a log's
     length: int | None  # number of frames, if known beforehand
     start_given: bool = True  # by [prior] in robot.toml
+    inertial: OpenedImu | None = None
     pictures: bool = True  # False: only tags that another program found, without the images
 
 
@@ -116,6 +118,13 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         remarks = list(dict.fromkeys(chain(*said)))
         frames = InOrder([one.frames for one in cameras], said, remarks)
     remarks.extend(_assumed(first.readings, robot, path))
+    notes: dict[str, Any] = {
+        "source": path.name.encode("utf-8", "replace").decode(),
+        **{key: _told(key, views) for key in ("time_offset", "exposure")},
+    }
+    inertial = None
+    if not is_live(path):
+        inertial = open_imu(*places(path, robot), robot.imu, first.readings, notes, remarks)
     recording = Recording(
         name=robot.name,
         frames=frames,
@@ -125,17 +134,14 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         prior=robot.prior or assumed(),
         max_range=robot.max_range,
         max_distance=robot.max_distance,
-        notes={
-            "source": path.name.encode("utf-8", "replace").decode(),
-            **{key: _told(key, views) for key in ("time_offset", "exposure")},
-        },
+        notes=notes,
         remarks=remarks,
         others=[one.detector for one in cameras[1:]],
     )
     lengths = [one.length for one in streams.values()]
     length = None if None in lengths else sum(one or 0 for one in lengths)
     pictures = any(one.tags is None for one in streams.values())
-    return Opened(recording, first.truth, length, robot.prior is not None, pictures)
+    return Opened(recording, first.truth, length, robot.prior is not None, inertial, pictures)
 
 
 def _told(key: str, views: Mapping[str, Robot]) -> Any:

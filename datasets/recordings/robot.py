@@ -13,6 +13,7 @@
     [prior]      pose, sd
     [topics]     image, encoder, odometry, commands, camera_info, tags
     [frames]     source, fps, start
+    [imu]        as `inertial.robot` reads it
 
 Only [markers] dictionary and side are required, and not of tags whose poses another program found. With several
 cameras, each named in a table of its own, [frames] and the topics of frames are in these. [laser] in its place is read
@@ -43,6 +44,7 @@ from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Drift
 from ...frontend.wheels.track import TrackNoise
+from ..inertial.robot import ImuTable, imu_in
 from ..prior import read_prior
 from ..robot_files import CALIBRATION, file_of
 from ..robot_limits import check_limits
@@ -90,6 +92,7 @@ class Robot:
     drift: Drift | None = None  # for recordings without motion readings
     noise: Noise = field(default_factory=ProportionalNoise)
     prior: Prior | None = None  # None: nobody gave the start
+    imu: ImuTable | None = None
     topics: Topics = field(default_factory=Topics)
     frames: FrameSource = field(default_factory=FrameSource)
     views: Mapping[str, "Robot"] = field(default_factory=dict[str, "Robot"])  # name of a camera -> with that one alone
@@ -102,7 +105,19 @@ class Robot:
 
 def read_robot(path: Path) -> Robot:
     """Reads the robot in `path`, a robot.toml; InputError names the file, line and key of a fault."""
-    tables = ("camera", "markers", "encoder", "odometry", "commands", "drift", "noise", "prior", "topics", "frames")
+    tables = (
+        "camera",
+        "markers",
+        "encoder",
+        "odometry",
+        "commands",
+        "drift",
+        "noise",
+        "prior",
+        "topics",
+        "frames",
+        "imu",
+    )
     file = TomlTable.read(path).only(("name", *tables, "laser", "depth"))
     if file.has("laser"):
         raise file.refused("laser", "is of a robot with a scanner, expected [markers], for one with a camera.")
@@ -134,6 +149,7 @@ def read_robot(path: Path) -> Robot:
         drift=_drift(file.table("drift").only(names_of(Drift))) if file.has("drift") else None,
         noise=_noise(file.table("noise")),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
+        imu=imu_in(file),
         topics=Topics(**{key: topics.text(key) for key in topics.entries}),
         frames=frames_in(frames),
         lacks={

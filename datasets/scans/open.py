@@ -12,12 +12,14 @@ from ...core.files import check_regular
 from ...frontend.laser.log import first_scan
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.settings import Settings
+from ...frontend.wheels.track import Poses
 from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.siblings import read_alone
 from ..formats import relations
 from ..formats.carmen import Reading, read_scans
 from ..formats.file_kind import is_carmen
 from ..grid_file import localised
+from ..inertial.open import OpenedImu, open_imu
 from ..robot_files import ROBOT, recording_in, robot_beside
 from ..truth import read_truth, with_truth
 from .bag_scans import read_bag
@@ -36,6 +38,7 @@ class OpenedScans(NamedTuple):
     file: Path  # of the recording, beside which its relations may lie
     remarks: list[str]
     start_given: bool = True  # by [prior] in robot.toml
+    inertial: OpenedImu | None = None
 
 
 class ScanTopics(NamedTuple):
@@ -79,7 +82,11 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
         raise InputError(f"{found}: found a file of an unknown kind, expected {_KINDS}.")
     home = path if path.is_dir() and (path != found or (path / ROBOT).is_file()) else found.absolute().parent
     truth = None if file is None else read_truth(home)
-    return OpenedScans(recording, robot.settings, truth, found, remarks, robot.prior is not None)
+    notes, wheels = dict(recording.notes), recording.odometry
+    odometry = None if wheels is None else Poses(recording.t, wheels)
+    inertial = open_imu(found, home, robot.imu, odometry, notes, remarks)
+    recording = replace(recording, notes=notes)
+    return OpenedScans(recording, robot.settings, truth, found, remarks, robot.prior is not None, inertial)
 
 
 def build(opened: OpenedScans) -> Dataset:

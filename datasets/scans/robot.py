@@ -5,6 +5,7 @@
                  step, turn, cell, loops, loop_every       as the options of the datasets carmen and laser-floor
     [topics]     odometry
     [prior]      pose, sd
+    [imu]        as `inertial.robot` reads it
 
 Only [laser] is required. Lengths are in m, angles in rad, times in s.
 """
@@ -18,6 +19,7 @@ from ...core.factors import Prior
 from ...core.se2 import Array
 from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
+from ..inertial.robot import ImuTable, imu_in
 from ..prior import read_prior
 from ..robot_limits import check_limits
 from ..robot_tables import names_of, robot_of, settings_in
@@ -43,6 +45,7 @@ class LaserRobot:
     odom_frame: str = "odom"  # tf's frame of the odometry, where no topic has it
     settings: Settings = field(default_factory=Settings)
     prior: Prior | None = None  # None: the first pose of the odometry
+    imu: ImuTable | None = None
 
 
 def read_laser_robot(path: Path) -> LaserRobot | None:
@@ -77,4 +80,5 @@ def read_laser_robot(path: Path) -> LaserRobot | None:
         odom_frame=laser.text_or_none("odom_frame") or LaserRobot.odom_frame,
         settings=settings_in(laser, Settings, path.parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
+        imu=imu_in(file),
     )

@@ -36,6 +36,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
     "frontend": {
         TOP: set(),
         "wheels": {TOP},
+        "inertial": {TOP, "wheels"},
         "camera": {TOP},
         "markers": {TOP, "wheels", "camera"},
         "boards": {TOP, "camera", "markers"},
@@ -70,10 +71,11 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "published": {TOP, "on_demand", "formats", "graphs", "bags", "depth", "noise"},
         "beacons": {TOP, "formats", "graphs", "noise"},
         "bags": {TOP},
-        "scans": {TOP, "bags", "formats"},
-        "depth": {TOP, "bags"},
+        "inertial": {TOP, "bags"},
+        "scans": {TOP, "bags", "formats", "inertial"},
+        "depth": {TOP, "bags", "inertial"},
         "tags": {TOP, "graphs", "bags", "formats"},
-        "recordings": {TOP, "bags", "scans", "depth", "tags"},
+        "recordings": {TOP, "bags", "scans", "depth", "tags", "inertial"},
     },
     "bench": {
         "words": set(),

@@ -23,6 +23,7 @@ ECHOES = "sensor_msgs/msg/MultiEchoLaserScan"
 APRILTAG = "apriltag_msgs/msg/AprilTagDetectionArray"
 APRILTAG_ROS = "apriltag_ros/msg/AprilTagDetectionArray"
 ISAAC = "isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray"
+IMU, MAGNETIC = "sensor_msgs/msg/Imu", "sensor_msgs/msg/MagneticField"
 TRANSFORMS, FIRST_TRANSFORMS = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 
 
@@ -130,6 +131,33 @@ def scan(stamp: int, ranges: Any, topic: str = "/scan", **changes: Any) -> Said:
     numbers = {name: float(value) for name, value in content.items()}
     arrays = {"ranges": np.asarray(ranges, np.float32), "intensities": np.zeros(0, np.float32)}
     return Said(topic, SCAN, stamp, lambda new: numbers | arrays, frame="laser")
+
+
+def imu(
+    stamp: int, gyro: Any, accel: Any, topic: str = "/imu", frame: str = "imu", received: int | None = None, **cov: Any
+) -> Said:
+    """Rates and accelerations (3,); `cov` are covariances by the beginning of their names, -1 in front: not given."""
+
+    def build(new: Any) -> dict[str, Any]:
+        content = {"orientation": _quaternion(new, (0.0, 0.0, 0.0, 0.0))}
+        for name, values in (("angular_velocity", gyro), ("linear_acceleration", accel)):
+            content[name] = new("geometry_msgs/msg/Vector3", *map(float, values))
+        given = {"orientation": -1.0} | cov
+        for name in ("orientation", "angular_velocity", "linear_acceleration"):
+            content[f"{name}_covariance"] = np.diag(np.full(3, given.get(name, 0.0))).ravel()
+        return content
+
+    return Said(topic, IMU, stamp, build, received, frame)
+
+
+def magnetic(stamp: int, field: Any, topic: str = "/mag") -> Said:
+    """A field (3,), T."""
+
+    def build(new: Any) -> dict[str, Any]:
+        vector = new("geometry_msgs/msg/Vector3", *map(float, field))
+        return {"magnetic_field": vector, "magnetic_field_covariance": np.zeros(9)}
+
+    return Said(topic, MAGNETIC, stamp, build, frame="imu")
 
 
 def echoes(one: Said, seen: Any, topic: str = "/scan") -> Said:

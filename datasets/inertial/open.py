@@ -1,0 +1,171 @@
+"""Opens the inertial readings of a recording: imu.csv beside it, or topics of its bag."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...core.errors import InputError
+from ...core.se2 import Array
+from ...frontend.inertial.against_wheels import against_wheels
+from ...frontend.inertial.imu import Imu
+from ...frontend.inertial.standing import Readings, Standing, standing
+from ...frontend.inertial.words import about
+from ...frontend.wheels.track import Poses
+from ..bags.bag import Bag, is_bag
+from ..bags.topics import plain
+from ..bags.transforms import Transforms
+from ..robot_files import ROBOT
+from .clipping import FORCES, RATES, clipped
+from .imu_csv import IMU, Raw, read_imu_csv
+from .imu_messages import IMU as MESSAGE
+from .imu_messages import read_imu_messages
+from .mounted import placed
+from .robot import ImuTable
+from .units import accelerations, fields, rates
+
+BASES = ("base_link", "base_footprint")  # frames of the robot itself
+
+NOTE = "imu"  # the readings in a sentence, among a log's notes
+
+SELDOM = 10.0  # Hz, below which a turn between two readings is mostly a guess
+SLOW = 5.0  # s between readings: times in milliseconds
+
+
+class OpenedImu(NamedTuple):
+    """Inertial readings, and what the robot's standing still says about them."""
+
+    imu: Imu
+    stood: Standing
+
+
+def open_imu(
+    recording: Path,
+    home: Path,
+    table: ImuTable | None,
+    odometry: Readings | None,
+    notes: dict[str, Any],
+    remarks: list[str],
+) -> OpenedImu | None:
+    """The inertial readings of the `recording`, a bag or another, or of imu.csv in the folder `home`; None without any.
+
+    `notes` and `remarks` grow. What cannot be used is an InputError where robot.toml has [imu], the `table`, else
+    among the notes.
+    """
+    try:
+        imu, said = _read(recording, home, table or ImuTable())
+    except InputError as error:
+        if table is not None:
+            raise
+        notes[NOTE] = f"not used: {str(error).removesuffix('.')}"
+        return None
+    if imu is None:
+        if table is not None:
+            raise InputError(
+                f"{recording}: has no inertial readings, expected {home / IMU} or, in a bag, messages of "
+                f"{plain(MESSAGE)}, as {ROBOT} has [imu]."
+            )
+        return None
+    if isinstance(odometry, Poses):
+        imu = against_wheels(imu, odometry, said=said)
+    stood = standing(imu, odometry)
+    if stood.bias is None and odometry is not None:
+        stood = standing(imu)  # wheels that never stand, or that are late
+    notes[NOTE] = about(imu, stood)
+    remarks += imu.remarks
+    return OpenedImu(imu, stood)
+
+
+def _read(recording: Path, home: Path, table: ImuTable) -> tuple[Imu | None, bool]:
+    """The readings, and if their gyro's unit was said."""
+    file, remarks = home / IMU, list[str]()
+    bag = Bag(recording) if is_bag(recording) else None
+    listed = [] if bag is None else bag.listed()
+    topics = [one for one in listed if one.type == MESSAGE and one.messages]
+    if file.exists() and topics:
+        raise InputError(f"{recording}: has topic {topics[0].name} as well as {file}, expected one of them.")
+    if file.exists():
+        raw = read_imu_csv(file, table.columns)
+        return imu_of(str(file), raw, table, None, remarks), _unit(raw, table, "gyro") is not None
+    if bag is None or not (topics or table.topic):
+        return None, False
+    found = read_imu_messages(bag, listed, table.topic, table.magnetometer_topic, remarks)
+    if found is None:
+        return None, False
+    raw, topic = found
+    transforms = Transforms(bag, listed)
+    base = next((name for name in BASES if transforms.knows(name)), BASES[0])
+    pose = transforms.fixed(base, raw.frame) if raw.frame else None
+    imu = imu_of(f"{recording}: topic {topic}", raw, table, pose, remarks)
+    return imu, table.gyro is not None
+
+
+def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: list[str]) -> Imu:
+    """The readings in SI units and in the robot's axes; `by_tf` (4, 4) is tf's pose of their frame on the robot.
+
+    InputError for times that are in other units.
+    """
+    usual = float(np.median(np.diff(raw.t)))
+    if usual > SLOW:
+        raise InputError(
+            f"{where}: the median time between readings is {usual:.4g} s, expected at most {SLOW:g}: perhaps it is in "
+            "milliseconds; a header says so with t [ms]."
+        )
+    gyro = rates(where, raw.gyro, _unit(raw, table, "gyro"), remarks)
+    accel, mag = raw.accel, raw.mag
+    if accel is not None:
+        accel = accelerations(where, accel, _unit(raw, table, "accelerometer"), remarks)
+    if mag is not None and np.isnan(mag).all():
+        mag = None
+    if mag is not None:
+        mag = fields(where, mag, _unit(raw, table, "magnetometer"), remarks)
+    ends, shaken = clipped(gyro, RATES), None if accel is None else clipped(accel, FORCES)
+    on = placed(where, accel, table.mounting, by_tf, raw.frame, remarks)
+    imu = Imu(
+        t=raw.t + table.time_offset,
+        gyro=gyro @ on.turn.T,
+        accel=None if accel is None else accel @ on.turn.T,
+        mag=None if mag is None else mag @ on.turn.T,
+        clipped=ends if ends.any() else None,
+        shaken=None if shaken is None or not shaken.any() else shaken,
+        arm=on.arm,
+        mounting=on.words,
+        source=where,
+    )
+    return replace(imu, remarks=[*remarks, *_odd(imu)])
+
+
+def _unit(raw: Raw, table: ImuTable, sensor: str) -> str | None:
+    """The unit by the header, else by robot.toml."""
+    return raw.units.get(sensor) or getattr(table, sensor)
+
+
+def _odd(imu: Imu) -> Sequence[str]:
+    """Says what is odd in the times and ranges of readings."""
+    said = list[str]()
+    if imu.rate < SELDOM:
+        said.append(
+            f"{imu.source}: comes at {imu.rate:.3g} Hz (median), expected at least {SELDOM:g}: turns between readings "
+            "are interpolated, and stated as wide as the rate's changes"
+        )
+    gaps = imu.gaps
+    if len(gaps):
+        begin, end = gaps[int(np.diff(gaps, axis=1).argmax())].tolist()
+        several = f"{len(gaps)} times, the longest " if len(gaps) > 1 else ""
+        said.append(
+            f"{imu.source}: no reading {several}for {end - begin:.3g} s, from {begin:.10g} to {end:.10g} s, where "
+            f"{imu.usual:.3g} s are usual (median): the turn meanwhile is not known by the gyro"
+        )
+    for name, mask, values, unit, lost in (
+        ("gyro", imu.clipped, imu.gyro, "rad/s", "turns then are not known by the gyro"),
+        ("accelerometer", imu.shaken, imu.accel, "m/s^2", "these readings say nothing about levels"),
+    ):
+        if mask is not None and values is not None:
+            most = float(np.abs(values[mask]).max())
+            said.append(
+                f"{imu.source}: {int(mask.sum())} readings of the {name} are at the end of its range ({most:.4g} "
+                f"{unit}), the first at {imu.t[mask][0]:.10g} s: {lost}"
+            )
+    return said

@@ -1,0 +1,1 @@
+"""Inertial measurement units: standing still, levels by gravity, and turns between steps."""

@@ -1,0 +1,46 @@
+"""A gyro's turns beside those of the robot's odometry: the same sign and unit, or a remark."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..wheels.track import Poses
+from .imu import Imu
+from .turns import integrated
+
+PIECE = 1.0  # s, of which the turns are compared
+FEW, TURNS = 10, 0.01  # pieces, and rad by which their turns have to differ, to tell anything
+AGREE = 0.7  # correlation from which on both are of one drive
+ALIKE = 0.7, 1.4  # the gyro's turn for one of the wheels that wheels of a wrong size or slip explain
+DEGREES = 180 / np.pi
+
+
+def against_wheels(imu: Imu, odometry: Poses, *, said: bool) -> Imu:
+    """The readings with remarks where their turns are not those of the odometry.
+
+    A gyro in degrees/s is converted, unless its unit was `said`.
+    """
+    begin, end = max(imu.t[0], odometry.t[0]), min(imu.t[-1], odometry.t[-1])
+    at = np.arange(begin, end, PIECE)
+    if len(at) <= FEW:
+        return imu
+    gyro = np.diff(integrated(imu.t, imu.gyro[:, 2], at))
+    wheels = np.diff(np.interp(at, odometry.t, np.unwrap(odometry.poses[:, 2])))
+    off = wheels - wheels.mean()
+    if wheels.std() < TURNS or gyro.std() == 0 or abs(float(np.corrcoef(gyro, wheels)[0, 1])) < AGREE:
+        return imu
+    slope = float(gyro @ off / (off @ off))
+    low, high = ALIKE
+    found = f"{imu.source}: the gyro turns {slope:.3g} rad for each that the odometry turns, expected 1"
+    if low < slope < high:
+        return imu
+    if low < slope / DEGREES < high and not said:
+        found += ": taken to be in degrees/s, and converted; [imu] gyro in robot.toml says"
+        return replace(imu, gyro=imu.gyro / DEGREES, remarks=[*imu.remarks, found])
+    if low < -slope < high:
+        found += ": its axes are turned, as upside down, or the odometry turns clockwise"
+    elif low < slope * DEGREES < high:
+        found += ": perhaps the odometry's headings are in degrees"
+    else:
+        found += ": perhaps its unit is another"
+    return replace(imu, remarks=[*imu.remarks, found])

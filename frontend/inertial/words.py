@@ -1,0 +1,27 @@
+"""Inertial readings in a sentence."""
+
+import numpy as np
+
+from .imu import Imu
+from .standing import Standing
+
+
+def about(imu: Imu, stood: Standing) -> str:
+    """The rate, gaps, mounting, share of standing, and bias of the yaw rate."""
+    sensors = ["gyro", *["accelerometer"] * (imu.accel is not None), *["magnetometer"] * (imu.mag is not None)]
+    gaps = np.diff(imu.gaps, axis=1)[:, 0]
+    several = f"{len(gaps)} gaps, the longest of" if len(gaps) > 1 else "a gap of"
+    said = [
+        f"{', '.join(sensors)} at {imu.rate:.3g} Hz for {imu.t[-1] - imu.t[0]:.4g} s",
+        f"{several} {gaps.max():.3g} s" if len(gaps) else "no gap",
+        imu.mounting,
+    ]
+    if stood.bias is None or stood.sd is None:
+        said.append(f"the robot never stands by its {stood.by}, so the gyro's bias is unknown")
+    else:
+        bias, sd = (float(np.rad2deg(one[2])) for one in (stood.bias, stood.sd))
+        said += [
+            f"the robot stands in {100 * stood.share:.2g} % of the time by its {stood.by}",
+            f"bias of the yaw rate {bias:.3g} ± {sd:.2g} degrees/s",
+        ]
+    return "; ".join(filter(None, said))
