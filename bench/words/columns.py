@@ -343,8 +343,8 @@ METRICS = (
            "equal shares of the steps: at 0.5 a step costs twice as much when k is four times as large. Over the steps "
            "since the map is whole if that is in the log's first quarter, else over all; without the log's first 5 % "
            "in any case. Growth with steps is of what grows, without a constant part; this is of all that a step "
-           "costs. Beside it its 95 % interval: over 6 logs and more that of their median, else Student's within a log, "
-           "a median over logs. Blank with fewer than 1,000 steps.",
+           "costs. Beside it its 95 % interval: over 6 logs and more that of their median, else Student's within a "
+           "log, a median over logs. Blank with fewer than 1,000 steps.",
            "slope of the cost of a step"),
     *(
         Column(f"slope_steps_{end}", f"slope with steps, {end}", kind.EXPONENT,
