@@ -79,14 +79,14 @@ def whole_from(sizes: Ints) -> int | None:
     return int(np.searchsorted(sizes, WHOLE * sizes[-1])) if sizes[-1] else None
 
 
-def slope_from(whole: int | None, steps: int) -> int:
+def slope_from(whole: float | None, steps: float) -> int:
     """The first step of those that a slope is fitted to.
 
     The map is whole from there on, if it is from a step `whole` on and k grows by LEAST_SPAN afterwards. The log's
     first FIRST_STEPS are left out in any case.
     """
-    early = whole is not None and (whole + 1) * LEAST_SPAN <= steps
-    return max(int(FIRST_STEPS * steps), whole if early and whole is not None else 0)
+    early = int(whole) if whole is not None and (whole + 1) * LEAST_SPAN <= steps else 0
+    return max(int(FIRST_STEPS * steps), early)
 
 
 def slope(cost: Array | Ints, start: int) -> Slope | None:

@@ -11,6 +11,8 @@ from .costs import MARGIN, CostRatio, rounds
 from .statistics import FEWEST, median
 from .summary import Line
 
+MANY = 1e6  # a ratio that is written in full below it
+
 
 def compared(c: CostRatio | None, rival: str) -> str:
     """Writes "18 to 24 times cheaper than isam2", "as costly", or what is left open; "" where nothing is borne."""
@@ -40,21 +42,22 @@ def ends(c: CostRatio) -> str:
 
 def slope(line: Line) -> Slope | None:
     """The slope of a step's cost along a long log: the median over logs with its interval, or of few, that of one."""
-    if "slope_steps" not in line.values:
+    low, high = (line.values.get(f"slope_steps_{end}") for end in ("low", "high"))
+    if "slope_steps" not in line.values or low is None or high is None:
         return None
     found = line.estimate("slope_steps")
     if found.units >= FEWEST:
         return Slope(found.value, found.low, found.high)
-    return Slope(found.value, *(line.values[f"slope_steps_{end}"].median for end in ("low", "high")))
+    return Slope(found.value, low.median, high.median)
 
 
 def whole_map(lines: Sequence[Line]) -> int:
     """The first step of those that the slopes are fitted to, if the map is whole there; else 0."""
     first: list[int] = []
     for values in (line.values for line in lines if "slope_steps" in line.values and "whole_from" in line.values):
-        whole = round(values["whole_from"].median)
-        start = slope_from(whole, round(values["steps"].median))
-        first.append(start if whole <= start else 0)
+        whole = values["whole_from"].median
+        start = slope_from(whole, values["steps"].median)
+        first.append(start if whole < start + 1 else 0)
     return min(first, default=0)
 
 
@@ -71,7 +74,7 @@ def grown(lines: Sequence[Line]) -> str:
             if ratio in line.values:
                 more = line.values[ratio].median
                 fifths = "" if grows else f" from the first fifth of the log{first} to the last"
-                said += f", {factor(more) if more >= 1 else number(more)} times{fifths}"
+                said += f", {factor(more) if 1 <= more < MANY else number(more)} times{fifths}"
             grows.append(said)
         elif s.high < NO_GROWTH:
             flat.append(line.backend)
