@@ -4,6 +4,10 @@ Steps are binned with edges in geometric progression, and each bin is represente
 expensive steps (iSAM2 relinearising, an EKF folding in postponed updates) as a median would not. The fit weighs each
 bin by how well its mean is known, and down-weights outliers as Huber does (Robust Estimation of a Location Parameter,
 Annals of Mathematical Statistics 35(1), 1964): a disturbance of the machine is in few bins.
+
+Of a long log there is also the slope of log cost over log k, with no constant part: how much more a step costs, over
+the steps that were driven. Its points are means of equal shares of the steps, so that least squares have an interval:
+shares are long, and what the costs of neighbouring steps have in common ends within one.
 """
 
 from typing import NamedTuple
@@ -12,6 +16,7 @@ import numpy as np
 
 from ...core.factors import UNKNOWN, Log
 from ...core.se2 import Array, Ints
+from .repeats import student
 
 BINS = 24  # at most; their edges are in geometric progression
 LEAST_STEPS = 10  # of a bin: one with fewer is joined with the next
@@ -20,9 +25,14 @@ LEAST_SPAN = 4.0  # the last bin's x over the first one's: over less, an exponen
 MOST_ERROR = 0.25  # standard errors above it are too large for an exponent to be reported
 CONSTANT = 4.5  # F ratio from which on a constant part is fitted: near the 95 % point for 1 and 15 degrees of freedom
 NO_GROWTH = 0.15  # exponents below it count as no growth: ten times the steps cost 1.4 times as much
+WHOLE = 0.99  # share of the landmarks from which on the map counts as whole: the last one may be sighted by chance
 FLOOR = 0.02  # relative standard deviation of a bin's mean, at least: no cost follows a power exactly
+LONG = 1_000  # steps from which on a log is long
+FIRST_STEPS = 0.05  # share of a long log's steps that are left out: k, and the cost, change much within the first ones
+SHARES = 10  # equal shares of a long log's steps: with more, costs that stay high for a while are in several of them
+NEAR_0 = 1e-4  # an exponent: k to such a power differs from 1 by less than is measured
 EXPONENTS = np.linspace(-2.0, 5.0, 701)  # those that are tried
-ROUNDS = 4  # times that the weights are recomputed; residuals are relative to the fit of the round before
+ROUNDS = 4  # times that a fit is repeated with the weights, or the k of shares, by the one before
 HUBER = 1.345  # standard deviations beyond which a bin's weight falls
 
 
@@ -31,6 +41,14 @@ class Growth(NamedTuple):
 
     exponent: float
     error: float
+
+
+class Slope(NamedTuple):
+    """An exponent with the ends of its 95 % interval."""
+
+    exponent: float
+    low: float
+    high: float
 
 
 class _Fit(NamedTuple):
@@ -45,13 +63,61 @@ def mapped(log: Log) -> Ints:
     """Counts the landmarks known after every step (n,): those sighted so far by id, and those of a given map."""
     first = np.zeros(len(log), np.int64)
     given = np.zeros(0, np.int64) if log.prior.map is None else log.prior.map.ids
-    ids, row = np.unique(log.ids, return_index=True)
+    seen, step = log.ids, log.sighting_step
+    if log.partial is not None:
+        seen, step = np.concatenate((seen, log.partial.ids)), np.concatenate((step, log.partial.step))
+        order = np.argsort(step, kind="stable")
+        seen, step = seen[order], step[order]
+    ids, row = np.unique(seen, return_index=True)
     new = ~np.isin(ids, given) & (ids != UNKNOWN)
-    np.add.at(first, log.sighting_step[row[new]], 1)
+    np.add.at(first, step[row[new]], 1)
     return len(given) + np.cumsum(first)
 
 
-def growth(x: Ints, cost: Ints) -> Growth | None:
+def whole_from(sizes: Ints) -> int | None:
+    """The first step after which WHOLE of all landmarks are known, of `sizes` (n,) after each; None without any."""
+    return int(np.searchsorted(sizes, WHOLE * sizes[-1])) if sizes[-1] else None
+
+
+def slope_from(whole: float | None, steps: float) -> int:
+    """The first step of those that a slope is fitted to.
+
+    The map is whole from there on, if it is from a step `whole` on and k grows by LEAST_SPAN afterwards. The log's
+    first FIRST_STEPS are left out in any case.
+    """
+    early = int(whole) if whole is not None and (whole + 1) * LEAST_SPAN <= steps else 0
+    return max(int(FIRST_STEPS * steps), early)
+
+
+def slope(cost: Array | Ints, start: int) -> Slope | None:
+    """Fits the exponent b of cost = s k^b to the costs (n,) of a log's steps k, counted from 1, after `start` of them.
+
+    Least squares through the logarithms of the means of SHARES; the k of a share is the one that costs its mean by that
+    power. The interval is Student's, and wider where the costs follow no power. None for a log of fewer than LONG
+    steps, and where a share's mean is not above 0.
+    """
+    if len(cost) < LONG:
+        return None
+    mean = np.array([part.mean() for part in np.array_split(cost[start:], SHARES)])
+    if (mean <= 0).any():
+        return None
+    shares = np.array_split(np.log(np.arange(start + 1, len(cost) + 1)), SHARES)
+    exponent, variance = 1.0, 0.0
+    for _ in range(ROUNDS):
+        (exponent, _), cov = np.polyfit([_representative(one, exponent) for one in shares], np.log(mean), 1, cov=True)
+        variance = cov[0, 0]
+    reach = student(SHARES - 2) * variance**0.5
+    return Slope(float(exponent), float(exponent - reach), float(exponent + reach))
+
+
+def _representative(log_k: Array, exponent: float) -> float:
+    """The logarithm of the k whose power is the mean of all of them; of a power near 0 the limit."""
+    if abs(exponent) < NEAR_0:
+        return float(log_k.mean())
+    return float(np.log(np.exp(exponent * log_k).mean()) / exponent)
+
+
+def growth(x: Ints, cost: Array | Ints) -> Growth | None:
     """Fits the exponent with which the mean of `cost` (n,) grows with `x` (n,), and its standard error.
 
     A constant part is fitted where that is significantly better. The standard error is the half-width of the exponents

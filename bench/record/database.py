@@ -4,7 +4,7 @@ import sqlite3
 from pathlib import Path
 
 from ...core.errors import InputError
-from .schema import ABOUT, APPLICATION, FILE, KINDS, PLANNED, RESULT, ROUNDS, SCHEMA, VERSION, VIEW
+from .schema import ABOUT, APPLICATION, FILE, KINDS, PLANNED, RESULT, ROUND, ROUNDS, SCHEMA, VERSION, VIEW
 
 BROKEN = (sqlite3.Error, UnicodeDecodeError)  # raised by a damaged file: the words of an error may be damaged, too
 DAMAGED = ("SQLITE_CORRUPT", "SQLITE_NOTADB", "SQLITE_ERROR")  # prefixes; the last: missing table or column
@@ -128,10 +128,10 @@ def _make_sound(db: sqlite3.Connection) -> None:
     if "remarks" not in {row[1] for row in db.execute("PRAGMA table_info(logs)")}:
         db.execute("ALTER TABLE logs ADD COLUMN remarks TEXT")
     db.execute(ROUNDS)
-    kinds = KINDS | ABOUT
+    kinds = KINDS | ABOUT | ROUND
     lacking = [
         (table, name)
-        for table, names in (("results", RESULT), ("plan", PLANNED))
+        for table, names in (("results", RESULT), ("plan", PLANNED), ("rounds", tuple(ROUND)))
         for there in [{row[1] for row in db.execute(f"PRAGMA table_info({table})")}]
         for name in names
         if name not in there

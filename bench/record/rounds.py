@@ -21,11 +21,13 @@ def put(db: sqlite3.Connection, key: str, row: Mapping[str, Any]) -> None:
 
 def read(db: sqlite3.Connection, key: str | None = None) -> dict[str, list[dict[str, Any]]]:
     """Reads the rounds of all results, or of one, by their key, in order; ValueError for an invalid one."""
-    if not db.execute("SELECT 1 FROM sqlite_master WHERE name = 'rounds'").fetchone():
+    there = {row[1] for row in db.execute("PRAGMA table_info(rounds)")}
+    if not there:
         return {}  # an earlier version's record
+    asked = ", ".join(name if name in there else f"NULL AS {name}" for name in ROUND)
     found: dict[str, list[dict[str, Any]]] = {}
     where, of = ("", ()) if key is None else ("WHERE key = ?", (key,))
-    for result, *values in db.execute(f"SELECT key, {NAMES} FROM rounds {where} ORDER BY key, round", of):
+    for result, *values in db.execute(f"SELECT key, {asked} FROM rounds {where} ORDER BY key, round", of):
         row = dict(zip(ROUND, values, strict=True))
         if problem := _wrong(row):
             raise ValueError(f"round {row['round']!r:.20} of {result}: {problem}")

@@ -4,6 +4,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ...core.se2 import Array, Ints
@@ -13,8 +14,10 @@ from ..drawing.figure_maker import curve, of, report_figure
 from ..drawing.legend import ROW, named
 from ..drawing.rows import height, rows
 from ..drawing.svg import INK
-from ..measure.growth import NO_GROWTH, binned
+from ..measure.growth import NO_GROWTH, Slope, binned
+from ..verdict.cost_words import slope, whole_map
 from ..verdict.costs import cost, costs_by_round
+from ..words.columns import DEADLINES_MS
 from ..words.names import tags
 from ..words.numerals import number, raised
 from ..words.styles import Look
@@ -122,25 +125,38 @@ class _Growth(NamedTuple):
     size: Array
     us: Array
     power: float | None
+    slope: Slope | None  # of a long log
+
+    def said(self, letter: str) -> str:
+        """The law behind a name, "" where none is known."""
+        if self.slope is None:
+            return "" if self.power is None else f", {_power(letter, self.power)}"
+        if self.slope.high < NO_GROWTH:
+            return ", flat"
+        return f", {_power(letter, self.slope.exponent)} ({self.slope.low:.1f} to {self.slope.high:.1f})"
 
 
 def _against(name: str, log: DrawnLog, along: str) -> ReportFigure | None:
     """Draws the cost of a step against the number of steps or landmarks known, both logarithmic.
 
-    None where no power is to be seen: each fit is flat, or none is.
+    None where no power is to be seen: each fit is flat, or none is. Of a long log flat ones are shown, too.
     """
-    column = f"growth_{along}"
+    column, steps = f"growth_{along}", along == "steps"
     powers = {line.backend: line.values[column].median for line in log.lines if column in line.values}
+    slopes = {line.backend: slope(line) for line in log.lines} if steps else {}
     grown = [
-        _Growth(trace, *binned(size, _us(trace))[:2], powers.get(trace.label))
+        _Growth(trace, *binned(size, _us(trace))[:2], powers.get(trace.label), slopes.get(trace.label))
         for trace in _timed(log)
         if (size := _sizes(trace, along)) is not None
     ]
     grown = [one for one in grown if len(one.size) > 2]
-    if all(one.power is None or abs(one.power) < NO_GROWTH for one in grown):
+    long = any(one.slope is not None for one in grown)
+    if not long and all(one.power is None or abs(one.power) < NO_GROWTH for one in grown):
         return None
-    key = named((one.trace.label for one in grown), log.order, more=len(", " + _power("k", 0.5)))
-    letter, what = ("k", "step k") if along == "steps" else ("N", "landmarks known N")
+    letter, what = ("k", "step k") if steps else ("N", "landmarks known N")
+    more = max(len(one.said(letter)) for one in grown)
+    key = named((one.trace.label for one in grown), log.order, more=more)
+    whole = whole_map(log.lines) if steps else 0
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
@@ -148,7 +164,7 @@ def _against(name: str, log: DrawnLog, along: str) -> ReportFigure | None:
             look: Look = one.trace.look
             label = key.called(one.trace.label)
             if label is not None:
-                label += "*" * (not one.trace.alone) + ("" if one.power is None else f", {_power(letter, one.power)}")
+                label += "*" * (not one.trace.alone) + one.said(letter)
             style: dict[str, Any] = {
                 "linestyle": look.dash,
                 "marker": look.marker,
@@ -161,19 +177,44 @@ def _against(name: str, log: DrawnLog, along: str) -> ReportFigure | None:
         key.others(axes)
         fitted("x", axes, [end for one in grown for end in (one.size[0], one.size[-1])])
         fitted("y", axes, [value for one in grown for value in one.us.tolist()])
+        if long:
+            _deadlines(axes)
+        if whole:
+            axes.axvline(whole, color=INK, linewidth=0.8, linestyle=(0, (4, 2)))
+            _remark(axes, "map whole", (whole, 0), ("data", "axes fraction"))
         axes.set_xlabel(what)
         axes.set_ylabel("CPU time a step, µs")
         legend(figure, axes, key.columns)
 
-    caption = (
-        "Means of bins. Behind a name: the power fitted to them, a constant part aside (its median over logs); flat: "
-        "hardly any growth."
-    )
+    if long:
+        caption = (
+            "Means of bins. Behind a name: the slope of the line since the map is whole if that is early, else of all "
+            "but its beginning, with its 95 % interval; flat: no growth."
+        )
+        caption += f" Dashed: step {whole:,}, where that begins." * (whole > 0)
+    else:
+        caption = (
+            "Means of bins. Behind a name: the power fitted to them, a constant part aside (its median over logs); "
+            "flat: hardly any growth."
+        )
     curves = [curve(one.trace.label, one.size, one.us) for one in grown]
-    title = f"How the cost of a step grows with {'the log' if along == 'steps' else 'the map'}"
+    title = f"How the cost of a step grows with {'the log' if steps else 'the map'}"
     return report_figure(
         name, title, caption + _beside(log), HEIGHT + ROW * key.rows, draw, group="cost", curves=curves
     )
+
+
+def _deadlines(axes: Axes) -> None:
+    """Draws those that the axes reach."""
+    low, high = axes.get_ylim()
+    for ms in DEADLINES_MS:
+        if low < 1e3 * ms < high:
+            axes.axhline(1e3 * ms, color=INK, linewidth=0.6, linestyle=(0, (1, 2)))
+            _remark(axes, f"{ms} ms", (0, 1e3 * ms), ("axes fraction", "data"))
+
+
+def _remark(axes: Axes, text: str, at: tuple[float, float], of: tuple[str, str]) -> None:
+    axes.annotate(text, at, (3, 2), xycoords=of, textcoords="offset points", fontsize=7, color=INK)
 
 
 growth_over_steps, growth_over_landmarks = (partial(_against, along=along) for along in ("steps", "landmarks"))

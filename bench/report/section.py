@@ -11,8 +11,9 @@ from ..drawing.table import Table
 from ..record.schema import Row
 from ..record.store import Store
 from ..verdict.bound_words import bound_sentence
-from ..verdict.cost_words import basis, meanwhile
+from ..verdict.cost_words import basis, grown, meanwhile
 from ..verdict.implementations import sentence
+from ..verdict.ranking import ordered
 from ..verdict.summary import Line, lines, representative
 from ..verdict.verdict import Verdict, verdict
 from ..words.numerals import counted, listed, number
@@ -53,6 +54,7 @@ class Section(NamedTuple):
     meanwhile: Table  # what the machine did
     cost_note: str  # the programs that are compared, if several; how often, and what the machine did
     growth: Table  # of a step, along the log
+    growth_note: str  # with which backends it grows, where the log is long
     fit: Table  # J by its terms
     fit_note: str
     inner: Table  # particles and gates
@@ -132,6 +134,7 @@ def _section(
         meanwhile=meanwhile_table(found),
         cost_note=" ".join(said for said in (sentence(found), basis(found), meanwhile(found)) if said),
         growth=growth_table(found),
+        growth_note=grown(ordered(found)),
         fit=fit_table(found),
         fit_note=_fit_note(found),
         inner=inner_table(found),

@@ -7,11 +7,12 @@ from ..drawing.table import Entry, Table, TableRow
 from ..measure.repeats import COMPARED, FEWEST_ROUNDS
 from ..record.schema import Row, label
 from ..verdict.consistency import belief_word
+from ..verdict.cost_words import slope
 from ..verdict.costs import cost, rounds
 from ..verdict.ranking import PATHS, RELATIONS, ordered, ranking, standing
 from ..verdict.statistics import FEWEST
 from ..verdict.summary import Line, Typical, representative, typical, units_of
-from ..words.columns import about
+from ..words.columns import DEADLINES_MS, about
 from ..words.names import called
 from ..words.numerals import number
 
@@ -35,13 +36,15 @@ FINAL = (
     "final_rpe_100m_m", "final_rpe_1s_m", "final_rpe_10s_m", "final_rpe_rad", "final_nees", "final_nees_inside",
     "final_landmark_nees", "final_landmark_nees_inside", "final_landmarks_missed", "final_landmarks_spurious",
 )  # fmt: skip
+OVER = tuple(f"over_{ms}ms" for ms in DEADLINES_MS)
 COST = (
-    WHOSE, "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean", "setup_s",
-    "finish_s", "cpu_s", "peak_mb",
+    WHOSE, "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", *OVER, "belief_us_mean",
+    "setup_s", "finish_s", "cpu_s", "peak_mb",
 )  # fmt: skip
 MEANWHILE = ("repeats", "work_us", "waited_share", "switches", "others_share", "stolen_share", "load", "clock_mhz")
 GROWTH = (
-    WHOSE, *(f"step_us_fifth{k}" for k in range(1, 6)), "growth_steps", "growth_landmarks", "real_time",
+    WHOSE, *(f"step_us_fifth{k}" for k in range(1, 6)), "last_over_first", "last_over_whole", "slope_steps",
+    "growth_steps", "growth_landmarks", "real_time", "late_share",
 )  # fmt: skip
 ASSOCIATION = (
     "pair_precision", "pair_recall", "wrong_share", "dropped_share", "landmarks_merged", "landmarks_double",
@@ -124,7 +127,12 @@ def details_tables(lines: Sequence[Line]) -> list[Table]:
 
 
 def cost_table(lines: Sequence[Line]) -> Table:
-    """Makes the table of costs of a step and of the log: medians; * where other cells ran at the same time."""
+    """Makes the table of costs of a step and of the log: medians; * where other cells ran at the same time.
+
+    Where no step of any backend is above a deadline, longer ones are left out.
+    """
+    above = [any(line.values[name].high > 0 for line in lines if name in line.values) for name in OVER]
+    empty = set(OVER[above.index(False) + 1 :]) if False in above else set[str]()
     n = max(map(rounds, lines), default=1)
     which = "times" if all(rounds(line) == n for line in lines) else "times with an interval"
     repeated = f"; {which} are medians of {n} rounds, intervals those of the machine as it was" * (n >= FEWEST_ROUNDS)
@@ -135,7 +143,7 @@ def cost_table(lines: Sequence[Line]) -> Table:
         return _median(line, name)._replace(note=ends)
 
     caption = f"Cost of a step and of the whole log: {_basis(lines, ends=False)}{repeated}{_marks(lines)}"
-    return laid(ordered(lines), COST, entry, caption)
+    return laid(ordered(lines), [name for name in COST if name not in empty], entry, caption)
 
 
 def meanwhile_table(lines: Sequence[Line]) -> Table:
@@ -145,11 +153,12 @@ def meanwhile_table(lines: Sequence[Line]) -> Table:
 
 
 def growth_table(lines: Sequence[Line]) -> Table:
-    """Makes the table of costs along the log: growth, and real time; exponents with standard errors."""
+    """Makes the table of costs along the log: growth, and real time; slopes with intervals, powers with errors."""
 
     def entry(line: Line, name: str) -> Entry:
-        error = line.values.get(f"{name}_se")
-        return _median(line, name)._replace(note="" if error is None else f"\N{PLUS-MINUS SIGN}{error.median:.2f}")
+        error, found = line.values.get(f"{name}_se"), slope(line) if name == "slope_steps" else None
+        note = "" if error is None else f"\N{PLUS-MINUS SIGN}{error.median:.2f}"
+        return _median(line, name)._replace(note=note if found is None else f"{found.low:.2f} to {found.high:.2f}")
 
     caption = f"How the cost of a step grows along the log: {_basis(lines, ends=False)}{_marks(lines)}"
     return laid(ordered(lines), GROWTH, entry, caption)

@@ -1,13 +1,17 @@
-"""Says in words what costs bear: how two compare, how often they were measured, and what the machine did meanwhile."""
+"""Says in words what costs bear: how two compare, how they grow along a log, and how they were measured."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..measure.growth import NO_GROWTH, Slope, slope_from
 from ..measure.repeats import FEWEST_ROUNDS
-from ..words.numerals import counted, factor, listed, number, times
+from ..words.numerals import counted, factor, listed, number, raised, times
+from ..words.styles import BASELINE
 from .costs import MARGIN, CostRatio, rounds
-from .statistics import median
+from .statistics import FEWEST, median
 from .summary import Line
+
+MANY = 1e6  # a ratio that is written in full below it
 
 
 def compared(c: CostRatio | None, rival: str) -> str:
@@ -34,6 +38,55 @@ def ends(c: CostRatio) -> str:
     low = f"{factor(1 / c.low)} times as costly" if c.low < 1 else f"{factor(c.low)} times cheaper"
     high = f"{factor(1 / c.high)} times as costly" if c.high < 1 else f"{factor(c.high)} times cheaper"
     return f"between {low} and {high}"
+
+
+def slope(line: Line) -> Slope | None:
+    """The slope of a step's cost along a long log: the median over logs with its interval, or of few, that of one."""
+    low, high = (line.values.get(f"slope_steps_{end}") for end in ("low", "high"))
+    if "slope_steps" not in line.values or low is None or high is None:
+        return None
+    found = line.estimate("slope_steps")
+    if found.units >= FEWEST:
+        return Slope(found.value, found.low, found.high)
+    return Slope(found.value, low.median, high.median)
+
+
+def whole_map(lines: Sequence[Line]) -> int:
+    """The first step of those that the slopes are fitted to, if the map is whole there; else 0."""
+    first: list[int] = []
+    for values in (line.values for line in lines if "slope_steps" in line.values and "whole_from" in line.values):
+        whole = values["whole_from"].median
+        start = slope_from(whole, values["steps"].median)
+        first.append(start if whole < start + 1 else 0)
+    return min(first, default=0)
+
+
+def grown(lines: Sequence[Line]) -> str:
+    """Says with which backends the cost of a step grows along the log, and how much; "" of short logs."""
+    found = [(line, s) for line in lines if line.backend != BASELINE and (s := slope(line)) is not None]
+    whole = whole_map(lines)
+    ratio, first = ("last_over_whole", " with the whole map") if whole else ("last_over_first", "")
+    grows, flat, left = list[str](), list[str](), list[str]()
+    for line, s in found:
+        ends = f"({s.low:.2f} to {s.high:.2f})"
+        if s.low > 0 and s.exponent >= NO_GROWTH:
+            said = f"with {line.backend} as steps{raised(f'{s.exponent:.2f}')} {ends}"
+            if ratio in line.values:
+                more = line.values[ratio].median
+                fifths = "" if grows else f" from the first fifth of the log{first} to the last"
+                said += f", {factor(more) if 1 <= more < MANY else number(more)} times{fifths}"
+            grows.append(said)
+        elif s.high < NO_GROWTH:
+            flat.append(line.backend)
+        else:
+            left.append(f"{line.backend} {ends}")
+    said = [f"grows {'; '.join(grows)}"] * bool(grows)
+    said += [f"does not grow with {listed(flat)}"] * bool(flat)
+    said += [f"may or may not grow with {listed(left)}"] * bool(left)
+    if not said:
+        return ""
+    counted_from = f" Counted from step {whole:,} on, once the map is whole." if whole else ""
+    return f"The cost of a step {'; it '.join(said)}.{counted_from}"
 
 
 def basis(lines: Sequence[Line]) -> str:

@@ -61,6 +61,7 @@ CPU_US = Kind(unit="µs", is_time=True)
 CPU_MS = Kind(unit="ms", is_time=True)
 CPU_S = Kind(unit="s", is_time=True, shown=lambda s: number(s) if s >= SHORTEST_S else f"<{SHORTEST_S:g}")
 CPU_SHARE = Kind(is_time=True, shown=_percent)
+CPU_RATIO = Kind(is_time=True)
 EXPONENT = Kind(is_time=True, never_negative=False, shown=lambda b: f"{round(b, 2) + 0.0:.2f}")  # never -0.00
 SECONDS = Kind(unit="s")
 MACHINE = Kind(is_time=True)

@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from . import column as kind
 from .column import Column
 
+DEADLINES_MS = (1, 10, 100)  # the periods of robots that steps are counted against
+
 CELLS = (
     Column("dataset", "dataset", kind.NAME, "The dataset's name."),
     Column("dataset_options", "options", kind.NAME, "The dataset's options, as given on the command line."),
@@ -91,6 +93,13 @@ CELLS = (
            "than some 400 of these."),
     Column("final_bound_m", "bound final", kind.BOUND_M,
            "Likewise of ATE final, by all factors: no unbiased estimator has less on average over logs."),
+    *(
+        Column(f"over_{ms}ms", f"above {ms} ms", kind.CPU_SHARE,
+               f"Share of the steps that take more than {ms} ms of CPU time: a robot that needs a pose every {ms} ms "
+               "does not have it in time there. Blank for a batch method, which does nothing in its steps.",
+               f"share of steps above {ms} ms")
+        for ms in DEADLINES_MS
+    ),
 )  # fmt: skip
 """The columns of cells.csv, in order; other tools read them, so new ones come last."""
 
@@ -198,7 +207,7 @@ MACHINE = (
 
 TIMED = (
     "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "finish_s", "setup_s", "cpu_s",
-    *(column.name for column in MACHINE),
+    *(column.name for column in MACHINE), *(f"over_{ms}ms" for ms in DEADLINES_MS),
 )  # fmt: skip
 """The columns that every repeat of a cell measures again."""
 
@@ -321,6 +330,30 @@ METRICS = (
     Column("bound_origin_m", "bound from the origin", kind.BOUND_M,
            "As bound online, of ATE from the origin, which is not aligned."),
     Column("final_bound_origin_m", "bound final from the origin", kind.BOUND_M, "Likewise, of ATE final."),
+    Column("late_share", "late", kind.CPU_SHARE,
+           "Share of the steps that take more CPU time than there is until the log's next step: above 0 a robot waits "
+           "for its pose there, though it may catch up. Blank as real time is.", "share of late steps"),
+    Column("last_over_first", "last over first", kind.CPU_RATIO,
+           "Mean cost of a step in the last fifth of the log over that in the first fifth.",
+           "cost of the last fifth over the first"),
+    Column("whole_from", "map whole from", kind.COUNT,
+           "Step after which 99 % of all landmarks that are ever sighted or given are known. Blank without landmarks."),
+    Column("slope_steps", "slope with steps", kind.EXPONENT,
+           "Slope of the logarithm of the cost of step k over that of k, by least squares through the means of ten "
+           "equal shares of the steps: at 0.5 a step costs twice as much when k is four times as large. Over the steps "
+           "since the map is whole if that is in the log's first quarter, else over all; without the log's first 5 % "
+           "in any case. Growth with steps is of what grows, without a constant part; this is of all that a step "
+           "costs. Beside it its 95 % interval: over 6 logs and more that of their median, else Student's within a "
+           "log, a median over logs. Blank with fewer than 1,000 steps.",
+           "slope of the cost of a step"),
+    *(
+        Column(f"slope_steps_{end}", f"slope with steps, {end}", kind.EXPONENT,
+               f"The {word} end of its 95 % interval: Student's, of one log and the machine as it was.")
+        for end, word in (("low", "lower"), ("high", "upper"))
+    ),
+    Column("last_over_whole", "last over whole", kind.CPU_RATIO,
+           "Mean cost of a step in the last fifth of the log over that in the first fifth that begins with the whole "
+           "map. Blank where that is the last one.", "cost of the last fifth over the first with the whole map"),
 )  # fmt: skip
 """The columns of metrics.csv after those that name the cell, in order."""
 

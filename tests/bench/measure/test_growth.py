@@ -1,11 +1,15 @@
-"""Growth exponents: those put in, through noise, spikes and a constant part, and none where there is no telling."""
+"""Growth exponents and slopes: those put in, through noise, spikes and a constant part, and none without grounds."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from random_logs import random_log
-from slamduel.bench.measure.growth import MOST_ERROR, growth, mapped
-from slamduel.core.factors import Log, Map
+from slamduel.bench.measure.growth import LONG, MOST_ERROR, growth, mapped, slope, slope_from, whole_from
+from slamduel.core.factors import Log, Map, RangeBearing
+from slamduel.core.partial import RANGE, PartialTable
 from slamduel.core.se2 import Array, Ints
 
 STEPS = 3000
@@ -128,3 +132,69 @@ def test_the_size_of_the_map_is_what_was_sighted_or_given_by_then() -> None:
     for one in (log, Log.from_steps("some", log.prior, steps), Log.from_steps("given", prior, steps)):
         assert mapped(one).tolist() == counted(one)
     assert 0 < counted(log)[0] < counted(log)[-1]
+
+
+def lasting(rng: np.random.Generator, steps: int, over: float) -> Array:
+    """A factor of each step's cost that stays for some `over` steps, and one of its own."""
+    kept = np.exp(-1 / over)
+    stays = lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.normal(size=steps))
+    return np.exp(0.25 * stays + rng.normal(0, 0.25, steps))
+
+
+@pytest.mark.parametrize("exponent", [0.0, 0.7, 1.5])
+@pytest.mark.parametrize("scatter", ["own", "lasting", "spikes"])
+@pytest.mark.parametrize("whole", [None, 700])
+def test_the_interval_of_a_slope_covers_it_as_often_as_it_says(
+    exponent: float, scatter: str, whole: int | None
+) -> None:
+    number, covered, widths = np.arange(1, STEPS + 1), 0, list[float]()
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        cost = costs(rng, number, exponent, spikes=20.0 if scatter == "spikes" else 1.0)
+        if scatter == "lasting":
+            cost = 1e5 * (number / STEPS) ** exponent * lasting(rng, STEPS, 20)
+        found = slope(cost, slope_from(whole, STEPS))
+        covered += found.low <= exponent <= found.high
+        widths.append(found.high - found.low)
+    assert 0.9 <= covered / 200 <= 0.99  # 95 % of 200, give or take some three standard deviations
+    assert np.median(widths) < 0.5
+
+
+def test_a_slope_is_exact_where_the_costs_are_and_wide_where_they_follow_no_power() -> None:
+    number = np.arange(1, 20_001)
+    power, bent = (slope(cost, 1000) for cost in (1000.0 * number**0.7, 1e5 + 1000.0 * number))
+    assert (power.exponent, power.high - power.low) == pytest.approx((0.7, 0), abs=1e-3)
+    assert 0.7 < bent.low < bent.exponent < bent.high < 1
+    assert bent.high - bent.low > 10 * (power.high - power.low)
+
+
+def test_rare_steps_that_grow_make_a_slope() -> None:
+    number = np.arange(1, 10_001)
+    found = slope(np.where(number % 20 == 0, 1000.0 * number, 100.0), 500)
+    assert found.low < 1 < found.high + 0.02
+    assert found.exponent == pytest.approx(1, abs=0.05)
+
+
+def test_short_logs_and_steps_that_cost_nothing_have_no_slope() -> None:
+    assert slope(np.ones(LONG), 50) is not None
+    assert slope(np.ones(LONG - 1), 50) is None
+    assert slope(np.where(np.arange(LONG) < 200, 0, 5), 50) is None
+
+
+def test_the_map_is_whole_when_all_but_one_in_a_hundred_are_known() -> None:
+    sizes = np.concatenate((np.arange(1, 200), np.full(800, 199), [200]))
+    assert sizes[whole_from(sizes)] == 198
+    assert whole_from(np.array([3, 3, 4, 5, 5])) == 3
+    assert whole_from(np.full(9, 7)) == 0  # a map that was given
+    assert whole_from(np.zeros(9, np.int64)) is None
+    assert [slope_from(whole, 1000) for whole in (None, 0, 60, 249, 250)] == [50, 50, 60, 249, 50]
+
+
+def test_landmarks_of_ranges_alone_count() -> None:
+    log, _ = random_log(np.random.default_rng(7), 40, 12, radius=3.0)
+    ids, step, ranges = log.ids, log.sighting_step, np.ones(len(log.ids))
+    parts = PartialTable.from_arrays(len(log), step, ids, np.full(len(ids), RANGE), ranges, ranges)
+    none = RangeBearing(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)))
+    alone = Log.from_steps("ranges", log.prior, [one._replace(sightings=none) for one in log])
+    for one in (alone, log):
+        assert mapped(replace(one, partial=parts)).tolist() == counted(log)

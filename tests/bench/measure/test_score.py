@@ -15,11 +15,12 @@ from random_logs import random_log
 from slamduel.backends.api import Solution
 from slamduel.bench.bound.bound import Bound
 from slamduel.bench.measure.accuracy import Alignment, aligned, ate
+from slamduel.bench.measure.cpu_time import step_cost
 from slamduel.bench.measure.drive import Outcome
 from slamduel.bench.measure.score import SHAPELESS, TRANSLATION_ONLY, score
 from slamduel.bench.record.files import export
 from slamduel.bench.record.schema import COLUMNS, MORE
-from slamduel.bench.words.columns import FINAL, MACHINE, ONLINE
+from slamduel.bench.words.columns import DEADLINES_MS, FINAL, MACHINE, ONLINE
 from slamduel.core.factors import Log, Map, Truth
 from slamduel.core.se2 import Array, compose
 from small_record import Record
@@ -89,6 +90,7 @@ def test_a_perfect_estimate_has_no_error_and_no_gap() -> None:
     untold |= {name for name in MORE if "relation" in name}  # the path itself is
     few = {"growth_landmarks", "growth_landmarks_se"}  # all twelve landmarks are sighted early on
     few |= {column.name for column in MACHINE} | {"cpu_low_s", "cpu_high_s", "step_us_p50_low", "step_us_p50_high"}
+    few |= {name for name in MORE if name.startswith("slope_")}  # of a long log
     few |= {"log_name", "cluster"}  # of the plan
     few |= {"over_bound", "final_over_bound", "bound_origin_m", "final_bound_origin_m"}  # of the log, which is not told
     assert {*MORE} - set(row) == untold | few
@@ -155,10 +157,35 @@ def test_costs_by_fifths_and_against_the_time_of_the_log() -> None:
     assert row["real_time"] == pytest.approx(1e-6 * row["step_us_mean"] * 400 / 39.9)
 
 
+def test_steps_above_deadlines_and_late_ones_are_counted_once_each() -> None:
+    log, truth, known = drive(steps=400, dt=0.1)
+    us = np.full(400, 500.0)
+    us[:40], us[40:60], us[60], us[-1] = 1000.0, 2000.0, 99_000.0, 150_000.0  # 1 ms is not above 1 ms
+    row = score(log, replace(outcome(truth.poses, known), step_ns=(1000 * us).astype(np.int64)), truth).row
+    assert [row[f"over_{ms}ms"] for ms in DEADLINES_MS] == [22 / 400, 2 / 400, 1 / 400]
+    assert row["late_share"] == 0  # nothing waits for the last step
+    us[61] = 150_000.0
+    late = score(log, replace(outcome(truth.poses, known), step_ns=(1000 * us).astype(np.int64)), truth).row
+    assert late["late_share"] == pytest.approx(1 / 399)
+
+
+def test_growth_since_the_map_is_whole_is_apart_from_the_growth_of_the_map() -> None:
+    log, truth, known = drive(steps=1500)
+    number = 1 + np.arange(1500)
+    whole = step_cost(log, outcome(truth.poses, known))["whole_from"]
+    assert 0 < whole < 300  # in the first fifth
+    us = np.where(number > whole, 10.0 * number**0.5, 0.1)
+    row = step_cost(log, replace(outcome(truth.poses, known), step_ns=(1000 * us).astype(np.int64)))
+    ends = [row[f"slope_steps{end}"] for end in ("", "_low", "_high")]
+    assert ends == pytest.approx([0.5, 0.5, 0.5], abs=1e-4)
+    assert row["last_over_whole"] == pytest.approx((1350 / 450) ** 0.5, rel=0.01)
+    assert row["last_over_first"] > row["last_over_whole"]
+
+
 def test_where_times_are_step_numbers_nothing_is_told_over_seconds() -> None:
     log, truth, known = drive(dt=1.0)
     row = score(log, outcome(truth.poses, known), truth).row
-    assert {"length_s", "real_time", "rpe_1s_m", "rpe_10s_m"}.isdisjoint(row)
+    assert {"length_s", "real_time", "late_share", "rpe_1s_m", "rpe_10s_m"}.isdisjoint(row)
     assert row["rpe_10m_m"] == pytest.approx(0, abs=1e-12)
 
 
@@ -196,7 +223,7 @@ def test_a_batch_method_has_no_pace() -> None:
     log, truth, known = drive()
     row = score(log, outcome(None, NO_MAP, Solution(truth.poses, known)), truth).row
     assert "length_s" in row
-    assert {"real_time", "growth_steps", "growth_landmarks"}.isdisjoint(row)
+    assert {"real_time", "late_share", "growth_steps", "growth_landmarks", "slope_steps", "over_1ms"}.isdisjoint(row)
 
 
 def standing(steps: int) -> tuple[Log, Truth, Map]:

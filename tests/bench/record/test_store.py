@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from slamduel.bench.record.database import FORMER
-from slamduel.bench.record.schema import FILE, packed
+from slamduel.bench.record.schema import FILE, ROUND, packed
 from slamduel.bench.record.store import Known, Store
 from slamduel.core.errors import InputError
 from small_record import Record, edited
@@ -359,6 +359,19 @@ def test_a_store_that_lacks_a_column_is_read_and_completed(tmp_path: Path) -> No
         assert store.put_result("new", result(n_eff_least=5.0), {})
         store.put_plan([cell(0, "new"), cell(1, "k1")])
         np.testing.assert_array_equal(store.table(["n_eff_least"]).columns["n_eff_least"], [5.0, np.nan])
+
+
+def test_rounds_that_lack_a_column_are_read_and_completed(tmp_path: Path) -> None:
+    filled(tmp_path)
+    one = dict.fromkeys(ROUND) | {"round": 1, "status": "done", "cpu_s": 2.0}
+    with Store(tmp_path, writing=True) as store:
+        store.put_round("k1", one, {})
+    edited(tmp_path, *(f"ALTER TABLE rounds DROP COLUMN over_{ms}ms" for ms in (1, 10, 100)))
+    with Store(tmp_path) as store:
+        assert store.rounds()["k1"] == [one]
+    with Store(tmp_path, writing=True) as store:
+        store.put_round("k1", one | {"round": 2, "over_10ms": 0.5}, {"over_10ms": 0.5})
+        assert [found["over_10ms"] for found in store.rounds()["k1"]] == [None, 0.5]
 
 
 def test_what_is_put_together_is_kept_as_one(tmp_path: Path) -> None:

@@ -121,6 +121,23 @@ def test_shares_counts_and_what_takes_no_time() -> None:
     assert at(details_tables(found)[0], "a", "missed").text == "3"
 
 
+def test_deadlines_beyond_one_that_every_step_keeps_are_left_out() -> None:
+    busy = {"over_1ms": [0.25], "over_10ms": [0.0], "over_100ms": [0.0]}
+    found = cost_table(of({"backend": "a", **busy}, {"backend": "b", **busy, "over_1ms": [0.0]}))
+    assert [column.heading for column in found.headings][1:] == ["above 1 ms", "above 10 ms"]
+    assert at(found, "a", "above 1 ms").text == "25.0 %"
+    assert at(found, "b", "above 10 ms").text == "0 %"
+    every = cost_table(of({"backend": "a", "over_1ms": [0.3], "over_10ms": [0.2], "over_100ms": [0.1]}))
+    assert len(every.headings) == 4
+    assert len(cost_table(of({"backend": "a", "cpu_s": [1.0]})).headings) == 2  # a run of an earlier version
+
+
+def test_a_slope_has_its_interval_beside_it() -> None:
+    slopes = {"slope_steps": [0.7], "slope_steps_low": [0.6], "slope_steps_high": [0.8]}
+    entry = at(growth_table(of({"backend": "a", **slopes})), "a", "slope with steps")
+    assert (entry.text, entry.note) == ("0.70", "0.60 to 0.80")
+
+
 def test_the_least_misfit_is_marked() -> None:
     found = fit_table(of({"backend": "a", "j_final": [5.0]}, {"backend": "b", "j_online": [9.0]}))
     assert [row.backend for row in found.rows if any(entry.best for entry in row.entries)] == ["a"]

@@ -10,11 +10,12 @@ from judged_rows import LOGS, rows, timed, told
 from slamduel.bench.measure.repeats import FEWEST_ROUNDS, over_rounds, two_way
 from slamduel.bench.record.schema import Row
 from slamduel.bench.verdict.cost_simulation import COSTS, Case
-from slamduel.bench.verdict.cost_words import basis, compared, meanwhile, repeat_troubles
+from slamduel.bench.verdict.cost_words import basis, compared, grown, meanwhile, repeat_troubles
 from slamduel.bench.verdict.costs import MARGIN, CostRatio, between_runs, compare_costs, cost, is_dearer
 from slamduel.bench.verdict.summary import Line, lines
 from slamduel.bench.verdict.verdict import verdict
 from slamduel.bench.words.columns import TIMED
+from slamduel.bench.words.numerals import raised
 
 LOADED = (1.0, 1.8, 3.0, 0.9, 1.4)  # what the machine makes of every time, by round
 
@@ -234,3 +235,35 @@ def test_simulated_intervals_and_claims_are_right_as_often_as_they_say(
     low, high = bounds
     share = case.share(asked, QUICK)  # pyright: ignore[reportArgumentType]
     assert low - 5 * (low * (1 - low) / QUICK) ** 0.5 <= share <= high + 5 * (high * (1 - high) / QUICK) ** 0.5
+
+
+def sloped(backend: str, exponent: float, n: int = 1, whole: int = 4000, **more: float) -> list[Row]:
+    more |= {"slope_steps_low": exponent - 0.1, "slope_steps_high": exponent + 0.1, "whole_from": whole, "steps": 5000}
+    ends = {name: [value] * n for name, value in more.items()}
+    return told(backend, slope_steps=[exponent + 0.001 * k for k in range(n)], **ends)
+
+
+def test_growth_along_a_long_log_is_said_with_its_interval() -> None:
+    parts = sloped("smoother", 0.7, last_over_first=16.2), sloped("ekf", 0.0), sloped("ukf", -0.3), sloped("b", 0.08)
+    assert grown(of(*parts, sloped("dead-reckoning", 0.0))) == (
+        f"The cost of a step grows with smoother as steps{raised('0.70')} (0.60 to 0.80), 16 times from the first "
+        "fifth of the log to the last; it does not grow with ekf and ukf; it may or may not grow with b "
+        "(-0.02 to 0.18)."
+    )
+
+
+def test_growth_since_the_map_is_whole_says_from_where() -> None:
+    found = grown(of(sloped("a", 0.7, whole=900, last_over_whole=2.0, last_over_first=9.0)))
+    assert "2.0 times from the first fifth of the log with the whole map to the last." in found
+    assert found.endswith(" Counted from step 900 on, once the map is whole.")
+    assert "Counted from step 250 on" in grown(of(sloped("a", 0.7, whole=0)))  # a map that was given
+    assert "whole" not in grown(of(sloped("a", 0.7, last_over_first=9.0)))  # the slope is of the whole log
+
+
+def test_over_several_logs_the_interval_of_a_slope_is_that_of_the_median() -> None:
+    assert "(0.70 to 0.71)" in grown(of(sloped("a", 0.7, n=10)))
+    assert "(0.60 to 0.80)" in grown(of(sloped("a", 0.7, n=3)))  # too few: that of one log
+
+
+def test_of_short_logs_and_of_earlier_versions_no_growth_is_said() -> None:
+    assert not grown(of(rows("a", 1), rows("b", 2)))

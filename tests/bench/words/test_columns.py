@@ -15,6 +15,7 @@ def test_the_columns_of_cells_csv_stay_as_they_are() -> None:
         "nees", "nees_inside", "nis", "final_ate_m", "final_ate_origin_m", "final_map_rmse_m", "cost_j",
         "step_us_mean", "step_us_p50", "step_us_p95", "step_us_p99", "step_us_max", "belief_us_mean",
         "finish_s", "setup_s", "cpu_s", "peak_mb", "timing_alone", "bound_m", "final_bound_m",
+        "over_1ms", "over_10ms", "over_100ms",
     ]  # fmt: skip
     assert [column.name for column in CELLS if column.kind.names_cell] == [column.name for column in CELLS[:5]]
 

@@ -40,7 +40,7 @@ from small_study import silent
 pytestmark = pytest.mark.slow
 
 DID = "|".join(column.name for column in MACHINE)
-TIMED = re.compile(rf".*(_us|_us_\w+|_s|_mb|_ns)|real_time|growth_\w+|{DID}")
+TIMED = re.compile(rf".*(_us|_us_\w+|_s|_mb|_ns)|real_time|late_share|(growth|slope|last_over)_\w+|over_\d+ms|{DID}")
 """The columns and arrays that say how long something took, how much memory, or what the machine did meanwhile."""
 
 
