@@ -113,6 +113,7 @@ class Constant(NamedTuple):
     range_scale: Array  # (1,), or (n,) of each landmark of the solution's map
     range_offset: Array  # m; likewise
     heading_offset: float = 0.0  # rad
+    gyro_bias: Bias | None = None  # rad/s, at the end
 
 
 class Solution(NamedTuple):
