@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from .core.factors import Systematic as Systematic
     from .core.factors import Truth as Truth
     from .core.fixes import FixTable as FixTable
+    from .core.gyro import Bias as Bias
+    from .core.gyro import Gyro as Gyro
     from .core.mounting import Mounting as Mounting
     from .core.partial import BEARING as BEARING
     from .core.partial import RANGE as RANGE
@@ -39,7 +41,9 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "BEARING": ".core.partial",
+    "Bias": ".core.gyro",
     "FixTable": ".core.fixes",
+    "Gyro": ".core.gyro",
     "InputError": ".core.errors",
     "LogPicture": ".bench.logs.show",
     "Mounting": ".core.mounting",

@@ -30,17 +30,56 @@ import numpy as np
 from ..core.errors import SlamduelError
 from ..core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Systematic, Truth
 from ..core.fixes import Fixes
+from ..core.gyro import Bias, Turn
 from ..core.options import NoOptions, option
 from ..core.partial import BEARING, RANGE, Partial
 from ..core.se2 import Array, Ints, act, act_jacobians, between, compose, compose_jacobians, wrap
 from ..core.signatures import Signatures
 
 __all__ = [
-    "BEARING", "COMPILED_HERE", "GTSAM_WHEEL", "RANGE", "UNKNOWN", "Array", "Associates", "Backend", "Belief",
-    "Builder", "Constant", "Diverged", "Expected", "Expects", "Fixes", "Ints", "Map", "NoOptions", "Odometry",
-    "Partial", "Pose", "Prior", "RangeBearing", "RelativePoses", "Signatures", "Solution", "Step", "Systematic",
-    "TakenOut", "TakesOut", "Truth", "TruthWanted", "Unsuited", "WantsTruth", "act", "act_jacobians", "between",
-    "compose", "compose_jacobians", "option", "wrap",
+    "BEARING",
+    "COMPILED_HERE",
+    "GTSAM_WHEEL",
+    "RANGE",
+    "UNKNOWN",
+    "Array",
+    "Associates",
+    "Backend",
+    "Belief",
+    "Bias",
+    "Builder",
+    "Constant",
+    "Diverged",
+    "Expected",
+    "Expects",
+    "Fixes",
+    "Ints",
+    "Map",
+    "NoOptions",
+    "Odometry",
+    "Partial",
+    "Pose",
+    "Prior",
+    "RangeBearing",
+    "RelativePoses",
+    "Signatures",
+    "Solution",
+    "Step",
+    "Systematic",
+    "TakenOut",
+    "TakesOut",
+    "Truth",
+    "TruthWanted",
+    "Turn",
+    "Unsuited",
+    "WantsTruth",
+    "act",
+    "act_jacobians",
+    "between",
+    "compose",
+    "compose_jacobians",
+    "option",
+    "wrap",
 ]  # fmt: skip
 
 COMPILED_HERE = "compiled here"
@@ -74,6 +113,7 @@ class Constant(NamedTuple):
     range_scale: Array  # (1,), or (n,) of each landmark of the solution's map
     range_offset: Array  # m; likewise
     heading_offset: float = 0.0  # rad
+    gyro_bias: Bias | None = None  # rad/s, at the end
 
 
 class Solution(NamedTuple):
@@ -220,6 +260,13 @@ class Builder:
     """It uses fixes: positions, headings and poses measured in the world; `prior.fixes` says if there are some.
 
     Without, logs that have some are skipped, unless `leaves_out` names them.
+    """
+
+    gyro: bool = False
+    """It takes the turns of a gyro, with the bias in its state, and `prior.gyro` is the belief about it.
+
+    Its option `gyro`, if it has one, may ask for another treatment: see `common_options.gyro`. Without, turns are fused
+    with the odometry in front of it.
     """
 
     leaves_out: tuple[Literal["partial", "fixes"], ...] = ()

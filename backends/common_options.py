@@ -50,3 +50,17 @@ def gate() -> Any:
 def gate_after() -> Any:
     """The sightings that a filter's gate waits for."""
     return option(3, "with a gate: sightings that must agree with a landmark before others are rejected", minimum=0)
+
+
+STATE, FRONT, IGNORED = "state", "front", "ignored"
+"""What becomes of a gyro's bias."""
+
+
+def gyro() -> Any:
+    """What a backend that can estimate a gyro's bias does about it."""
+    return option(
+        STATE,
+        "bias of a gyro: in the state; estimated in front where the robot stands, its turns fused with the odometry; "
+        "or ignored: fused as if there were none",
+        choices=(STATE, FRONT, IGNORED),
+    )

@@ -3,9 +3,11 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solveh_banded
 
 from ..core.factors import UNKNOWN, Log, Map
 from ..core.fixes import FixTable, information
+from ..core.gyro import Gyro
 from ..core.partial import RANGE, PartialTable
 from ..core.se2 import Array, Ints, act, wrap
 from ..core.truth.errors import rows_of
@@ -40,6 +42,50 @@ def partial_residuals(log: Log, path: Array, landmarks: Map, constant: Constant)
     bearings = wrap(np.arctan2(dy, dx) - path[table.step[known], 2] - table.z[known])
     off[known] = np.where(table.kind[known] == RANGE, ranges, bearings)
     return off
+
+
+NO_ERRORS = Constant(np.zeros(1), np.zeros(1))
+"""Those of sensors that have none."""
+
+HELD = 1e-9
+"""rad/s, the standard deviation of a bias that is known."""
+
+
+def turn_cost(gyro: Gyro, path: Array) -> float:
+    """The term of J of a gyro's turns along a path (n, 3): turns, walk and prior, with the biases that fit best."""
+    bias, off = fitted_biases(gyro, path), _turned(gyro, path)
+    turns = (np.square(off - bias[gyro.knot] * gyro.dt) / gyro.var).sum()
+    walks = (np.square(np.diff(bias)) / _walks(gyro)).sum()
+    return float(turns + walks + (bias[0] - gyro.prior.mean) ** 2 * _first(gyro))
+
+
+def fitted_biases(gyro: Gyro, path: Array) -> Array:
+    """(b,) rad/s, the biases of a gyro with the least J along a path (n, 3): a tridiagonal system."""
+    knot, off, walk = gyro.knot, _turned(gyro, path), 1 / _walks(gyro)
+    n = int(knot[-1]) + 1
+    band, right = np.zeros((2, n)), np.bincount(knot, gyro.dt * off / gyro.var, n)
+    band[1] = np.bincount(knot, gyro.dt**2 / gyro.var, n)
+    band[1, :-1] += walk
+    band[1, 1:] += walk
+    band[0, 1:] = -walk
+    band[1, 0] += _first(gyro)
+    right[0] += gyro.prior.mean * _first(gyro)
+    return solveh_banded(band, right)
+
+
+def _turned(gyro: Gyro, path: Array) -> Array:
+    """(n,) rad, what each turn has too much."""
+    return wrap(gyro.turn - (path[gyro.step, 2] - path[gyro.step - 1, 2]))
+
+
+def _walks(gyro: Gyro) -> Array:
+    """(b - 1,) variances of the biases' moves."""
+    return gyro.walk[np.flatnonzero(np.diff(gyro.knot)) + 1]
+
+
+def _first(gyro: Gyro) -> float:
+    """The information about the first bias."""
+    return 1 / max(gyro.prior.sd**2 + float(gyro.walk[0]), HELD**2)
 
 
 def fix_residuals(table: FixTable, path: Array, constant: Constant) -> Array:

@@ -1,10 +1,15 @@
 """The part of a log that a backend is given."""
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from ..core.arrays import frozen
 from ..core.factors import UNKNOWN, Log
+from ..core.gyro import Bias, fused
 from .api import Builder
+from .common_options import FRONT, IGNORED, STATE
 
 
 class Given(NamedTuple):
@@ -14,6 +19,8 @@ class Given(NamedTuple):
     loops: int = 0
     partial: int = 0
     fixes: int = 0
+    turns: int = 0  # of a gyro, which are not left out, but in the odometry
+    bias: str = ""  # how the gyro's bias was treated for this
 
 
 def refused(builder: Builder, log: Log) -> str:
@@ -27,8 +34,8 @@ def refused(builder: Builder, log: Log) -> str:
     return ""
 
 
-def given(builder: Builder, log: Log) -> Given:
-    """The log as the backend gets it, of one that is not refused; partial sightings need an id."""
+def given(builder: Builder, log: Log, options: Any = None) -> Given:
+    """The log as the backend gets it with its options, of one that is not refused; partial sightings need an id."""
     loops = 0 if builder.loops else len(log.loop_to)
     known = 0 if log.partial is None or not builder.partial else int((log.partial.ids != UNKNOWN).sum())
     partial = 0 if log.partial is None else len(log.partial) - known
@@ -36,4 +43,17 @@ def given(builder: Builder, log: Log) -> Given:
     log = log.without_loops() if loops else log
     if log.partial is not None and partial:
         log = replace(log, partial=log.partial.rows(log.partial.ids != UNKNOWN) if builder.partial else None)
-    return Given(log.without_fixes() if fixes else log, loops, partial, fixes)
+    log, turns, bias = _turned(builder, log, options)
+    return Given(log.without_fixes() if fixes else log, loops, partial, fixes, turns, bias)
+
+
+def _turned(builder: Builder, log: Log, options: Any) -> tuple[Log, int, str]:
+    """The log with its gyro's turns in the odometry, unless the bias is to be a state; their number, and the way."""
+    gyro, way = log.gyro, getattr(options, "gyro", STATE) if builder.gyro else FRONT
+    if gyro is None or way == STATE:
+        return log, 0, ""
+    if way == IGNORED:
+        gyro = replace(gyro, bias=frozen(np.array(Bias())), walk=frozen(np.zeros(len(gyro))))
+    delta, cov = fused(gyro, log.delta, log.delta_cov)
+    log = replace(log, delta=frozen(delta), delta_cov=frozen(cov), gyro=None)
+    return log, len(gyro), "ignored" if way == IGNORED else "estimated in front"

@@ -12,6 +12,7 @@ from .arrays import ROUNDING
 from .errors import InputError
 from .factors import STARTS, UNKNOWN, Log, Map, Prior
 from .fixes import FixTable
+from .gyro import Gyro
 from .partial import BEARING, RANGE, PartialTable
 from .se2 import Array
 from .signatures import Signatures
@@ -22,6 +23,7 @@ SIGHTINGS = ("step", "id", "range", "bearing", "crr", "crb", "cbb")
 LOOPS = ("step", "to", *ODOMETRY[1:])
 PARTIAL = {RANGE: ("step", "id", "range", "crr"), BEARING: ("step", "id", "bearing", "cbb")}
 SIGNATURES = ("signature", "css")
+GYRO = ("step", "turn", "var", "dt", "walk")
 FIXES = ("step", "x", "y", "heading", *ODOMETRY[4:], "arm_x", "arm_y")
 
 _LEAST_PIVOT = 1e-12
@@ -30,7 +32,7 @@ _LEAST_PIVOT = 1e-12
 _HALF_TURN = np.pi + 1e-12
 """rad, with room for rounding of sums of angles. Angles beyond were not wrapped, or are in degrees."""
 
-Table = Literal["prior", "odometry", "sightings", "loops", "ranges", "bearings", "fixes", "signatures"]
+Table = Literal["prior", "odometry", "sightings", "loops", "ranges", "bearings", "fixes", "signatures", "gyro"]
 
 
 class Problem(NamedTuple):
@@ -63,6 +65,8 @@ def problems(log: Log) -> Iterator[Problem]:
         yield from _fixes(log.fixes)
     if log.signatures is not None:
         yield from _signatures(log.signatures)
+    if log.gyro is not None:
+        yield from _gyro(log.gyro, len(log))
 
 
 def _shapes(log: Log) -> Iterator[Problem]:
@@ -87,6 +91,8 @@ def _shapes(log: Log) -> Iterator[Problem]:
         tables.append(("fixes", log.fixes.first, f))
     if log.signatures is not None:
         yield from _columns("signatures", vars(log.signatures), {"s": (s,), "var": (s,)})
+    if log.gyro is not None:
+        yield from _columns("gyro", vars(log.gyro), {name: (len(log.gyro),) for name in GYRO} | {"bias": (2,)})
     for table, first, rows in tables:
         if n and (first[0] != 0 or first[-1] != rows):
             yield Problem(table, 0, f"a row belongs to a step that does not exist, expected 0 to {n - 1}")
@@ -216,6 +222,27 @@ def _signatures(found: Signatures) -> Iterator[Problem]:
     yield from _finite("signatures", SIGNATURES[:1], found.s[:, None])
     for row in np.flatnonzero(~(np.isfinite(found.var) & (found.var > 0))):
         yield Problem("signatures", int(row), f"css is {found.var[row]!s}, expected a variance, more than 0")
+
+
+def _gyro(found: Gyro, steps: int) -> Iterator[Problem]:
+    step = found.step
+    for row in np.flatnonzero((step < 1) | (step >= steps)):
+        yield Problem("gyro", int(row), f"step is {step[row]}, expected 1 to {steps - 1}, steps with one before")
+    for row in np.flatnonzero(np.diff(step) <= 0) + 1:
+        yield Problem("gyro", int(row), f"step is {step[row]} after {step[row - 1]}, expected one row a step, sorted")
+    yield from _finite("gyro", GYRO[1:2], found.turn[:, None])
+    yield from _angle("gyro", "turn", found.turn)
+    for name, least, wanted in (("var", False, "a variance"), ("dt", False, "seconds"), ("walk", True, "a variance")):
+        column = getattr(found, name)
+        sound = np.isfinite(column) & ((column >= 0) if least else (column > 0)) & (column <= LARGEST)
+        for row in np.flatnonzero(~sound):
+            limit = "0 or more" if least else "more than 0"
+            yield Problem("gyro", int(row), f"{name} is {column[row]!s}, expected {wanted}, {limit}")
+    mean, sd = found.prior
+    if not abs(mean) <= LARGEST:
+        yield Problem("prior", 0, f"the gyro's bias is {mean!s}, expected a finite number, in rad/s")
+    if not 0 <= sd <= LARGEST:
+        yield Problem("prior", 0, f"the gyro's bias_sd is {sd!s}, expected a standard deviation, 0 if it is known")
 
 
 def _finite(table: Table, names: Sequence[str], columns: Array, first: int = 0) -> Iterator[Problem]:

@@ -18,6 +18,7 @@ from .arrays import even, frozen, frozen_ids, numbers, seconds, sorted_ids, whol
 from .beside import Clouds, Scans, head_of
 from .errors import InputError
 from .fixes import NO_FIXES, Fixes, FixTable
+from .gyro import Bias, Gyro, Turn
 from .mounting import Mounting, mounted
 from .partial import NO_PARTIAL, Partial, PartialTable
 from .relations import Relations
@@ -33,10 +34,11 @@ UNKNOWN = -1
 Start = Literal["known", "unknown"]
 STARTS: tuple[Start, ...] = get_args(Start)
 
-TABLES: dict[str, type[PartialTable | FixTable | Signatures]] = {
+TABLES: dict[str, type[PartialTable | FixTable | Signatures | Gyro]] = {
     "partial": PartialTable,
     "fixes": FixTable,
     "signatures": Signatures,
+    "gyro": Gyro,
 }
 """Columns that most logs have not, by their field of `Log`."""
 
@@ -74,6 +76,7 @@ class Step(NamedTuple):
     partial: Partial = NO_PARTIAL
     fixes: Fixes = NO_FIXES
     signatures: Signatures = NO_SIGNATURES  # of all its whole sightings, or none
+    gyro: Turn | None = None  # the turn since the step before
 
 
 class Map(NamedTuple):
@@ -100,8 +103,8 @@ class Prior(NamedTuple):
     """The belief at step 0. With a map the task is localisation; a map without covariance is held fixed.
 
     An unknown start says that the robot may be anywhere on the map: pose and cov are then placeholders. `loops`,
-    `partial`, `fixes` and `signatures` are set by the log: a filter has to keep earlier poses where loop closures may
-    come back to them, or until a landmark is placed, and there alone.
+    `partial`, `fixes`, `signatures` and `gyro` are set by the log: a filter has to keep earlier poses where loop
+    closures may come back to them, or until a landmark is placed, and there alone.
     """
 
     pose: Array  # (3,)
@@ -113,6 +116,7 @@ class Prior(NamedTuple):
     partial: bool = False  # it has partial sightings
     fixes: bool = False  # it has fixes
     signatures: bool = False  # its whole sightings have signatures
+    gyro: Bias | None = None  # of the gyro that it has
 
 
 class Truth(NamedTuple):
@@ -173,6 +177,7 @@ class Log:
     partial: PartialTable | None = None  # None where there are none
     fixes: FixTable | None = None  # likewise
     signatures: Signatures | None = None  # of every whole sighting, or of none
+    gyro: Gyro | None = None  # None where there is none
 
     def __post_init__(self) -> None:
         for name in TABLES:
@@ -183,6 +188,7 @@ class Log:
             partial=self.partial is not None,
             fixes=self.fixes is not None,
             signatures=self.signatures is not None,
+            gyro=None if self.gyro is None else self.gyro.prior,
         )
         object.__setattr__(self, "prior", prior)
 
@@ -207,6 +213,7 @@ class Log:
         fixes: FixTable | None = None,
         signature: Array | None = None,
         signature_var: Array | None = None,
+        gyro: Gyro | None = None,
         sensor: Mounting | None = None,
         notes: Mapping[str, Any] | None = None,
     ) -> "Log":
@@ -242,6 +249,7 @@ class Log:
             partial=partial,
             fixes=fixes,
             signatures=_signatures(signature, signature_var, len(ids)),
+            gyro=gyro,
         )
         return log if sensor is None else log.of_sensor(sensor)
 
@@ -280,6 +288,7 @@ class Log:
             ),
             signature=np.concatenate([s.signatures.s for s in steps]) if signed else None,
             signature_var=np.concatenate([s.signatures.var for s in steps]) if signed else None,
+            gyro=_gyro(prior.gyro, steps),
             notes=notes,
         )
 
@@ -294,12 +303,14 @@ class Log:
         said += [] if self.partial is None else [f"{len(self.partial)} of them of a range or a bearing alone"]
         said += ["with signatures"] * (self.signatures is not None)
         said += [] if self.fixes is None else [f"{len(self.fixes)} fixes"]
+        said += [] if self.gyro is None else [f"{len(self.gyro)} turns by a gyro"]
         said += [f"{len(self.loop_to)} loop closures"] * bool(len(self.loop_to))
         return f"<Log {self.name!r}: {', '.join(said)}>"
 
     def __iter__(self) -> Iterator[Step]:
         seen, loops = self.sighting_first.tolist(), self.loop_first.tolist()
         no_loops = RelativePoses(self.loop_to[:0], self.loop_delta[:0], self.loop_cov[:0])
+        turns = {} if self.gyro is None else self.gyro.by_step()
         for k, t in enumerate(self.t.tolist()):
             rows = slice(seen[k], seen[k + 1])
             yield Step(
@@ -310,6 +321,7 @@ class Log:
                 NO_PARTIAL if self.partial is None else self.partial.at(k),
                 NO_FIXES if self.fixes is None else self.fixes.at(k),
                 NO_SIGNATURES if self.signatures is None else self.signatures.rows(rows),
+                turns.get(k),
             )
 
     def __getitem__(self, k: int) -> Step:
@@ -324,6 +336,7 @@ class Log:
             NO_PARTIAL if self.partial is None else self.partial.at(k),
             NO_FIXES if self.fixes is None else self.fixes.at(k),
             NO_SIGNATURES if self.signatures is None else self.signatures.rows(seen),
+            None if self.gyro is None else self.gyro.at(k),
         )
 
     def _loops(self, first: int, end: int) -> RelativePoses:
@@ -365,7 +378,7 @@ class Log:
         constant = self.prior.systematic
         columns |= {} if constant == Systematic() else {"prior.systematic": np.array(constant, np.float64)}
         columns |= {name: getattr(self, name) for name in _COLUMNS}
-        for table in (self.partial, self.fixes, self.signatures):
+        for table in (self.partial, self.fixes, self.signatures, self.gyro):
             columns |= {} if table is None else table.columns
         return digest_of(columns)
 
@@ -422,6 +435,10 @@ class Log:
         """The log without its signatures."""
         return replace(self, signatures=None)
 
+    def without_gyro(self) -> "Log":
+        """The log without its gyro."""
+        return replace(self, gyro=None)
+
     def without_loops(self) -> "Log":
         """The log without its loop closures; itself if it has none."""
         if not len(self.loop_to):
@@ -455,6 +472,7 @@ class Log:
             fixes=None if self.fixes is None else self.fixes.head(steps),
             signature=None if self.signatures is None else self.signatures.s[:seen],
             signature_var=None if self.signatures is None else self.signatures.var[:seen],
+            gyro=None if self.gyro is None else self.gyro.head(steps),
             notes=self.notes,
         )
         return replace(log, scans=head_of(self.scans, steps), clouds=head_of(self.clouds, steps))
@@ -500,6 +518,15 @@ def _signatures(s: Array | None, var: Array | None, sightings: int) -> Signature
         if column.shape != (sightings,):
             raise InputError(f"{name}: found shape {column.shape}, expected ({sightings},), one for each sighting.")
     return found
+
+
+def _gyro(bias: Bias | None, steps: Sequence[Step]) -> Gyro | None:
+    """The turns of steps; None without any."""
+    rows = [(k, *s.gyro) for k, s in enumerate(steps) if s.gyro is not None]
+    if not rows:
+        return None
+    step, turn, var, dt, walk = np.array(rows, np.float64).T
+    return Gyro.from_arrays(step.astype(np.int64), turn, var, dt, walk, bias)
 
 
 def _frozen_prior(prior: Prior) -> Prior:

@@ -39,9 +39,10 @@ def redrawn(dataset: Dataset, rng: np.random.Generator) -> Dataset:
     a log with measurements of a part alone.
     """
     log, truth = dataset
-    if log.partial is not None or log.fixes is not None:
+    if log.partial is not None or log.fixes is not None or log.gyro is not None:
         raise InputError(
-            f"option draw=true: {log.name} has ranges or bearings alone, or fixes, expected whole sightings and loops."
+            f"option draw=true: {log.name} has ranges or bearings alone, fixes or a gyro, "
+            "expected whole sightings and loops."
         )
     starting, moving, closing, seeing = rng.spawn(4)
     path = _true_path(log, truth)

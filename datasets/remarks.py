@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.factors import REMARKS, UNKNOWN, Dataset, Log
-from ..core.pauses import PAUSE
 from ..core.se2 import Array
 from ..core.table import LARGEST
+from ..frontend.pauses import PAUSE
 from .hidden_ids import HIDDEN_NOTE
 from .truth_remarks import of_truth
 from .way_remarks import FAR, FEW, of_ways

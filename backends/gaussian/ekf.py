@@ -11,7 +11,8 @@ Mourikis and Roumeliotis, IJRR 29(5), 2010, the FEJ-EKF) linearises every landma
 at its prediction, for sightings and motions alike. `ideal` linearises at the ground truth, for studies only.
 
 Positions, headings and sightings of a range or a bearing alone come after the whole sightings of their step: see
-`late_starts`. Logs with some are not compressed.
+`late_starts`. Logs with some are not compressed, nor are those with a gyro, whose bias is an entry of the state: see
+`_turns`.
 
 On a log with loop closures the state also has the poses that these may come back to: see `kept_poses`. They are taken
 after the sightings of their step, and the pose is cloned last. A clone keeps the pose's linearisation point, for first
@@ -31,12 +32,13 @@ from ...core.options import option
 from ...core.se2 import Array
 from .. import common_options
 from .._expected_arrays import ExpectedArrays
-from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution, TruthWanted
+from ..api import COMPILED_HERE, Belief, Bias, Builder, Diverged, Expected, Pose, Solution, TruthWanted
 from ..expected import as_expected, room_for, roomier
 from ._beliefs import Frame
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, POSE, STANDARD, frame
 from ._expected import expect
 from ._loops import close, keep
+from ._turns import turned
 from .compressed import Active
 from .joint import Joint
 from .joint_parts import JointParts
@@ -70,6 +72,7 @@ class Options:
         100, "landmarks above which only the part of the map in view is updated each step, the rest later", minimum=0
     )
     poses: int = option(0, SUMMARY, minimum=0)
+    gyro: str = common_options.gyro()
 
 
 class Ekf:
@@ -105,9 +108,15 @@ class Ekf:
             self._whole.adopt(prior.map)
             self._whole.agreed[: len(prior.map.ids)] = self._confirm
             self._slot = {landmark: i for i, landmark in enumerate(prior.map.ids.tolist())}
+        parts = JointParts(self._whole, self._where)
+        self._bias = None if prior.gyro is None else parts.constant(prior.gyro.sd, 0.0)  # the first pair but a map's
+        if prior.gyro is not None:
+            self._whole.mean[3 + 2 * len(self._slot)] = prior.gyro.mean
         self._late: LateStarts | None = None
         if prior.partial or prior.fixes:
-            self._late = LateStarts(JointParts(self._whole, self._where), prior, self._slot, self._started)
+            self._late = LateStarts(parts, prior, self._slot, self._started)
+        self._mixed = self._late is not None or self._bias is not None
+        """The state has more than landmarks and poses: it is not compressed."""
 
     def tell(self, truth: Truth) -> bool:
         """Stores the ground truth to linearise at; False unless the Jacobians are to be ideal."""
@@ -130,7 +139,7 @@ class Ekf:
             self._frame.truth[:] = self._truth_at(step.t)
         known, slot, part = self._whole.pairs, self._slot, self._whole
         landmarks, poses = len(slot), known - len(slot)
-        if landmarks > self._options.compress_above and self._late is None:
+        if landmarks > self._options.compress_above and not self._mixed:
             self._compressed()
         ids, z, R = step.sightings
         k = len(ids)
@@ -150,6 +159,8 @@ class Ekf:
         seen.slots[:k], seen.z[:k], seen.cov[:k] = slots[:k], z, R.reshape(k, 4)
         if step.odometry is not None:
             seen.motion[0], seen.motion[1:] = step.odometry
+            if self._bias is not None and step.gyro is not None:
+                turned(part.address, seen.address, 2 * known, self._bias, *step.gyro, self._where)
         failed, why, self._nis, self._nis_dof, self._refused = frame(
             part.address, seen.address, 2 * (part.pairs - self._whole.pairs + known), part.columns, k,
             step.odometry is not None, self._where, self._options.update == "joint", self._gate, self._confirm,
@@ -188,7 +199,7 @@ class Ekf:
         if odometry is not None:
             self._frame.motion[0], self._frame.motion[1:] = odometry
         where = STANDARD if self._where == IDEAL else self._where
-        if len(self._slot) > self._options.compress_above and self._late is None:
+        if len(self._slot) > self._options.compress_above and not self._mixed:
             part = self._compressed()
             part.bring_near(odometry, seen, gate)
             ids = ids[part.members()]
@@ -227,6 +238,14 @@ class Ekf:
         return None if self._late is None else self._late.range_errors
 
     @property
+    def gyro_bias(self) -> Bias | None:
+        """The gyro's bias at present; None without one in the state."""
+        if self._bias is None:
+            return None
+        var = self._whole.cov_of(np.array([self._bias // 2]))[0, 0]
+        return Bias(float(self._whole.mean[3 + self._bias]), float(np.sqrt(var)))
+
+    @property
     def pairs(self) -> int:
         """The state's pairs after the pose: landmarks, kept poses, constant errors."""
         return self._whole.pairs
@@ -241,7 +260,7 @@ class Ekf:
 
     def _map_of(self, whole: Joint) -> Map:
         ids = np.fromiter(self._slot, np.int64, len(self._slot))
-        if self._kept is None and self._late is None:
+        if self._kept is None and not self._mixed:
             return Map(ids, whole.xy(), whole.cov() if len(ids) <= LARGEST else None)
         pairs = np.fromiter(self._slot.values(), np.int64, len(ids))
         return Map(ids, whole.xy()[pairs], whole.cov_of(pairs) if len(ids) <= LARGEST else None)
@@ -307,4 +326,4 @@ def _sightings(k: int) -> dict[str, Any]:
     return {"slots": np.zeros(k, np.int64), "z": np.zeros((k, 2)), "cov": np.zeros((k, 4))}
 
 
-build = Builder(Ekf, options=Options, loops=True, partial=True, fixes=True, implementation=COMPILED_HERE)
+build = Builder(Ekf, options=Options, loops=True, partial=True, fixes=True, gyro=True, implementation=COMPILED_HERE)

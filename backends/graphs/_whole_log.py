@@ -9,7 +9,7 @@ from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from ..smoothing._graph import LINKS, NO_VARIABLE, POINT, STEPS, VARIABLES, Graph
 from ..smoothing._links import relink
-from ..smoothing._log import add_loop, add_parts_of, add_pose_after, add_sightings_of, move
+from ..smoothing._log import add_loop, add_parts_of, add_pose_after, add_sightings_of, add_turn, move
 
 
 class Columns(NamedTuple):
@@ -29,6 +29,8 @@ class Columns(NamedTuple):
     loop_delta: Array  # (l, 3)
     loop_cov: Array  # (l, 3, 3)
     start: Array  # (n, 3) linearisation points of poses; empty: from the motions
+    turns: Array  # (n, 3) turn by a gyro since the step before, its derivative by the bias, and its information
+    biases: Ints  # (n,) variable of that bias, or NO_VARIABLE without a turn
 
 
 @compiled
@@ -50,6 +52,9 @@ def write_steps(g: Graph, log: Columns, first: int, end: int, newest: int, pose:
             newest = add_pose_after(g, newest, k)
             if newest == NO_VARIABLE:
                 return NO_VARIABLE
+            if log.biases[k] >= 0:
+                turn, dt, sure = log.turns[k]
+                add_turn(g, int(g.at[k - 1]), newest, log.biases[k], turn, dt, sure)
         for i in range(3):
             g.values[newest, i] = pose[i]
         a, b = log.sighting_first[k], log.sighting_first[k + 1]

@@ -12,7 +12,7 @@ from ...core.factors import Log, Map
 from ...core.se2 import Array, Ints, compose
 from ..api import Constant, Diverged, Solution
 from ..common_options import LOSSES
-from ..constant_errors import fitted
+from ..constant_errors import NO_ERRORS, fitted, fitted_biases
 from ..incremental.smoother import LEAST, PATIENCE
 from ..smoothing import _log, _opening
 from ..smoothing._factors import HUBER, NONE
@@ -67,7 +67,8 @@ class Batch:
         forest = self.forest = Forest(loss, scale)
         given = 0 if prior.map is None else len(prior.map.ids)  # sighted or not
         looks = len(log.ids) + len(alone) + (0 if log.fixes is None else len(log.fixes))
-        forest.room(n, n + len(ids) + given, looks, n + len(log.loop_to), 0)
+        turns = 0 if log.gyro is None else len(log.gyro)
+        forest.room(n, n + len(ids) + given + turns, looks + 3 * turns, n + len(log.loop_to) + turns, 0)
         self._columns = _columns(log)
         forest.pose[:], forest.cov[:] = prior.pose, prior.cov
         _log.move(forest.g, self._columns.motions[0], forest.pose, forest.cov)
@@ -86,6 +87,7 @@ class Batch:
             part_landmarks=self.parts.landmarks,
             parts=self.parts.part,
             part_seen=self.parts.seen,
+            biases=self.parts.biases.of_step,
         )
 
     def start_at(self, path: Array, landmarks: Map, constant: Constant | None = None) -> None:
@@ -103,6 +105,8 @@ class Batch:
         if len(self.parts.constant.all):
             constant = fitted(self.log, path, landmarks) if constant is None else constant
             self.parts.constant.write(self.forest.g.values, landmarks.ids, constant)
+        if self.log.gyro is not None:
+            self.parts.biases.at = fitted_biases(self.log.gyro, path)
         self._write(len(path))
         values = self.forest.g.values
         for landmark, xy in zip(landmarks.ids.tolist(), landmarks.xy, strict=True):
@@ -165,7 +169,7 @@ class Batch:
         if not len(weights):
             return
         g = self.forest.g
-        of_loops = np.flatnonzero(g.links[: g.state[LINKS], LOOP])
+        of_loops = np.flatnonzero(g.links[: g.state[LINKS], LOOP] == 1)
         g.linked[of_loops, WEIGHT] = weights
         linearise_at(g, g.steps[: g.state[STEPS], POINT:].copy(), g.values.copy())
 
@@ -210,10 +214,14 @@ class Batch:
         if curved:
             cov = forest.pose_covariances()
             landmarks = joint_map(forest, landmarks.ids, self._variables(), forest.g.values, joint_up_to)
-        return Solution(path, landmarks, cov, converged, constant=self.constant(landmarks.ids))
+        constant = self.constant(landmarks.ids)
+        if self.log.gyro is not None:
+            constant = constant or NO_ERRORS
+            constant = constant._replace(gyro_bias=self.parts.biases.last(forest, curved=curved))
+        return Solution(path, landmarks, cov, converged, constant=constant)
 
     def constant(self, landmarks: Ints) -> Constant | None:
-        """The constant errors at the linearisation points; None without any."""
+        """The constant errors at the linearisation points, a gyro's aside; None without any."""
         return self.parts.constant.read(self.forest.g.values, landmarks)
 
     def _variables(self) -> Ints:
@@ -230,6 +238,7 @@ class Batch:
         for k in fresh[np.argsort(at)].tolist():
             self._variable_of[k] = self.variable[self._ids[k]] = _log.add_variable(g, 2, 0.0, 0.0, 0.0)
         columns.landmarks[rows] = self._variable_of[which]
+        touching = self.parts.begin_biases(forest, first, end)
         self._newest = write_steps(g, columns, first, end, last, forest.pose, forest.cov)
         if self._newest == NO_VARIABLE:
             raise Diverged(NO_COVARIANCE)
@@ -244,7 +253,7 @@ class Batch:
         loops = columns.loop_to[columns.loop_first[first] : columns.loop_first[end]]
         own = g.at[first:end][columns.poses[first:end]]
         parts = columns.part_landmarks[self.parts.first[first] : self.parts.first[end]]
-        touched = np.unique(np.concatenate((own, [last], columns.landmarks[rows], g.at[loops], parts, named)))
+        touched = np.unique(np.concatenate((own, [last], columns.landmarks[rows], g.at[loops], parts, named, touching)))
         touched = touched[touched >= 0]
         return touched[g.variables[touched, WIDTH] > 0]
 
@@ -294,6 +303,10 @@ def _columns(log: Log) -> Columns:
     for table in (log.partial, log.fixes):
         if table is not None:
             poses |= np.diff(table.first) > 0
+    turns = np.zeros((n, 3))
+    if (gyro := log.gyro) is not None:
+        poses[gyro.step] = poses[gyro.step - 1] = True
+        turns[gyro.step] = np.column_stack((gyro.turn, gyro.dt, 1 / gyro.var))
     poses[log.loop_to] = poses[0] = True
     return Columns(
         motions,
@@ -310,4 +323,6 @@ def _columns(log: Log) -> Columns:
         log.loop_delta.copy(),
         log.loop_cov.copy(),
         np.zeros((0, 3)),
+        turns,
+        np.full(n, NO_VARIABLE),
     )

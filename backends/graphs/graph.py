@@ -64,6 +64,7 @@ build = Builder(
     loops=True,
     partial=True,
     fixes=True,
+    gyro=True,
     minimises=minimises,
     implementation=implementation,
 )

@@ -32,6 +32,7 @@ class Options:
         "of solver=gtsam: GTSAM's solver of linear systems; multifrontal-solver reuses its symbolic part",
         choices=("multifrontal-cholesky", "multifrontal-qr", "multifrontal-solver"),
     )
+    gyro: str = common_options.gyro()
     gnc: bool = option(
         False, "reject sightings and loops by graduated non-convexity; loss then applies to the start only"
     )

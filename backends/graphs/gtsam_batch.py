@@ -11,12 +11,15 @@ import gtsam
 import numpy as np
 
 from ...core.factors import Log, Map, Prior, Step
+from ...core.gyro import Bias, Gyro
 from ...core.se2 import Array
 from ..api import Diverged, Solution
+from ..constant_errors import NO_ERRORS
 from . import isam2
 from ._gtsam import FAILURES, Factors, failure, joint_covariance, path_and_map, pose2
 from .distances import unevenness
 from .graph_options import Options
+from .gtsam_parts import FIRST_BIAS
 from .gtsam_whole import whole
 from .headings import by_headings
 
@@ -71,12 +74,22 @@ class GtsamBatch:
         if not np.isfinite(path).all() or not np.isfinite(landmarks.xy).all():
             raise Diverged("the optimum is not finite")
         constant = fit.factors.constant.read(landmarks.ids, fit.optimizer.values())
+        if self._log.gyro is not None:
+            constant = (constant or NO_ERRORS)._replace(gyro_bias=self._bias(self._log.gyro, fit))
         if not 0 < len(landmarks.ids) <= options.joint_up_to:
             return Solution(path, landmarks, constant=constant)
         with contextlib.suppress(*FAILURES):  # J may be flat in some direction, as for a landmark at the robot itself
             cov = joint_covariance(fit.factors.keys, gtsam.Marginals(fit.graph, fit.optimizer.values()))
             return Solution(path, landmarks._replace(cov=cov), constant=constant)
         return Solution(path, landmarks, constant=constant)
+
+    @staticmethod
+    def _bias(gyro: Gyro, fit: Fit) -> Bias:
+        """The gyro's bias at the end; without a standard deviation where J is not curved."""
+        key, values, sd = FIRST_BIAS + int(gyro.knot[-1]), fit.optimizer.values(), 0.0
+        with contextlib.suppress(*FAILURES):
+            sd = float(np.sqrt(gtsam.Marginals(fit.graph, values).marginalCovariance(key)[0, 0]))
+        return Bias(float(values.atPoint2(key)[0]), sd)
 
     def _fitted(self) -> Fit:
         """All factors and the optimum, from the start that the options say."""
@@ -113,7 +126,7 @@ class GtsamBatch:
             path = self._log.dead_reckoned() if start == "odometry" else by_headings(self._log)
             graph, values = whole(factors, self._log, path)
         else:
-            late = self._robust or self._log.partial is not None  # landmarks that start late
+            late = self._robust or self._log.partial is not None or self._log.gyro is not None
             graph, values = self._robust_start(factors) if late else self._smoothed(factors)
         if self._options.gnc:
             graph = self._inliers(graph, values)

@@ -11,16 +11,17 @@ import numpy as np
 
 from ...core.factors import Systematic
 from ...core.fixes import Fixes, residual
+from ...core.gyro import Gyro
 from ...core.partial import RANGE
-from ...core.se2 import Array, Ints, rotation
+from ...core.se2 import Array, Ints, rotation, wrap
 from ..api import Constant
 from ..late_places import Seen
 
 HELD = 1e-6
 """Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""
 
-FIRST_ERRORS, HEADING = gtsam.symbol("e", 0), gtsam.symbol("h", 0)
-"""Keys of the constant errors of ranges, (scale, offset), and of that of a heading, (offset, 0)."""
+FIRST_ERRORS, HEADING, FIRST_BIAS = gtsam.symbol("e", 0), gtsam.symbol("h", 0), gtsam.symbol("g", 0)
+"""Keys of the constant errors of ranges, (scale, offset), of that of a heading, and of a gyro's biases, (value, 0)."""
 
 Weighed = Callable[[gtsam.noiseModel.Base], gtsam.noiseModel.Base]
 
@@ -120,6 +121,37 @@ def _fix_factor(pose: int, turn: int | None, z: Array, cov: Array, arm: Array) -
         return -away[measured]
 
     return gtsam.CustomFactor(model, [pose] if constant is None else [pose, constant], off)
+
+
+def add_turns(gyro: Gyro, first: int, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
+    """Adds a gyro's turns between poses whose keys begin with `first`, its biases, their prior and their walk."""
+    mean, sd = gyro.prior
+    sds = gtsam.noiseModel.Diagonal.Sigmas(np.array((max(math.sqrt(sd**2 + gyro.walk[0]), HELD), 1.0)))
+    graph.add(gtsam.PriorFactorPoint2(FIRST_BIAS, np.array((mean, 0.0)), sds))
+    values.insert(FIRST_BIAS, np.array((mean, 0.0)))
+    last = FIRST_BIAS
+    columns = gyro.step, gyro.knot, gyro.turn, gyro.var, gyro.dt, gyro.walk
+    for step, knot, turn, var, dt, walk in zip(*(column.tolist() for column in columns), strict=True):
+        key = FIRST_BIAS + knot
+        if key > last:
+            moved = gtsam.noiseModel.Diagonal.Sigmas(np.array((math.sqrt(walk), 1.0)))
+            graph.add(gtsam.BetweenFactorPoint2(last, key, np.zeros(2), moved))
+            values.insert(key, np.array((mean, 0.0)))
+            last = key
+        graph.add(_turn_factor(first + step, key, turn, var, dt))
+
+
+def _turn_factor(pose: int, bias: int, turn: float, var: float, dt: float) -> gtsam.NonlinearFactor:
+    def off(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
+        del this
+        before, after = values.atPose2(pose - 1).theta(), values.atPose2(pose).theta()
+        if jacobians is not None:
+            jacobians[0], jacobians[1] = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]])
+            jacobians[2] = np.array([[dt, 0.0]])
+        return wrap(np.array([after - before + dt * values.atPoint2(bias)[0] - turn]))
+
+    model = gtsam.noiseModel.Isotropic.Sigma(1, math.sqrt(var))
+    return gtsam.CustomFactor(model, [pose - 1, pose, bias], off)
 
 
 def _add(key: int, sds: tuple[float, float], graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:

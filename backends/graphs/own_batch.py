@@ -113,7 +113,7 @@ def _started(log: Log, options: Options, steps: Sequence[Step], along: Array | N
 
 def _has_parts(log: Log) -> bool:
     """True for a log that the incremental smoother does not take."""
-    return log.partial is not None or log.fixes is not None
+    return log.partial is not None or log.fixes is not None or log.gyro is not None
 
 
 def _start(batch: Batch, start: str, along: Array | None) -> None:

@@ -1,9 +1,10 @@
-"""Partial sightings and fixes of a log as rows of a forest's tables, and the landmarks that these alone tell of."""
+"""Partial sightings, fixes and a gyro's biases as rows of a forest's tables, and landmarks that parts alone tell of."""
 
 import numpy as np
 
 from ...core.factors import Log, Map, Systematic
 from ...core.fixes import NO_FIXES, FixTable, information
+from ...core.gyro import Bias, Gyro
 from ...core.partial import NO_PARTIAL, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import rows_of
@@ -11,10 +12,10 @@ from ..api import Constant
 from ..late_places import somewhere
 from ..placing import placed
 from ..smoothing import _log
-from ..smoothing._graph import ALONE, FIX, LANDMARK, NO_VARIABLE, POSE
+from ..smoothing._graph import ALONE, FIX, LANDMARK, NO_VARIABLE, POSE, PRIOR
 from ..smoothing.arrays import with_rows
 from ..smoothing.forest import Forest
-from ..smoothing.maps import add_map
+from ..smoothing.maps import add_map, joint_map
 
 HELD = 1e-9
 """Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""
@@ -79,8 +80,55 @@ class ConstantVariables:
         return Constant(out[:, 0], out[:, 1], float(values[self.heading, 0]) if self.heading >= 0 else 0.0)
 
 
+class GyroBiases:
+    """The variables of a gyro's biases in a forest, and their rows: each bias is named at all poses of its turns.
+
+    So it is eliminated after these. A bias is the first of a pair, whose second is held at zero. At its first pose it
+    has its prior, or its walk since the one before.
+    """
+
+    def __init__(self, gyro: Gyro | None, steps: int) -> None:
+        none = np.zeros(0, np.int64)
+        self._first, self.of_step = none, np.full(steps, NO_VARIABLE)
+        """(steps,) the variable of the bias of each step's turn."""
+        self.step, self.knot, self.since, self.seen = none, none, none, np.zeros((0, 5))
+        """(k,) of each row, its bias, and the one that it has walked since, or -1; (k, 5) as in the forest's table."""
+        self.variable, self.at, self._gyro = none, np.zeros(0), gyro
+        """(b,) the variable of each bias, and its initial value."""
+        if gyro is None:
+            return
+        knot = gyro.knot
+        both = np.concatenate((np.column_stack((gyro.step - 1, knot)), np.column_stack((gyro.step, knot))))
+        self.step, self.knot = np.unique(both, axis=0).T
+        opens = np.unique(self.knot, return_index=True)[1]
+        self._first, self.variable = self.step[opens], np.full(len(opens), NO_VARIABLE)
+        self.at = np.full(len(opens), gyro.prior.mean)
+        self.since, self.seen = np.full(len(self.step), -1), np.zeros((len(self.step), 5))
+        self.seen[opens, 4] = 1.0
+        self.seen[opens[0], [0, 2]] = gyro.prior.mean, 1 / max(gyro.prior.sd**2 + gyro.walk[0], HELD**2)
+        walks = np.zeros((len(opens) - 1, 5))
+        walks[:, 4] = 1 / gyro.walk[np.flatnonzero(np.diff(knot)) + 1]
+        later = np.arange(1, len(opens))
+        self.step, self.knot = np.append(self.step, self._first[1:]), np.append(self.knot, later)
+        self.since, self.seen = np.append(self.since, later - 1), np.concatenate((self.seen, walks))
+
+    def begin(self, forest: Forest, end: int) -> None:
+        """Creates the variables of those that open before step `end`."""
+        if self._gyro is None:
+            return
+        for j in np.flatnonzero((self._first < end) & (self.variable < 0)).tolist():
+            self.variable[j] = _log.add_variable(forest.g, 2, float(self.at[j]), 0.0, 0.0)
+        self.of_step[self._gyro.step] = self.variable[self._gyro.knot]
+
+    def last(self, forest: Forest, *, curved: bool) -> Bias:
+        """The bias at the end; without a standard deviation where J is not curved."""
+        one = self.variable[-1:]
+        cov = joint_map(forest, one, one, forest.g.values, 1).cov if curved else None
+        return Bias(float(forest.g.values[one[0], 0]), 0.0 if cov is None else float(np.sqrt(cov[0, 0])))
+
+
 class Parts:
-    """The partial sightings and fixes of a log, in order of step, the partial ones of a step first."""
+    """Partial sightings, fixes and biases of a log, in order of step, the partial ones of a step first."""
 
     def __init__(self, log: Log, forest: Forest) -> None:
         n, empty = len(log), np.zeros(0, np.int64)
@@ -90,8 +138,11 @@ class Parts:
             forest, log.prior.systematic, np.unique(table.ids[table.kind == RANGE]), len(fixes) > 0
         )
         self._table, p = table, len(table)
-        order = np.argsort(np.concatenate((table.step, fixes.step)), kind="stable")
-        self.step = np.concatenate((table.step, fixes.step))[order]
+        self.biases = GyroBiases(log.gyro, n)
+        """The variables of a gyro's biases."""
+        step = np.concatenate((table.step, fixes.step, self.biases.step))
+        order = np.argsort(step, kind="stable")
+        self.step = step[order]
         """(k,) of each row."""
         self.first = np.searchsorted(self.step, np.arange(n + 1))
         """(n + 1,) rows of each step, as in a log."""
@@ -100,14 +151,16 @@ class Parts:
         self._row = np.empty(len(order), np.int64)
         self._row[order] = np.arange(len(order))
         isrange = table.kind == RANGE
-        seen = np.zeros((p + len(fixes), 5))
+        seen = np.zeros((len(order), 5))
         seen[np.arange(p), np.where(isrange, 0, 1)] = table.z
         seen[np.arange(p), np.where(isrange, 2, 4)] = 1 / table.var
+        seen[p + len(fixes) :] = self.biases.seen
         self.seen = seen[order]
         """(k, 5) as in the forest's table."""
         part = np.full(p, ALONE)
         part[isrange] = self.constant.of(table.ids[isrange])
-        self.part = np.concatenate((part, FIX - np.arange(len(fixes))))[order]
+        priors = np.full(len(self.biases.step), PRIOR)
+        self.part = np.concatenate((part, FIX - np.arange(len(fixes)), priors))[order]
         """(k,) likewise."""
         self.landmarks = np.full(len(order), NO_VARIABLE)
         """(k,) the variables of landmarks, NO_VARIABLE while they have no place, or of a heading's error."""
@@ -116,11 +169,27 @@ class Parts:
             if turn < 0:
                 forest.room(0, 1, 0, 0, 0)
                 turn = _log.add_variable(forest.g, 0, 0.0, 0.0, 0.0)
-            self.landmarks[self._row[p:]] = turn
+            self.landmarks[self._row[p : p + len(fixes)]] = turn
             forest.g = with_rows(forest.g, "fixed", len(fixes))
             forest.g.fixed[:, :3] = np.nan_to_num(fixes.z)
             forest.g.fixed[:, 3:9] = information(fixes.cov)[:, SIX[0], SIX[1]]
             forest.g.fixed[:, 9:] = fixes.arm
+
+    def begin_biases(self, forest: Forest, first: int, end: int) -> Ints:
+        """Creates the biases of turns before step `end`, and names them in their rows.
+
+        Returns the variables that are new, or have new factors at the steps from `first` on.
+        """
+        self.biases.begin(forest, end)
+        biases = self.biases
+        if not len(biases.step):
+            return np.zeros(0, np.int64)
+        rows = self._row[len(self._row) - len(biases.step) :]
+        self.landmarks[rows] = biases.variable[biases.knot]
+        walks = biases.since >= 0
+        self.part[rows[walks]] = biases.variable[biases.since[walks]]
+        mine = (first <= biases.step) & (biases.step < end)
+        return np.unique(biases.variable[np.concatenate((biases.knot[mine], biases.since[mine & walks]))])
 
     def waits(self, landmark: int) -> bool:
         """True while a landmark's rows have no variable."""

@@ -5,8 +5,9 @@ import numpy as np
 from ...core.kernels._planar import information, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._factors import distance, fix_off, loss, range_off, square_of
+from ._factors import distance, fix_off, loss, range_off, square_of, turn_off
 from ._graph import (
+    BIAS,
     COVARIANCE,
     DELTA,
     END,
@@ -27,6 +28,7 @@ from ._graph import (
     SCALE,
     STEP,
     STEPS,
+    TURN,
     UPDATE,
     VARIABLES,
     WEIGHT,
@@ -62,6 +64,9 @@ def cost(g: Graph, path: Array, values: Array) -> float:
         if g.links[k, LOOP]:
             first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
             L = g.linked[k]
+            if g.links[k, LOOP] == TURN:
+                total += L[MOTION + 2] * turn_off(path[first, 2], path[last, 2], values[g.links[k, BIAS], 0], L) ** 2
+                continue
             q = motion_cost(path[first], path[last], L, MOTION, COVARIANCE)
             total += L[WEIGHT] * loss(g.settings[LOSS], g.settings[SCALE], q)
     for v in range(g.state[VARIABLES]):
@@ -81,6 +86,9 @@ def cost(g: Graph, path: Array, values: Array) -> float:
             if part == PRIOR:
                 for i in range(2):
                     total += g.seen[s, 2 + 2 * i] * (m[i] - g.seen[s, i]) ** 2
+                continue
+            if part >= 0 and g.seen[s, 4] > 0.0:
+                total += g.seen[s, 4] * (m[0] - values[part, 0]) ** 2
                 continue
             if part >= 0:
                 off = range_off(x[0], x[1], m[0], m[1], values[part, 0], values[part, 1], g.seen[s, 0])[3]

@@ -14,7 +14,7 @@ from math import atan2, cos, log, sin, sqrt
 from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._graph import FIX, INFORMATION, LANDMARK, LOSS, OFFSET, PART, POSE, SCALE, A, B, Graph
+from ._graph import BIAS, FIX, INFORMATION, LANDMARK, LOSS, MOTION, OFFSET, PART, POSE, SCALE, A, B, Graph
 
 NONE, HUBER, CAUCHY, GEMAN_MCCLURE = range(4)
 """Robust losses of sightings and loop closures."""
@@ -275,3 +275,33 @@ def add_link(g: Graph, k: int, F: Array, w: int, ia: int, ib: int) -> None:
     F[o + 2 * down] -= sx
     F[o + 2 * down + right] -= sy
     F[o + 2 * down + 2 * right] -= st
+
+
+@compiled
+def turn_off(heading: float, heading2: float, bias: float, L: Array) -> float:
+    """The residual of a gyro's turn between two headings; L is its row of `linked`."""
+    return wrap(heading2 - heading + L[MOTION + 1] * bias - L[MOTION])
+
+
+@compiled
+def add_turn(g: Graph, k: int, F: Array, w: int, ia: int, ib: int, il: int) -> None:
+    """Adds link `k`, a gyro's turn: headings at rows `ia` and `ib`, the bias at `il`."""
+    L = g.linked[k]
+    e = turn_off(g.values[g.links[k, A], 2], g.values[g.links[k, B], 2], g.values[g.links[k, BIAS], 0], L)
+    W = L[MOTION + 2]
+    rows, J = (ia, ib, il), (-1.0, 1.0, L[MOTION + 1])
+    for i in range(3):
+        F[rows[i] * w + w - 1] -= W * J[i] * e
+        for j in range(i, 3):
+            F[min(rows[i], rows[j]) * w + max(rows[i], rows[j])] += W * J[i] * J[j]
+
+
+@compiled
+def add_walk(g: Graph, s: int, F: Array, w: int, il: int, ie: int) -> None:
+    """Adds row `s` of the sightings, the walk of a gyro's bias at row `il` since the one at row `ie`."""
+    W, e = g.seen[s, 4], g.values[g.sightings[s, LANDMARK], 0] - g.values[g.sightings[s, PART], 0]
+    F[il * w + il] += W
+    F[ie * w + ie] += W
+    F[min(il, ie) * w + max(il, ie)] -= W
+    F[il * w + w - 1] -= W * e
+    F[ie * w + w - 1] += W * e

@@ -10,8 +10,9 @@ from ...core.kernels._cholesky import factor, unsigned
 from ...core.kernels._planar import information, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._factors import add_fix, add_held, add_link, add_pose, add_range, add_sighting
+from ._factors import add_fix, add_held, add_link, add_pose, add_range, add_sighting, add_turn, add_walk
 from ._graph import (
+    BIAS,
     BOUND,
     CHILD,
     DAMPING,
@@ -28,6 +29,7 @@ from ._graph import (
     LAST,
     LATEST,
     LISTED,
+    LOOP,
     MEMBERS,
     NEAR,
     NEXT,
@@ -38,6 +40,7 @@ from ._graph import (
     ROOT,
     SIZE,
     TODO,
+    TURN,
     UPDATE,
     WIDTH,
     WORK,
@@ -102,7 +105,9 @@ def add_sightings(g: Graph, pose: int, F: Array, w: int) -> None:
         landmark = g.sightings[s, LANDMARK]
         if landmark >= 0:
             il, part = g.variables[landmark, PLACE] if g.variables[landmark, WIDTH] else -1, g.sightings[s, PART]
-            if part >= 0:
+            if part >= 0 and g.seen[s, 4] > 0.0:
+                add_walk(g, s, F, w, il, g.variables[part, PLACE])
+            elif part >= 0:
                 add_range(g, s, F, w, ip, il, g.variables[part, PLACE])
             elif part <= FIX:
                 add_fix(g, s, F, w, ip, il)
@@ -180,7 +185,11 @@ def eliminate(g: Graph, c: int) -> None:
                 add_prior(g, F, w)
     for t in range(start + q[MEMBERS], start + q[MEMBERS] + q[BOUND]):
         k = g.ints[t]
-        add_link(g, k, F, w, g.variables[g.links[k, A], PLACE], g.variables[g.links[k, B], PLACE])
+        ia, ib = g.variables[g.links[k, A], PLACE], g.variables[g.links[k, B], PLACE]
+        if g.links[k, LOOP] == TURN:
+            add_turn(g, k, F, w, ia + 2, ib + 2, g.variables[g.links[k, BIAS], PLACE])
+        else:
+            add_link(g, k, F, w, ia, ib)
     child = q[CHILD]
     while child > 0:
         add_child(g, child, F, w)

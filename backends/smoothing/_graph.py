@@ -20,7 +20,7 @@ class Graph(Arrays):
     sightings: IntegerTable  # (S, 3)
     seen: Table  # (S, 5) range, bearing, and their information: rr, rb, bb
     fixed: Table  # (F, 11) fixes: x, y, heading; their information, as of a pose; the antenna's place (2)
-    links: IntegerTable  # (K, 5)
+    links: IntegerTable  # (K, 6)
     linked: Table  # (K, 19)
     steps: Table  # (T, 12) odometry (3), its covariance (6), linearisation point (3)
     at: Integers  # (T,) the variable of a step's pose, or NO_VARIABLE minus the link containing it
@@ -49,11 +49,13 @@ LANDMARK, POSE, PART = range(3)
 # PART: a whole sighting; a range or a bearing alone, the other's information being zero; the prior of constant errors,
 # whose variable is the landmark; FIX - n: the fix in row n of `fixed`, whose landmark is the variable of a heading's
 # constant error, or one that is held fixed; else a range alone with constant errors, and the variable of its scale and
-# offset
+# offset, or, with the information of a bearing, the walk of a gyro's bias, the landmark, since that variable
 WHOLE, ALONE, PRIOR, FIX = -1, -2, -3, -4
-# links: from A to B; of a loop closure LOOP is 1
-A, B, NEXT_A, NEXT_B, LOOP = range(5)
-# linked: the measured offset of B, its information; a loop closure's motion, covariance and weight, 0 if left out
+# links: from A to B; of a loop closure LOOP is 1, of a gyro's turn TURN, which has the variable of its BIAS
+A, B, NEXT_A, NEXT_B, LOOP, BIAS = range(6)
+TURN = 2
+# linked: the measured offset of B, its information; a loop closure's motion, covariance and weight, 0 if left out; of
+# a turn that, its derivative by the bias and its information, from MOTION on
 OFFSET, INFORMATION, MOTION, COVARIANCE, WEIGHT = 0, 3, 9, 12, 18
 # settings; LATEST is the estimate of the last pose, the new linearisation point if it is off by more than ENOUGH;
 # CLOSEST is the range of the nearest sighting, or NEAR_SDS standard deviations of that range

@@ -29,6 +29,7 @@ from ._graph import (
     POINT,
     SCALE,
     STEP,
+    TURN,
     WEIGHT,
     A,
     B,
@@ -65,6 +66,8 @@ def relink(g: Graph, k: int) -> bool:
     first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
     L = g.linked[k]
     S = np.zeros(6)
+    if g.links[k, LOOP] == TURN:
+        return True
     if g.links[k, LOOP]:
         p, q = g.steps[first], g.steps[last]
         e0, e1, e2, c, s = motion_offset(

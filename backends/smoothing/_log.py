@@ -8,6 +8,7 @@ from ...core.kernels._planar import add_turned, levered, moved
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from ._graph import (
+    BIAS,
     CLIQUE,
     CLOSEST,
     COVARIANCE,
@@ -35,6 +36,7 @@ from ._graph import (
     SLOT,
     STEP,
     STEPS,
+    TURN,
     VARIABLES,
     WEIGHT,
     WHOLE,
@@ -240,3 +242,14 @@ def add_loop(g: Graph, a: int, b: int, delta: Array, cov: Array) -> bool:
     g.linked[k, WEIGHT] = 1.0
     hang(g, k)
     return relink(g, k)
+
+
+@compiled
+def add_turn(g: Graph, a: int, b: int, bias: int, turn: float, dt: float, information: float) -> None:
+    """Adds a gyro's turn from pose `a` to pose `b`, whose parts name the variable of the `bias`; there must be room."""
+    k = g.state[LINKS]
+    g.state[LINKS] = k + 1
+    g.links[k, A], g.links[k, B], g.links[k, LOOP], g.links[k, BIAS] = a, b, TURN, bias
+    L = g.linked[k]
+    L[MOTION], L[MOTION + 1], L[MOTION + 2] = turn, dt, information
+    hang(g, k)

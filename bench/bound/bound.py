@@ -35,8 +35,8 @@ class Bound(NamedTuple):
 
 
 def bound(log: Log, truth: Truth | None) -> Bound | None:
-    """Computes it; None where the truth or numerical precision does not suffice, or the log is too large."""
-    known = None if log.prior.start != "known" else known_log(log, truth)
+    """Computes it; None where truth or precision does not suffice, and of a log with a gyro or one that is too large."""
+    known = None if log.prior.start != "known" or log.gyro is not None else known_log(log, truth)
     if known is None or 2 * len(known.landmarks.ids) + 3 * len(np.unique(known.log.loop_to)) > LARGEST:
         return None
     try:

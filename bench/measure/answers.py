@@ -118,7 +118,7 @@ def _checked_constant(solution: Solution, n: int) -> Constant | None:
     shape = (n,) if np.shape(found.range_scale) != (1,) else (1,)
     scale = finite(found.range_scale, shape, "finish(): range_scale")
     offset = finite(found.range_offset, shape, "finish(): range_offset")
-    return Constant(scale, offset, float(finite(found.heading_offset, (), "finish(): heading_offset")))
+    return Constant(scale, offset, float(finite(found.heading_offset, (), "finish(): heading_offset")), found.gyro_bias)
 
 
 def is_convergence(value: Any) -> bool:

@@ -112,7 +112,7 @@ def _run(
             return Result("skipped", why, row)
         if builder.associating(job.options):
             row["ignored"] = 0
-        used = given(builder, log)
+        used = given(builder, log, job.options)
         truth = read_truth() if job.oracle else None
         oracle = truth if truth is not None and truth.kind == "truth" else None  # a batch optimum is no ground truth
         if job.again:
@@ -164,6 +164,8 @@ def _left_out(used: Given) -> Iterator[str]:
     for count, one, many in kinds:
         if count:
             yield f"1 {one} is left out" if count == 1 else f"{count} {many} are left out"
+    if used.turns:
+        yield f"{used.turns} turns by the gyro are in the odometry, their bias {used.bias}"
 
 
 def _scored(judged: Score, outcome: Outcome, used: Given, row: dict[str, Any]) -> Result:

@@ -19,6 +19,7 @@ from ...backends.constant_errors import (
     prior_cost,
     squared_fixes,
     squared_partial,
+    turn_cost,
 )
 from ...backends.models import innovation, sight
 from ...core.factors import UNKNOWN, Log, Map
@@ -111,8 +112,9 @@ def _prior(log: Log, path: Array, landmarks: Map) -> float:
 
 
 def _fixed(log: Log, path: Array, constant: Constant) -> float:
-    """The terms of fixes and of the constant errors' priors."""
+    """The terms of fixes, of a gyro's turns and of the constant errors' priors."""
     off = 0.0 if log.fixes is None else float(squared_fixes(log.fixes, fix_residuals(log.fixes, path, constant)).sum())
+    off += 0.0 if log.gyro is None else turn_cost(log.gyro, path)
     return off + prior_cost(log, constant)
 
 

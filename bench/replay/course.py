@@ -79,7 +79,7 @@ def run(task: ReplayTask) -> Course:
         builder = backends.find(cell.name)
         if why := refused(builder, log):
             return course._replace(ended=why)
-        log = given(builder, log).log
+        log = given(builder, log, cell.options).log
         log = log if builder.associating(cell.options) else log.identified()
 
         def make() -> Backend:

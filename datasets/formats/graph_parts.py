@@ -62,11 +62,13 @@ def with_parts(log: Log, ids: Ints, alone: Sequence[Alone], placed: Sequence[Pla
 
 
 def check_parts(path: Path, log: Log, file: str, kind: int | None, *, positions: bool = False) -> None:
-    """Raises InputError for what a `file` cannot represent: signatures, sightings of a part not of `kind`, and fixes.
+    """Raises InputError for what a `file` cannot represent: signatures, turns, parts that are not of `kind`, and fixes.
 
     It can represent fixes of whole poses, and with `positions` of x and y.
     """
     partial, fixes = log.partial, log.fixes
+    if log.gyro is not None:
+        raise InputError(f"{path}: log {log.name} has turns by a gyro, which a {file} cannot represent.")
     if log.signatures is not None:
         raise InputError(f"{path}: log {log.name} has signatures, which a {file} cannot represent.")
     for other, words in ((RANGE, "ranges"), (BEARING, "bearings")):

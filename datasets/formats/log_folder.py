@@ -11,6 +11,8 @@
     fixes.csv        step,x,y,heading,cxx,cxy,cxt,cyy,cyt,ctt[,arm_x,arm_y]
                                                                      of the pose in the world, blank where not measured,
                                                                      and the antenna's place in the body frame; optional
+    gyro.csv         step,turn,var,dt,walk                           turns by a gyro since the step before, at most one
+                                                                     a step, sorted: see `core.gyro`; optional
     loops.csv        step,to,dx,dy,dtheta,cxx,cxy,cxt,cyy,cyt,ctt[,false]
                                                                      one row per loop closure, sorted by step; optional
     truth.tum        t x y z qx qy qz qw                             optional
@@ -24,7 +26,8 @@ table [contents] of log.toml has the number of rows and the digests of the files
 are refused. A loop closure that is known to be false has 1 in the column false, others 0. A table [sensor] with x, y,
 yaw and delay says that sightings.csv is of a sensor mounted so, not of the body; it is never written. A table
 [systematic] has the standard deviations of errors that are constant: range_scale, range_offset (m) and heading_offset
-(rad), and `each = true` where every landmark has its own.
+(rad), and `each = true` where every landmark has its own. A table [gyro] has the mean and the standard deviation of a
+gyro's bias before its first turn, rad/s: bias and bias_sd, 0 where not given.
 """
 
 import os
@@ -167,7 +170,7 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
     loops = yield from by_step(loops, len(odometry.rows), "to", *(FALSE if told else ()))
     if signed is not None and len(signed.rows) != len(sightings.rows):
         signed = None  # rows of sightings.csv have faults, and were left out
-    parts = yield from scan_parts(folder, len(odometry.rows))
+    parts = yield from scan_parts(folder, len(odometry.rows), words.prior.gyro)
     yield from _scan_rows(words, parts.counts)
     log = Log.from_arrays(
         words.name,
@@ -185,6 +188,7 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
         loop_cov=symmetric(loops.rows[:, 5 : len(LOOPS)]),
         partial=parts.partial,
         fixes=parts.fixes,
+        gyro=parts.gyro,
         signature=None if signed is None else signed.rows[:, 0],
         signature_var=None if signed is None else signed.rows[:, 1],
         notes=words.notes,
@@ -252,7 +256,7 @@ def _scan_false(loops: Table) -> Scan[Ints]:
 def _scan_changes(words: Words, found: Contents) -> Scan[None]:
     """Yields a fault for each file that no longer matches log.toml's digests."""
     yield from _scan_rows(words, {file: found.rows.get(file, 0) for file in words.contents.rows})
-    also = "".join(f", or {file}" for file in FILES[3:7] if file in found.rows)
+    also = "".join(f", or {file}" for file in FILES[3:8] if file in found.rows)
     parts = {
         "factors": "prior, odometry.csv, sightings.csv or loops.csv" + also,
         "truth": "truth.tum, landmarks.csv, relations.csv, true_id or false",

@@ -14,6 +14,7 @@ import tomli_w
 
 from ...core.errors import InputError
 from ...core.factors import STARTS, Log, Map, Prior, Systematic
+from ...core.gyro import Bias
 from ...core.mounting import NONE, Mounting
 from ...core.scan import Scan, attempted
 from ...core.toml.table import LARGEST, TomlTable
@@ -22,9 +23,11 @@ T = TypeVar("T")
 P = ParamSpec("P")
 
 FILES = (
-    "odometry.csv", "sightings.csv", "loops.csv", "ranges.csv", "bearings.csv", "fixes.csv", "signatures.csv",
-    "truth.tum", "landmarks.csv", "relations.csv",
+    "odometry.csv", "sightings.csv", "loops.csv", "ranges.csv", "bearings.csv", "fixes.csv", "gyro.csv",
+    "signatures.csv", "truth.tum", "landmarks.csv", "relations.csv",
 )  # fmt: skip
+
+BIAS = ("bias", "bias_sd")  # rad/s, of the table gyro
 
 NOWHERE = Prior(np.zeros(3), np.eye(3))  # replaces an unreadable prior
 
@@ -85,6 +88,7 @@ def write_words(path: Path, log: Log, truth_kind: str | None, contents: Contents
     prior |= {} if log.prior.start == "known" else {"start": log.prior.start}
     constant = log.prior.systematic
     known = {} if constant == Systematic() else {"systematic": constant._asdict()}
+    known |= {} if log.gyro is None else {"gyro": dict(zip(BIAS, log.gyro.prior, strict=True))}
     truth = {} if truth_kind is None else {"truth": {"kind": truth_kind}}
     digests = {key: digest for key in ("factors", "truth") if (digest := getattr(contents, key)) is not None}
     # First the files' contents: if the end of this file is lost, that can be told from a shorter log.
@@ -96,11 +100,12 @@ def write_words(path: Path, log: Log, truth_kind: str | None, contents: Contents
 def scan_words(path: Path) -> Scan[Words]:
     """Scans the metadata in `path`; a fault names the line and the key, what was found and what was expected."""
     file = TomlTable.read(path)
-    yield from file.unknown(("name", "prior", "systematic", "truth", "contents", "notes", "sensor"))
+    yield from file.unknown(("name", "prior", "systematic", "gyro", "truth", "contents", "notes", "sensor"))
     name = yield from _tried(_name, file)
     notes = yield from _tried(file.table, "notes")
     prior = yield from attempted(_scan_prior(file))
     prior = (prior or NOWHERE)._replace(systematic=(yield from attempted(_scan_systematic(file))) or Systematic())
+    prior = prior._replace(gyro=(yield from attempted(_scan_gyro(file))))
     kind = yield from _tried(_truth_kind, file)
     contents = yield from attempted(_scan_contents(file))
     sensor = yield from attempted(_scan_sensor(file))
@@ -161,6 +166,14 @@ def _scan_systematic(file: TomlTable) -> Scan[Systematic]:
     for name in Systematic._fields[:3]:
         sds[name] = (yield from _tried(given.number, name, 0.0, least=0.0)) or 0.0
     return Systematic(**sds, each=bool((yield from _tried(given.switch, "each", False))))
+
+
+def _scan_gyro(file: TomlTable) -> Scan[Bias]:
+    """The belief about a gyro's bias; zero where there is none."""
+    given = file.table("gyro")
+    yield from given.unknown(BIAS)
+    mean = (yield from _tried(given.number, BIAS[0], 0.0)) or 0.0
+    return Bias(mean, (yield from _tried(given.number, BIAS[1], 0.0, least=0.0)) or 0.0)
 
 
 def _scan_contents(file: TomlTable) -> Scan[Contents]:

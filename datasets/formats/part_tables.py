@@ -1,4 +1,4 @@
-"""Reads and writes what tells a part alone in the folder of a log: ranges.csv, bearings.csv and fixes.csv.
+"""Reads and writes what few logs have in their folder: ranges.csv, bearings.csv, fixes.csv and gyro.csv.
 
 In the log the ranges of a step precede its bearings, in the order of their files.
 """
@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...core.check import FIXES, PARTIAL, Problem
+from ...core.check import FIXES, GYRO, PARTIAL, Problem
 from ...core.errors import InputError
 from ...core.factors import Log
 from ...core.fixes import FixTable
+from ...core.gyro import Bias, Gyro
 from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.scan import Scan, attempted
 from ...core.se2 import Array, Ints
@@ -24,6 +25,7 @@ from .steps import by_step
 TRUE_ID = ("true_id",)
 FILES = {RANGE: "ranges.csv", BEARING: "bearings.csv"}
 FIXES_FILE = "fixes.csv"
+GYRO_FILE = "gyro.csv"
 PARTS = (*FILES.values(), FIXES_FILE)
 
 _ARM = FIXES[-2:]
@@ -37,18 +39,19 @@ class Parts(NamedTuple):
     counts: Mapping[str, int] = {}  # of all their rows, bad ones included
     partial: PartialTable | None = None
     fixes: FixTable | None = None
+    gyro: Gyro | None = None
     assigned: Ints | None = None  # (p,) true ids, where a file has them
     origin: Ints = np.zeros((0, 2), np.int64)  # (p, 2) kind and row of its table, of each partial sighting
 
     def fault(self, problem: Problem) -> InputError:
-        """The error about a row of ranges, bearings or fixes."""
-        if problem.table == "fixes":
-            return self.tables[FIXES_FILE].fault(problem.row, problem.message)
+        """The error about a row of ranges, bearings, fixes or turns."""
+        if problem.table in ("fixes", "gyro"):
+            return self.tables[f"{problem.table}.csv"].fault(problem.row, problem.message)
         kind, row = self.origin[problem.row]
         return self.tables[FILES[kind]].fault(row, problem.message)
 
 
-def scan_parts(folder: Path, steps: int) -> Scan[Parts]:
+def scan_parts(folder: Path, steps: int, bias: Bias | None) -> Scan[Parts]:
     """Scans those of the files that are there, of a log of that many steps; bad rows are left out."""
     tables, counts = dict[str, Table](), dict[str, int]()
     for kind, name in FILES.items():
@@ -69,7 +72,14 @@ def scan_parts(folder: Path, steps: int) -> Scan[Parts]:
             arm = table.rows[:, 10:] if table.columns == FIXES else None
             cov = symmetric(table.rows[:, 4:10])
             fixes = FixTable.from_arrays(steps, table.whole("step"), table.rows[:, 1:4], cov, arm)
-    return Parts(tables, counts, partial, fixes, assigned, origin)
+    gyro = None
+    if os.path.lexists(folder / GYRO_FILE):
+        table = yield from attempted(scan_csv(folder / GYRO_FILE, GYRO))
+        if table is not None:
+            counts[GYRO_FILE] = len(table.rows)
+            table = tables[GYRO_FILE] = yield from by_step(table.sound(), steps)
+            gyro = Gyro.from_arrays(table.whole("step"), *table.rows[:, 1:].T, bias=bias)
+    return Parts(tables, counts, partial, fixes, gyro, assigned, origin)
 
 
 def _scan_partial(path: Path, columns: tuple[str, ...], steps: int, counts: dict[str, int]) -> Scan[Table]:
@@ -118,7 +128,8 @@ def rows_of(log: Log) -> dict[str, int]:
     if log.partial is not None:
         counts = {name: int((log.partial.kind == kind).sum()) for kind, name in FILES.items()}
         rows |= {name: count for name, count in counts.items() if count}
-    return rows if log.fixes is None else rows | {FIXES_FILE: len(log.fixes)}
+    rows |= {} if log.fixes is None else {FIXES_FILE: len(log.fixes)}
+    return rows if log.gyro is None else rows | {GYRO_FILE: len(log.gyro)}
 
 
 def columns_of(log: Log, assigned: Ints | None) -> dict[str, tuple[tuple[str, ...], list[Array | Ints]]]:
@@ -136,6 +147,8 @@ def columns_of(log: Log, assigned: Ints | None) -> dict[str, tuple[tuple[str, ..
     if log.fixes is not None:
         one = log.fixes
         found[FIXES_FILE] = FIXES, [one.step, *one.z.T, *upper(one.cov), *one.arm.T]
+    if log.gyro is not None:
+        found[GYRO_FILE] = GYRO, [getattr(log.gyro, name) for name in GYRO]
     return found
 
 

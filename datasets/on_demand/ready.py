@@ -1,7 +1,7 @@
 """Makes logs ready for backends: turns (name, options, seed) into a log.
 
-Noise is drawn anew here, false loops are planted, ids hidden, signatures given, sightings reduced to a part, fixes and
-maps given, so that the log is otherwise that without these options, and cached once.
+Noise is drawn anew here, false loops are planted, ids hidden, signatures given, sightings reduced to a part, fixes,
+turns of a gyro, wheels' slip and maps given, so that the log is otherwise that without these options, and cached once.
 """
 
 from dataclasses import fields, replace
@@ -15,8 +15,10 @@ from ..on_map import OnMap, on_map
 from ..redrawn import Drawn, draws, redrawn
 from ..registry import Named, Source
 from .fixes import WorldFixes, with_fixes
+from .gyro import WorldGyro, with_gyro
 from .parts import Parts, with_parts
 from .signatures import WorldSignatures, with_signatures
+from .slip import WorldSlip, with_slip
 
 
 def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
@@ -29,7 +31,7 @@ def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
         own = replace(own, name=None)
     if isinstance(options, HiddenIds):
         own = replace(own, ids=KNOWN)
-    for changing in (OnMap, Parts, WorldFixes, WorldSignatures):
+    for changing in (OnMap, Parts, WorldFixes, WorldGyro, WorldSignatures, WorldSlip):
         if isinstance(options, changing):
             own = replace(own, **{one.name: one.default for one in fields(changing)})
     if isinstance(options, FalseLoops):
@@ -49,4 +51,8 @@ def made_ready(name: str, source: Source, options: Any, seed: int) -> Dataset:
         dataset = with_parts(dataset, options, generator(f"parts of {name}", seed))
     if isinstance(options, WorldFixes):
         dataset = with_fixes(dataset, options, generator(f"fixes of {name}", seed))
+    if isinstance(options, WorldSlip):
+        dataset = with_slip(dataset, options, generator(f"slip of {name}", seed))
+    if isinstance(options, WorldGyro):
+        dataset = with_gyro(dataset, options, generator(f"gyro of {name}", seed))
     return on_map(dataset, options, generator(f"map of {name}", seed)) if isinstance(options, OnMap) else dataset

@@ -20,8 +20,10 @@ from ...core.options import option
 from ...core.se2 import Array, Ints
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
+from ..on_demand.gyro import WorldGyro
 from ..on_demand.parts import Parts
 from ..on_demand.signatures import WorldSignatures
+from ..on_demand.slip import WorldSlip
 from ..on_map import OnMap
 from ..registry import Named, Source
 from ..worlds import matlab_report as report
@@ -37,7 +39,7 @@ MOST_STEPS = 100_000
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldSignatures, Faults, Named):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSignatures, Faults, Named):
     """The files, the robot, its noise, and faults."""
 
     landmarks: str | None = option(None, "file of the landmarks: x,y or id,x,y, or the variable lm of a .mat file")

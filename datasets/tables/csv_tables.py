@@ -21,10 +21,10 @@ import numpy as np
 from ...core.csv_values import digits_lost
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Dataset, Log, Map, Prior, Systematic, Truth
-from ...core.pauses import longest_pause
 from ...core.se2 import Array, summed, wrap
 from ...core.table import LARGEST, Table
 from ...core.truth.tum import read_tum
+from ...frontend.pauses import longest_pause
 from ...frontend.wheels.commands import driven
 from ...frontend.wheels.encoder import Floors
 from ...frontend.wheels.holes import Holes

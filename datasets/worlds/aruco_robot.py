@@ -22,8 +22,10 @@ from ...frontend.markers.noise import ProportionalNoise
 from ...frontend.wheels.encoder import Encoder
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
+from ..on_demand.gyro import WorldGyro
 from ..on_demand.parts import Parts
 from ..on_demand.signatures import WorldSignatures
+from ..on_demand.slip import WorldSlip
 from ..on_map import OnMap
 from ..registry import Source
 from ..rendering.room import Room, wall_point
@@ -62,7 +64,7 @@ LOOP = ClosedPath(
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldSignatures, Faults):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSignatures, Faults):
     """The room, the drive, and faults."""
 
     markers: int = option(24, "markers around the walls", minimum=1, maximum=200)

@@ -21,8 +21,10 @@ from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.ticks import Ticks, Wheels
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
+from ..on_demand.gyro import WorldGyro
 from ..on_demand.parts import Parts
 from ..on_demand.signatures import WorldSignatures
+from ..on_demand.slip import WorldSlip
 from ..on_map import OnMap
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
@@ -62,7 +64,7 @@ BERTH = 0.3  # m, least distance of the robot's middle from a box
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldSignatures, WheelFaults, CameraOptions):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSignatures, WheelFaults, CameraOptions):
     """The drive and the room."""
 
     markers: int = option(24, "markers in the room, half of them on the floor", minimum=2, maximum=50)

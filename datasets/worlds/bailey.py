@@ -20,8 +20,10 @@ from ...core.small_matrices import product
 from ...frontend.wheels.encoder import compose
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
+from ..on_demand.gyro import WorldGyro
 from ..on_demand.parts import Parts
 from ..on_demand.signatures import WorldSignatures
+from ..on_demand.slip import WorldSlip
 from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
@@ -44,7 +46,7 @@ ASIDE = (4.0, 14.0)
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldSignatures, Faults):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSignatures, Faults):
     """The world, its noise, and faults."""
 
     landmarks: int = option(35, "landmarks along the loop; smaller sets are part of larger", minimum=1, maximum=10_000)

@@ -21,8 +21,10 @@ from ...core.options import option
 from ...core.se2 import Array, wrap
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
+from ..on_demand.gyro import WorldGyro
 from ..on_demand.parts import Parts
 from ..on_demand.signatures import WorldSignatures
+from ..on_demand.slip import WorldSlip
 from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
@@ -33,7 +35,7 @@ PERIOD = 1.0  # s between steps
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldSignatures, Faults):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSignatures, Faults):
     """The drive, its noise, and faults."""
 
     steps: int = option(2500, "steps, of 1 s", minimum=2, maximum=100_000)

@@ -14,8 +14,10 @@ from ...core.options import option
 from ...core.se2 import Array, Ints, wrap
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
+from ..on_demand.gyro import WorldGyro
 from ..on_demand.parts import Parts
 from ..on_demand.signatures import WorldSignatures
+from ..on_demand.slip import WorldSlip
 from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
@@ -30,7 +32,7 @@ HEADINGS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])  # east, north, west and
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldSignatures, Faults):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSignatures, Faults):
     """The city, the drive, its noise, and faults."""
 
     landmarks: int = option(

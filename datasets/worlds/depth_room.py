@@ -18,8 +18,10 @@ from ...frontend.depth.settings import Settings
 from ...frontend.wheels.track import Track, TrackNoise
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
+from ..on_demand.gyro import WorldGyro
 from ..on_demand.parts import Parts
 from ..on_demand.signatures import WorldSignatures
+from ..on_demand.slip import WorldSlip
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
 from ..rendering.depth import NOISE_SD
@@ -69,7 +71,7 @@ class Drive(WheelFaults):
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, Parts, WorldFixes, WorldSignatures, Settings, Drive):
+class Options(HiddenIds, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSignatures, Settings, Drive):
     """The drive and the front end."""
 
 

@@ -18,6 +18,8 @@ from ...frontend.laser.settings import Settings
 from ..false_loops import FalseLoops
 from ..grid_file import grid_files, localised
 from ..on_demand.fixes import WorldFixes
+from ..on_demand.gyro import WorldGyro
+from ..on_demand.slip import WorldSlip
 from ..registry import Source
 from ..wheel_faults import WheelFaults, faulty_clock, faulty_poses
 from ._casting import cast
@@ -45,7 +47,7 @@ START_SD = 1e-3  # m and rad; the robot starts exactly at the prior's mean
 
 
 @dataclass(frozen=True)
-class Options(FalseLoops, WorldFixes, WheelFaults, Settings):
+class Options(FalseLoops, WorldFixes, WorldGyro, WorldSlip, WheelFaults, Settings):
     """The drive, the scanner, and the front end."""
 
     drive: int = option(

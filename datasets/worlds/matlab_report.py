@@ -20,8 +20,10 @@ from ...core.se2 import Array, Ints
 from ...frontend.wheels.encoder import Encoder
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
+from ..on_demand.gyro import WorldGyro
 from ..on_demand.parts import Parts
 from ..on_demand.signatures import WorldSignatures
+from ..on_demand.slip import WorldSlip
 from ..on_map import OnMap
 from ..registry import Source
 from .faults import Faults, with_faults
@@ -89,7 +91,7 @@ class Measured(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldSignatures, Faults):
+class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSignatures, Faults):
     """The tags, the noise, and faults."""
 
     tags: int = option(6, "number of tags; the first of 12, and the report has 6 or 12", minimum=1, maximum=12)

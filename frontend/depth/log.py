@@ -9,7 +9,7 @@ import numpy as np
 from ...core.check import check
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Log
-from ...core.pauses import longest_pause
+from ..pauses import longest_pause
 from ..wheels.holes import outside
 from .front_end import DENIED, FrontEnd
 from .recording import DepthRecording

@@ -13,8 +13,8 @@ import numpy as np
 from ...core.beside import Scans
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Log, Prior
-from ...core.pauses import longest_pause
 from ...core.se2 import Array, Ints, between, rotation, wrap
+from ..pauses import longest_pause
 from .anchors import anchors
 from .front_end import FrontEnd
 from .localising import Localiser

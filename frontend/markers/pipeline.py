@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from ...core.check import check
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Log, Prior, RangeBearing, RelativePoses, Step
-from ...core.pauses import longest_pause
 from ...core.se2 import Array
 from ..camera.camera import Camera
 from ..camera.lens_misfit import Misfit
 from ..camera.shutter import CameraMotion, carried
+from ..pauses import longest_pause
 from ..wheels.holes import outside
 from ..wheels.motion import Motion
 from .aruco import IGNORED, Detector, Image, Rejections, Sighting, on_robot

@@ -14,11 +14,11 @@ from slamduel.bench.contradiction.remark import remarks as all_remarks
 from slamduel.bench.plan.load import load, made
 from slamduel.bench.study import file as study_file
 from slamduel.core.factors import REMARKS, Dataset, Log, Map
-from slamduel.core.pauses import PAUSE, longest_pause
 from slamduel.datasets import archive
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published import catalogue
 from slamduel.datasets.remarks import NO_SIGHTING, refuse, remarks
+from slamduel.frontend.pauses import PAUSE, longest_pause
 from small_log import small_dataset
 
 CONTRADICTIONS = (

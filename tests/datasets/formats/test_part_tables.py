@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gyro_logs import small_gyro_log
 from partial_logs import partial_log
 from refusals import refused_at
 from slamduel.core.factors import Dataset, Log, Systematic, Truth
@@ -71,6 +72,39 @@ def test_sightings_and_the_arm_may_be_missing(folder: Path) -> None:
     assert found.fixes is not None
     assert not found.fixes.arm.any()
     np.testing.assert_array_equal(found.fixes.z, log.fixes.z)
+
+
+def test_turns_read_back_bit_for_bit(tmp_path: Path) -> None:
+    log_folder.write(tmp_path / "log", small_gyro_log(), None)
+    found = log_folder.read(tmp_path / "log")
+    assert_same(found, Dataset(small_gyro_log(), None))
+    assert '"gyro.csv" = 4' in (tmp_path / "log" / "log.toml").read_text()
+
+
+TURN_FAULTS: dict[str, tuple[str, str, str, str]] = {
+    "a turn in degrees": ("gyro.csv", "4,", "4,90", "gyro.csv, line 4: turn is 90"),
+    "a step before the first": ("gyro.csv", "1,", "0,", "gyro.csv, line 2: step is 0, expected 1 to 5"),
+    "a step twice": ("gyro.csv", "2,", "1,", "gyro.csv, line 3: step is 1 after 1, expected one row a step"),
+    "another column": ("gyro.csv", "step,turn", "step,rate", "gyro.csv, line 1: column 'rate' in place of 'turn'"),
+    "a negative deviation": (
+        "log.toml",
+        "bias_sd = 0.1",
+        "bias_sd = -1",
+        "bias_sd: found -1, expected a number at lea",
+    ),
+    "another key": ("log.toml", "bias_sd = 0.1", "drift = 0.1", "drift: there is no such key"),
+}
+
+
+@pytest.mark.parametrize("case", TURN_FAULTS)
+def test_a_bad_turn_is_named(tmp_path: Path, case: str) -> None:
+    file, old, new, said = TURN_FAULTS[case]
+    log_folder.write(tmp_path / "log", small_gyro_log(), None)
+    path = tmp_path / "log" / file
+    lines = path.read_text().splitlines(keepends=True)
+    row = next(i for i, line in enumerate(lines) if line.startswith(old))
+    path.write_text("".join([*lines[:row], new + lines[row][len(old) :], *lines[row + 1 :]]))
+    refused_at(tmp_path / "log", said, log_folder.read, tmp_path / "log")
 
 
 def put(line: int, column: int, value: str) -> Callable[[str], str]:

@@ -12,7 +12,9 @@ from slamduel.core.truth.check import check_truth
 from slamduel.core.truth.errors import sighted_from
 from slamduel.datasets import archive, registry
 from slamduel.datasets.on_demand.fixes import WorldFixes
+from slamduel.datasets.on_demand.gyro import WorldGyro
 from slamduel.datasets.on_demand.parts import PARTS_NOTE, Parts
+from slamduel.datasets.on_demand.slip import WorldSlip
 
 CIRCLE = "circle[steps=300"
 
@@ -44,6 +46,8 @@ def test_every_simulated_world_has_them() -> None:
     }  # fmt: skip
     fixed = {name for name in registry.BUILTIN if issubclass(registry.find(name).options, WorldFixes)}
     assert fixed == {*worlds, "laser-floor"}
+    for further in (WorldGyro, WorldSlip):
+        assert {name for name in registry.BUILTIN if issubclass(registry.find(name).options, further)} == fixed
 
 
 @pytest.mark.parametrize(("option", "kind", "column"), [("ranges_only", RANGE, 0), ("bearings_only", BEARING, 1)])

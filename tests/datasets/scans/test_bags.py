@@ -14,12 +14,12 @@ import floor_drives as floor
 from floor_drives import BEGIN, NS
 from fuzzing import survivors
 from refusals import refusal, refused, refused_at
-from slamduel.core.pauses import PAUSE
 from slamduel.core.se2 import Array, between
 from slamduel.datasets.scans.odometry import interpolated
 from slamduel.datasets.scans.open import OpenedScans, ScanTopics, build, open_scans
 from slamduel.frontend.camera.quaternions import matrix
 from slamduel.frontend.laser.recording import LaserRecording
+from slamduel.frontend.pauses import PAUSE
 from slamduel.frontend.wheels.track import Poses
 from tiers import first_quick
 

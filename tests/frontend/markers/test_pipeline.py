@@ -12,7 +12,6 @@ from motions import chained
 from refusals import refused
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Odometry, Prior
-from slamduel.core.pauses import PAUSE
 from slamduel.datasets.worlds.aruco_room import Options, record
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
@@ -21,6 +20,7 @@ from slamduel.frontend.markers.aruco import Detector, Image
 from slamduel.frontend.markers.markers import Markers, find
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from slamduel.frontend.markers.pipeline import JOINED, Frame, Recording, build_log, camera_motion, see
+from slamduel.frontend.pauses import PAUSE
 from slamduel.frontend.wheels.encoder import Encoder
 from slamduel.frontend.wheels.motion import Drift
 from slamduel.frontend.wheels.ticks import Ticks, Wheels, readings

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .se2 import Array
+from ..core.se2 import Array
 
 PAUSE = "longest_time_without_reading"
 """Its key among a log's notes, s."""

@@ -1,0 +1,151 @@
+"""Backends with a gyro's bias in their state: against dense filters and least squares, one another, and the truth."""
+
+import numpy as np
+import pytest
+from scipy.stats import binom, chi2
+
+from dense_gyro import filtered, least_squares
+from gyro_logs import with_gyro
+from random_logs import random_log
+from slamduel.backends import registry
+from slamduel.backends.api import Solution
+from slamduel.backends.gaussian.ekf import Ekf, Options
+from slamduel.backends.given import given
+from slamduel.bench.measure.misfit import misfit
+from slamduel.bench.plan.load import load
+from slamduel.core.factors import Dataset, Log
+from slamduel.core.gyro import conditioned
+from slamduel.core.kernels import _turns
+from slamduel.core.se2 import wrap
+
+
+def drive(seed: int = 1, steps: int = 60, **noise: float) -> tuple[Dataset, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return with_gyro(random_log(rng, steps, 8), rng, **noise)
+
+
+def ended(log: Log, solver: str) -> Solution:
+    build = registry.find("graph")
+    batch = build.make(log.prior, build.options(solver=solver), np.random.default_rng(0))
+    for step in log:
+        batch.step(step)
+    found = batch.finish()
+    assert found is not None
+    return found
+
+
+def test_the_split_of_a_kernel_is_that_of_arrays() -> None:
+    log = drive()[0].log
+    assert log.gyro is not None
+    at, gyro = log.gyro.step, log.gyro
+    whole = conditioned(log.delta[at], log.delta_cov[at], gyro.turn, gyro.var, gyro.dt)
+    for j in range(len(gyro)):
+        motion, slope = np.vstack((log.delta[at[j]], log.delta_cov[at[j]])), np.empty(3)
+        told, var = _turns.conditioned(motion, gyro.turn[j], gyro.var[j], gyro.dt[j], slope)
+        np.testing.assert_allclose(motion, np.vstack((whole.delta[j], whole.cov[j])), rtol=1e-9, atol=1e-14)
+        np.testing.assert_allclose(slope, whole.slope[j])
+        np.testing.assert_allclose((told, var), (whole.told[j], whole.told_var[j]))
+
+
+def test_the_ekf_is_the_dense_one() -> None:
+    log = drive()[0].log
+    poses, covs, biases, variances = filtered(log)
+    ekf = Ekf(log.prior, Options(), np.random.default_rng(0))
+    for k, step in enumerate(log):
+        np.testing.assert_allclose(ekf.step(step), poses[k], atol=1e-9)
+        np.testing.assert_allclose(ekf.belief().cov, covs[k], rtol=1e-7, atol=1e-13)
+        found = ekf.gyro_bias
+        assert found is not None
+        np.testing.assert_allclose((found.mean, found.sd**2), (biases[k], variances[k]), rtol=1e-7, atol=1e-13)
+
+
+@pytest.mark.parametrize("solver", ["own", "gtsam"])
+def test_a_batch_is_the_least_squares_of_all_rows(solver: str) -> None:
+    log = drive(steps=40)[0].log
+    path, xy, biases, cost = least_squares(log)
+    found = ended(log, solver)
+    tolerance = 1e-6 if solver == "own" else 2e-4  # GTSAM's residual of a motion is another
+    off = found.path - path
+    assert np.abs(wrap(off[:, 2])).max() < tolerance
+    assert np.abs(off[:, :2]).max() < 20 * tolerance
+    np.testing.assert_allclose(found.map.xy[np.argsort(found.map.ids)], xy, atol=20 * tolerance)
+    assert found.constant is not None
+    assert found.constant.gyro_bias is not None
+    assert found.constant.gyro_bias.mean == pytest.approx(biases[-1], abs=tolerance)
+    total = misfit(log, found.path, found.map, found.constant)
+    assert total is not None
+    assert total.total == pytest.approx(cost, rel=1e-6 if solver == "own" else 1e-2)
+
+
+def test_filter_and_batch_end_alike_where_all_is_nearly_linear() -> None:
+    """With little noise, the last step's marginals of both are one."""
+    log = drive(sd=1e-4, bias=0.01, walk=1e-4)[0].log
+    ekf = Ekf(log.prior, Options(), np.random.default_rng(0))
+    for step in log:
+        ekf.step(step)
+    batch, belief = ended(log, "own"), ekf.belief()
+    assert batch.cov is not None
+    assert belief.cov is not None
+    sd = np.sqrt(np.diag(batch.cov[-1]))
+    assert (np.abs(belief.pose - batch.path[-1]) < 0.1 * sd).all()
+    np.testing.assert_allclose(np.diag(belief.cov), sd**2, rtol=0.05)
+    assert batch.constant is not None
+    found, online = batch.constant.gyro_bias, ekf.gyro_bias
+    assert found is not None
+    assert online is not None
+    assert abs(found.mean - online.mean) < 0.1 * found.sd
+    assert online.sd == pytest.approx(found.sd, rel=0.02)
+
+
+WORLD = "circle[steps=800,gyro=0.05,gyro_bias=1,gyro_start={},gyro_walk=0.005,slip_share={}]"
+
+
+def driven(log: Log, way: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Online path, covariances and biases with their deviations of the EKF with a treatment of the bias."""
+    build = registry.find("ekf")
+    options = build.options(gyro=way)
+    used = given(build, log, options).log
+    ekf = Ekf(used.prior, options, np.random.default_rng(0))
+    path, covs, biases = [], [], []
+    for step in used:
+        path.append(ekf.step(step))
+        covs.append(ekf.belief().cov)
+        biases.append(ekf.gyro_bias or (np.nan, np.nan))
+    return np.array(path), np.array(covs), np.array(biases)
+
+
+def errors(dataset: Dataset, way: str) -> tuple[float, float]:
+    """The heading's error, RMS in rad, and the mean NEES per degree of freedom."""
+    path, covs, _ = driven(dataset.log, way)
+    assert dataset.truth is not None
+    off = path - dataset.truth.poses
+    off[:, 2] = wrap(off[:, 2])
+    return float(np.sqrt((off[:, 2] ** 2).mean())), float(
+        np.einsum("ni,nij,nj->n", off, np.linalg.inv(covs), off).mean() / 3
+    )
+
+
+@pytest.mark.parametrize("seeds", [3, pytest.param(20, marks=pytest.mark.slow)])
+def test_a_bias_of_a_degree_is_estimated_and_slip_shows_not(seeds: int) -> None:
+    found = {
+        way: np.array([errors(load(WORLD.format("given", 0.1), s), way) for s in range(seeds)])
+        for way in ("state", "ignored")
+    }
+    state, ignored = found["state"].mean(axis=0), found["ignored"].mean(axis=0)
+    assert 5 * state[0] < ignored[0]
+    assert 0.5 < state[1] < 2
+    assert ignored[1] > 5
+
+
+@pytest.mark.slow
+def test_the_true_bias_is_in_its_interval() -> None:
+    """At 93 to 97 % of steps of 20 drives; a drive's steps are taken as some ten independent ones."""
+    inside, drives = [], 20
+    for seed in range(drives):
+        made, biases = drive(seed, 400, every=20, walk=2e-3)
+        _, _, found = driven(made.log, "state")
+        inside.append(np.abs(found[1:, 0] - biases) < np.sqrt(chi2.ppf(0.95, 1)) * found[1:, 1])
+    share = float(np.mean(inside))
+    independent = 10 * drives
+    low, high = binom.interval(0.999, independent, 0.95)
+    assert low / independent < share < high / independent

@@ -1,0 +1,87 @@
+"""A gyro and slipping wheels on demand: around the truth, as stated, and the rest of the log as it was."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from slamduel.bench.plan.load import load
+from slamduel.core.check import problems
+from slamduel.core.factors import Dataset
+from slamduel.core.gyro import Bias, Gyro
+from slamduel.core.se2 import Array, wrap
+from slamduel.datasets.on_demand.gyro import GYRO_NOTE
+from slamduel.datasets.on_demand.slip import SLIP_NOTE, STRETCH
+
+DEGREE = np.pi / 180
+
+
+def made(options: str = "", seed: int = 1, world: str = "circle[steps=1000") -> Dataset:
+    dataset = load(f"{world}{options}]", seed)
+    assert list(problems(dataset.log)) == []
+    return dataset
+
+
+def gyro(dataset: Dataset) -> Gyro:
+    assert dataset.log.gyro is not None
+    return dataset.log.gyro
+
+
+def errors(dataset: Dataset) -> Array:
+    """(n,) rad, what each turn has too much, in a world with a pose at each step."""
+    assert dataset.truth is not None
+    return wrap(gyro(dataset).turn - np.diff(dataset.truth.poses[:, 2]))
+
+
+def test_turns_have_white_noise_as_stated() -> None:
+    dataset = made(",gyro=0.1")
+    off = errors(dataset) / np.sqrt(gyro(dataset).var)
+    assert len(off) == 999
+    assert gyro(dataset).var == pytest.approx((0.1 * DEGREE) ** 2)
+    assert abs((off**2).mean() - 1) < 4 * np.sqrt(2 / len(off))
+    assert gyro(dataset).prior == Bias(0.0, 0.0)
+    assert not gyro(dataset).walk.any()
+
+
+def test_the_bias_is_drawn_or_given_and_walks_at_knots() -> None:
+    given = made(",gyro=0.001,gyro_bias=2,gyro_start=given")
+    assert errors(given) == pytest.approx(2 * DEGREE, abs=1e-4)
+    assert gyro(given).prior == (0.0, pytest.approx(2 * DEGREE))
+    drawn = np.array([errors(made(",gyro=0.001,gyro_bias=2", seed))[0] for seed in range(12)]) / (2 * DEGREE)
+    assert 4.4 < (drawn**2).sum() < 23.4  # 95 % of chi-square of 12
+    walked = made(",gyro=0.001,gyro_bias=2,gyro_walk=0.01,gyro_knots=20")
+    moved = gyro(walked).step[gyro(walked).walk > 0]
+    assert moved.tolist() == list(range(20, 1000, 20))
+    assert gyro(walked).walk[gyro(walked).walk > 0] == pytest.approx(20 * (0.01 * DEGREE) ** 2)
+    biases = np.array(walked.log.notes[GYRO_NOTE]["biases"])
+    np.testing.assert_allclose(errors(walked), biases[gyro(walked).knot], atol=5 * 0.001 * DEGREE)
+    assert 26 < (np.diff(biases) ** 2).sum() / (20 * (0.01 * DEGREE) ** 2) < 78
+
+
+def test_the_rest_of_the_log_is_as_it_was() -> None:
+    before, after = made().log, made(",gyro=0.1,gyro_bias=1,gyro_walk=0.01").log
+    assert after.without_gyro().digest == before.digest
+    assert after.digest != before.digest
+    slipping = made(",slip_share=0.1").log
+    assert replace(slipping, delta=before.delta).digest == before.digest
+
+
+def test_wheels_slip_on_a_share_of_the_way() -> None:
+    before, few, many = made().log, made(",slip_share=0.1").log, made(",slip_share=0.3").log
+    less, more = few.delta - before.delta, many.delta - before.delta
+    share = few.notes[SLIP_NOTE] / 999
+    stretches = 0.25 * 999 / STRETCH
+    assert abs(share - 0.1) < 4 * np.sqrt(0.09 / stretches)
+    slips = less[1:, 2] != 0
+    assert slips.sum() == few.notes[SLIP_NOTE]
+    np.testing.assert_allclose(np.abs(wrap(less[1:][slips, 2])), 0.2 * 0.25 / 0.5, rtol=0.2)  # over a track of 0.5 m
+    assert np.abs(less[1:][slips, 0]).max() < 0.2 * 0.25 / 2 * 1.3
+    turn, y = less[1:][slips, 2], less[1:][slips, 1]
+    np.testing.assert_allclose(y, 0.25 / 2 * wrap(turn), atol=0.004)  # the arc that the wheels believe in
+    np.testing.assert_allclose(more[1:][slips], less[1:][slips])
+    assert many.notes[SLIP_NOTE] > 2 * few.notes[SLIP_NOTE]
+
+
+def test_a_step_without_truth_has_no_turn() -> None:
+    dataset = made(",gyro=0.1,slip_share=1", world="matlab-report[bearing_noise=0.02")
+    assert len(gyro(dataset)) == len(dataset.log) - 1
