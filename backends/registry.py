@@ -32,7 +32,7 @@ BUILTIN = {
     "symforce": "slamduel.backends.programs.symforce:build",
     "textbook-ekf": "slamduel.backends.programs.textbook_ekf:build",
     "textbook-fastslam": "slamduel.backends.programs.textbook_fastslam:build",
-    "ukf": "slamduel.backends.gaussian.ukf:build",
+    "ukf": "slamduel.backends.unscented.ukf:build",
 }
 GROUP = "slamduel.backends"
 

@@ -10,8 +10,9 @@ from beacon_drives import BEACONS, BEARING, RANGE, Drive, drive
 from dense_invariant import derivative
 from dense_invariant_partial import DenseInvariantPartial, angle_near
 from dense_partial import DenseUnscentedPartial
-from slamduel.backends.gaussian import ekf, ukf
+from slamduel.backends.gaussian import ekf
 from slamduel.backends.invariant import _partial, invariant_ekf
+from slamduel.backends.unscented import ukf
 from slamduel.core.factors import Log, Map, RangeBearing, RelativePoses, Systematic
 from slamduel.core.se2 import Array, between, compose, wrap
 

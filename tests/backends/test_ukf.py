@@ -7,11 +7,11 @@ import pytest
 
 from random_logs import random_log
 from slamduel.backends.api import Diverged
-from slamduel.backends.gaussian import _unscented
 from slamduel.backends.gaussian._ekf import OWED
 from slamduel.backends.gaussian.joint import SPACE
-from slamduel.backends.gaussian.ukf import Options, Ukf
 from slamduel.backends.programs.textbook_ekf import TextbookEkf
+from slamduel.backends.unscented import _transform
+from slamduel.backends.unscented.ukf import Options, Ukf
 from slamduel.core.factors import Log, Map, Odometry, Prior, Step
 from slamduel.core.kernels._small import cholesky
 from slamduel.core.se2 import Array, compose, wrap
@@ -214,7 +214,7 @@ def test_no_options_make_a_covariance_indefinite() -> None:
         bend = np.ones((dims, 1)) * rng.standard_normal(outs)  # the same in all directions: the worst there is
         bend = spread * (bend + rng.choice([0.0, 1.0]) * rng.standard_normal((dims, outs)))
         slant = rng.standard_normal((dims, outs))
-        _, shift, rest = _unscented.regress(bend + slant, bend - slant, dims, outs, spread, excess)
+        _, shift, rest = _transform.regress(bend + slant, bend - slant, dims, outs, spread, excess)
         assert np.linalg.eigvalsh(rest)[0] >= -1e-11 * (1 + np.abs(rest).max() + abs(excess) * (shift**2).max())
 
 
@@ -223,10 +223,10 @@ def test_a_root_is_a_covariance_s_and_comes_off_a_slope_again(n: int) -> None:
     rng = np.random.default_rng(n)
     factor = rng.standard_normal((n, n)) * 10.0 ** rng.uniform(-3, 3, (n, 1))
     cov, root, line = factor @ factor.T, np.zeros((5, 5)), rng.standard_normal((2, n))
-    assert cholesky(cov, root, n, 0.0, _unscented.ROUNDING)
+    assert cholesky(cov, root, n, 0.0, _transform.ROUNDING)
     assert root[:n, :n] == pytest.approx(np.linalg.cholesky(cov), rel=1e-6)
     slope = np.hstack((line @ root[:n, :n], np.ones((2, 1))))
-    _unscented.unroot(slope, root, 2, n)
+    _transform.unroot(slope, root, 2, n)
     assert slope[:, :n] == pytest.approx(line, rel=1e-6)
     assert np.array_equal(slope[:, n], (1.0, 1.0))
 

@@ -51,6 +51,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "biases": {TOP},
         "gaussian": {TOP},
         "invariant": {TOP, "gaussian"},
+        "unscented": {TOP, "gaussian"},
         "particles": {TOP, "locating"},
         "smoothing": {TOP},
         "incremental": {TOP, "smoothing"},

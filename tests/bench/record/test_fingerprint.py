@@ -74,8 +74,8 @@ def keys() -> dict[str, str]:
 @pytest.mark.parametrize(
     ("files", "touched"),
     [
-        ("backends/gaussian/ukf.py", {"ukf"}),
-        ("backends/gaussian/_unscented.py", {"ukf"}),
+        ("backends/unscented/ukf.py", {"ukf"}),
+        ("backends/unscented/_transform.py", {"ukf"}),
         ("backends/gaussian/joint.py", {"ekf", "ukf"}),
         ("backends/particles/fastslam.py", {"fastslam"}),
         ("backends/graphs/isam2.py", {"isam2", "graph"}),

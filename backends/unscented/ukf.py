@@ -20,7 +20,7 @@ than 10^6 times a sighting's. The filter then ends with `Diverged`.
 The models are those of ArUco EKF SLAM: eq. (2) for a motion, (12) for a sighting, (17) for a new landmark.
 
 Positions, headings and sightings of a range or a bearing alone come after the whole sightings of their step, and
-landmarks that these leave open start late: see `late_starts`, and `_unscented_partial` for the transform.
+landmarks that these leave open start late: see `..gaussian.late_starts`, and `_partial` for the transform.
 """
 
 from dataclasses import dataclass
@@ -32,12 +32,12 @@ from ...core.options import option
 from .._expected_arrays import ExpectedArrays
 from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose
 from ..expected import as_expected, room_for, roomier
+from ..gaussian._ekf import STANDARD
+from ..gaussian._expected import expect
+from ..gaussian.joint import Joint
+from ..gaussian.late_starts import NO_GATES, LateStarts
 from . import _ukf
-from ._ekf import STANDARD
-from ._expected import expect
-from .joint import Joint
-from .late_starts import NO_GATES, LateStarts
-from .unscented_parts import UnscentedParts
+from .parts import UnscentedParts
 
 
 @dataclass(frozen=True)

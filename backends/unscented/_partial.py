@@ -13,11 +13,11 @@ from ...core.kernels._small import cholesky
 from ...core.kernels.compiled import compiled
 from ...core.partial import BEARING
 from ...core.se2 import Array, Ints
-from ._beliefs import JointArrays, belief_at
-from ._ekf import AT_ROBOT, INDEFINITE
-from ._partial import NO_ENTRY, correct, expectation, gather
-from ._triangle import entry
-from ._unscented import ROUNDING, regress, unroot
+from ..gaussian._beliefs import JointArrays, belief_at
+from ..gaussian._ekf import AT_ROBOT, INDEFINITE
+from ..gaussian._partial import NO_ENTRY, correct, expectation, gather
+from ..gaussian._triangle import entry
+from ._transform import ROUNDING, regress, unroot
 
 FIX = 2
 """A kind of measurement beside RANGE and BEARING: x and y of the antenna, and heading."""

@@ -18,9 +18,9 @@ from ...core.kernels._small import cholesky
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from .._models import placed, sighted
-from ._beliefs import JointArrays, belief_at
-from ._triangle import add_square_of, put, take_less
-from ._unscented import ROUNDING, add_outer, regress, unroot
+from ..gaussian._beliefs import JointArrays, belief_at
+from ..gaussian._triangle import add_square_of, put, take_less
+from ._transform import ROUNDING, add_outer, regress, unroot
 
 WRONG = ("nothing", "the predicted pose", "an innovation", "a new landmark")
 """The covariance that is not positive definite, by the number that `frame` returns."""

@@ -1,0 +1,1 @@
+"""EKF-SLAM whose linearisations are unscented transforms."""
