@@ -133,7 +133,8 @@ class _Growth(NamedTuple):
             return "" if self.power is None else f", {_power(letter, self.power)}"
         if self.slope.high < NO_GROWTH:
             return ", flat"
-        return f", {_power(letter, self.slope.exponent)} ({self.slope.low:.1f} to {self.slope.high:.1f})"
+        low, high = (round(end, 1) + 0.0 for end in self.slope[1:])  # never -0.0
+        return f", {_power(letter, self.slope.exponent)} ({low:.1f} to {high:.1f})"
 
 
 def _against(name: str, log: DrawnLog, along: str) -> ReportFigure | None:

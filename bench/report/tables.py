@@ -7,7 +7,7 @@ from ..drawing.table import Entry, Table, TableRow
 from ..measure.repeats import COMPARED, FEWEST_ROUNDS
 from ..record.schema import Row, label
 from ..verdict.consistency import belief_word
-from ..verdict.cost_words import slope
+from ..verdict.cost_words import ends_of, slope
 from ..verdict.costs import cost, rounds
 from ..verdict.ranking import PATHS, RELATIONS, ordered, ranking, standing
 from ..verdict.statistics import FEWEST
@@ -158,7 +158,7 @@ def growth_table(lines: Sequence[Line]) -> Table:
     def entry(line: Line, name: str) -> Entry:
         error, found = line.values.get(f"{name}_se"), slope(line) if name == "slope_steps" else None
         note = "" if error is None else f"\N{PLUS-MINUS SIGN}{error.median:.2f}"
-        return _median(line, name)._replace(note=note if found is None else f"{found.low:.2f} to {found.high:.2f}")
+        return _median(line, name)._replace(note=note if found is None else ends_of(found))
 
     caption = f"How the cost of a step grows along the log: {_basis(lines, ends=False)}{_marks(lines)}"
     return laid(ordered(lines), GROWTH, entry, caption)

@@ -5,6 +5,7 @@ from typing import Any
 
 from ..measure.growth import NO_GROWTH, Slope, slope_from
 from ..measure.repeats import FEWEST_ROUNDS
+from ..words.columns import about
 from ..words.numerals import counted, factor, listed, number, raised, times
 from ..words.styles import BASELINE
 from .costs import MARGIN, CostRatio, rounds
@@ -51,6 +52,12 @@ def slope(line: Line) -> Slope | None:
     return Slope(found.value, low.median, high.median)
 
 
+def ends_of(found: Slope) -> str:
+    """Writes the interval of a slope, 0.60 to 0.80."""
+    shown = about("slope_steps").kind.shown
+    return f"{shown(found.low)} to {shown(found.high)}"
+
+
 def whole_map(lines: Sequence[Line]) -> int:
     """The first step of those that the slopes are fitted to, if the map is whole there; else 0."""
     first: list[int] = []
@@ -68,9 +75,9 @@ def grown(lines: Sequence[Line]) -> str:
     ratio, first = ("last_over_whole", " with the whole map") if whole else ("last_over_first", "")
     grows, flat, left = list[str](), list[str](), list[str]()
     for line, s in found:
-        ends = f"({s.low:.2f} to {s.high:.2f})"
+        interval = f"({ends_of(s)})"
         if s.low > 0 and s.exponent >= NO_GROWTH:
-            said = f"with {line.backend} as steps{raised(f'{s.exponent:.2f}')} {ends}"
+            said = f"with {line.backend} as steps{raised(f'{s.exponent:.2f}')} {interval}"
             if ratio in line.values:
                 more = line.values[ratio].median
                 fifths = "" if grows else f" from the first fifth of the log{first} to the last"
@@ -79,7 +86,7 @@ def grown(lines: Sequence[Line]) -> str:
         elif s.high < NO_GROWTH:
             flat.append(line.backend)
         else:
-            left.append(f"{line.backend} {ends}")
+            left.append(f"{line.backend} {interval}")
     said = [f"grows {'; '.join(grows)}"] * bool(grows)
     said += [f"does not grow with {listed(flat)}"] * bool(flat)
     said += [f"may or may not grow with {listed(left)}"] * bool(left)

@@ -1,6 +1,7 @@
 """Growth exponents and slopes: those put in, through noise, spikes and a constant part, and none without grounds."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -137,7 +138,7 @@ def test_the_size_of_the_map_is_what_was_sighted_or_given_by_then() -> None:
 def lasting(rng: np.random.Generator, steps: int, over: float) -> Array:
     """A factor of each step's cost that stays for some `over` steps, and one of its own."""
     kept = np.exp(-1 / over)
-    stays = lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.normal(size=steps))
+    stays: Any = lfilter([np.sqrt(1 - kept**2)], [1, -kept], rng.normal(size=steps))
     return np.exp(0.25 * stays + rng.normal(0, 0.25, steps))
 
 
@@ -161,8 +162,8 @@ def test_the_interval_of_a_slope_covers_it_as_often_as_it_says(
 
 
 def test_a_slope_is_exact_where_the_costs_are_and_wide_where_they_follow_no_power() -> None:
-    number = np.arange(1, 20_001)
-    power, bent = (slope(cost, 1000) for cost in (1000.0 * number**0.7, 1e5 + 1000.0 * number))
+    k = np.arange(1.0, 20_001)
+    power, bent = slope(1000 * k**0.7, 1000), slope(1e5 + 1000 * k, 1000)
     assert (power.exponent, power.high - power.low) == pytest.approx((0.7, 0), abs=1e-3)
     assert 0.7 < bent.low < bent.exponent < bent.high < 1
     assert bent.high - bent.low > 10 * (power.high - power.low)

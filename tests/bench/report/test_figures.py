@@ -339,14 +339,15 @@ def test_error_and_growth_are_those_of_the_record(few: Drawn) -> None:
 def test_growth_of_a_long_log_has_its_slope_where_the_map_is_whole_and_the_deadlines(tmp_path: Path) -> None:
     record, rng, steps = Record(tmp_path / "r"), np.random.default_rng(5), 2000
     for backend, exponent in (("smoother", 0.7), ("ekf", 0.0)):
-        ends = {"slope_steps": exponent, "slope_steps_low": exponent - 0.1, "slope_steps_high": exponent + 0.1}
-        row = record.cell("room", "truth", backend, steps=steps, whole_from=240, **ends)
+        more: dict[str, Any] = {"slope_steps": exponent, "slope_steps_low": exponent - 0.1, "whole_from": 240}
+        row = record.cell("room", "truth", backend, steps=steps, slope_steps_high=exponent + 0.1, **more)
         (kept,) = [found for found in record.store.cells() if found.key[2] == backend]
         ns = 1e4 * np.arange(1, steps + 1) ** exponent * rng.lognormal(0, 0.1, steps)
         record.put(row, record.store.arrays(kept) | {"step_ns": ns.astype(np.int64)})
     found = lines(record.store.cells())
     shown = drawn_log(record.store, found, looks(line.backend for line in found), record.store.run()["folders"])
     record.store.close()
+    assert shown is not None
     (growth,) = [figure for figure in report_figures("x", shown) if figure.name == "x-growth-steps"]
     assert "smoother, ∝ k⁰·⁷ (0.6 to 0.8)" in growth.svg
     assert "ekf, flat" in growth.svg

@@ -2,6 +2,7 @@
 
 import re
 from math import isnan
+from typing import Any
 
 import numpy as np
 import pytest
@@ -239,7 +240,7 @@ def test_simulated_intervals_and_claims_are_right_as_often_as_they_say(
 
 def sloped(backend: str, exponent: float, n: int = 1, whole: int = 4000, **more: float) -> list[Row]:
     more |= {"slope_steps_low": exponent - 0.1, "slope_steps_high": exponent + 0.1, "whole_from": whole, "steps": 5000}
-    ends = {name: [value] * n for name, value in more.items()}
+    ends: dict[str, Any] = {name: [value] * n for name, value in more.items()}
     return told(backend, slope_steps=[exponent + 0.001 * k for k in range(n)], **ends)
 
 
@@ -262,6 +263,7 @@ def test_growth_since_the_map_is_whole_says_from_where() -> None:
 
 def test_over_several_logs_the_interval_of_a_slope_is_that_of_the_median() -> None:
     assert "(0.70 to 0.71)" in grown(of(sloped("a", 0.7, n=10)))
+    assert "(0.00 to 0.20)" in grown(of(sloped("a", 0.099)))  # never -0.00
     assert "(0.60 to 0.80)" in grown(of(sloped("a", 0.7, n=3)))  # too few: that of one log
 
 
