@@ -35,7 +35,7 @@ class Bound(NamedTuple):
 
 
 def bound(log: Log, truth: Truth | None) -> Bound | None:
-    """Computes it; None where truth or precision does not suffice, and of a log with a gyro or one that is too large."""
+    """Computes it; None where truth or precision does not suffice, and of a log with a gyro, or too large."""
     known = None if log.prior.start != "known" or log.gyro is not None else known_log(log, truth)
     if known is None or 2 * len(known.landmarks.ids) + 3 * len(np.unique(known.log.loop_to)) > LARGEST:
         return None
