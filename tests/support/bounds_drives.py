@@ -20,6 +20,7 @@ import index_checks
 import slamduel
 from beacon_drives import drive as beacons
 from dense_delayed import with_loops
+from gyro_logs import with_gyro
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.gaussian import compressed
@@ -99,6 +100,16 @@ def parts() -> None:
                 drive(name, beacons(1, steps=80, **way).log, **options)
 
 
+def turns() -> None:
+    """A gyro's bias in the state."""
+    rng = np.random.default_rng(3)
+    made, _ = with_gyro(random_log(rng, 60, 8), rng)
+    for name, several in BACKENDS.items():
+        for options in several:
+            if registry.find(name).gyro:
+                drive(name, made.log, **options)
+
+
 def association() -> None:
     """Sightings without ids or with some, clutter, wrong ids, landmarks that move."""
     hidden = world("circle[steps=80,landmarks=16,sighting=0.05,odometry=0.02,clutter=0.1,ids=hidden]")
@@ -163,6 +174,6 @@ if __name__ == "__main__":
     index_checks.begin()
     compressed.MOST, compressed.KEPT = 15, 4  # a part so small that it is settled with the rest every few steps
     Settings.by_words = 2  # loop search by words from the third place on
-    for part in (random_drives, parts, association, maps, front_ends, noise):
+    for part in (random_drives, parts, turns, association, maps, front_ends, noise):
         part()
     print(*entered.never(), sep="\n")
