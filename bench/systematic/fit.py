@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import t as student
 
 from ...backends.models import place
 from ...core.factors import Log, Map, Truth
@@ -19,6 +18,7 @@ from ...core.truth.errors import named, rows_of
 from ...datasets.noise.systematic import NAMES, Systematic
 from ..measure.accuracy import align
 from .estimated import Estimated
+from .jackknife import estimates, solved, standard_errors
 from .known_path import OnPath
 from .reduced import Linear, Reduced
 from .system import System
@@ -142,7 +142,7 @@ class _Fit:
                 return None
         joint = self._reduced()
         free = _told(joint, free)
-        every = _estimates(self.errors, joint, free)
+        every = estimates(self.errors, joint, free)
         likely = _sure(self.errors, joint, free, CERTAIN if by_truth else LIKELY)
         if not scaled and {"range_offset", "wheel_scale"} <= set(likely):
             likely[likely.index("wheel_scale")] = "range_scale"  # ranges that are off are so in scale as well
@@ -150,7 +150,7 @@ class _Fit:
         if not self._settle(likely):
             return None
         joint = self._reduced()
-        found = _estimates(self.errors, joint, likely)
+        found = estimates(self.errors, joint, likely)
         certain = likely if by_truth else _sure(self.errors, joint, likely, CERTAIN if scaled else ALONE)
         errors = Systematic(**{name: getattr(self.errors, name) for name in certain})
         return SystematicFit(errors, every | found, by_truth, scaled)
@@ -161,7 +161,7 @@ class _Fit:
         change = size = np.ones(len(NAMES))
         for k in range(ITERATIONS):
             linear, joint = self._linear()
-            change = _solved(joint.H, joint.g, free)
+            change = solved(joint.H, joint.g, free)
             if not np.isfinite(change).all() or (np.abs(change) > 10 * np.array(VAGUE)).any():
                 return False
             self._change(change, linear, 1.0 if k < WHOLE else 0.5)
@@ -196,24 +196,9 @@ def _together(parts: Sequence[Reduced]) -> Reduced:
     )
 
 
-def _solved(H: Array, g: Array, free: Sequence[str]) -> Array:
-    """(p,) the solution of H x = -g, or (b, p) of several, with 0 for what is not free."""
-    at = np.array([NAMES.index(name) for name in free], np.int64)
-    x = np.zeros(g.shape)
-    x[..., at] = -np.linalg.solve(H[..., at[:, None], at], g[..., at, None])[..., 0]
-    return x
-
-
-def _standard_errors(joint: Reduced, free: Sequence[str]) -> Array:
-    """(p,) by the jackknife; 0 of what is not free."""
-    off = _solved(joint.H_without, joint.g_without, free)
-    b = len(off)
-    return np.sqrt((b - 1) / b * ((off - off.mean(axis=0)) ** 2).sum(axis=0))
-
-
 def _sizes(joint: Reduced, free: Sequence[str]) -> Array:
     """(p,) what matters of each error: its standard error, or what is told of it at all."""
-    return np.maximum(_standard_errors(joint, free), 1e-7)
+    return np.maximum(standard_errors(joint, free), 1e-7)
 
 
 def _told_apart(joint: Reduced, free: Sequence[str]) -> list[str]:
@@ -233,7 +218,7 @@ def _told_apart(joint: Reduced, free: Sequence[str]) -> list[str]:
 
 def _told(joint: Reduced, free: Sequence[str]) -> list[str]:
     """The errors of `free` that are known to better than VAGUE."""
-    size = _standard_errors(joint, free)
+    size = standard_errors(joint, free)
     return [name for name in free if size[NAMES.index(name)] < getattr(VAGUE, name) / CERTAIN]
 
 
@@ -241,44 +226,12 @@ def _sure(errors: Systematic, joint: Reduced, free: Sequence[str], least_ratio: 
     """Those of `free` so many standard errors from 0, the others estimated: the least one is left out first."""
     free = list(free)
     while free:
-        at = _solved(joint.H, joint.g - joint.H @ np.array(errors), free)
+        at = solved(joint.H, joint.g - joint.H @ np.array(errors), free)
         ratio = {name: abs(at[NAMES.index(name)]) for name in free}
-        size = _standard_errors(joint, free)
+        size = standard_errors(joint, free)
         ratio = {name: value / max(size[NAMES.index(name)], LEAST) for name, value in ratio.items()}
         least = min(free, key=ratio.__getitem__)
         if ratio[least] >= least_ratio:
             break
         free.remove(least)
     return free
-
-
-def _degrees(joint: Reduced, free: Sequence[str]) -> Array:
-    """(p,) degrees of freedom of the standard errors, where `free`: Satterthwaite's, by what each stretch tells.
-
-    Where few stretches tell of one, as turns do of a delay, the jackknife is a variance of few numbers: with shares
-    c of the information, (sum c)^2 / sum c^2 - 1 (Satterthwaite 1946; for clusters Bell and McCaffrey 2002).
-    """
-    out = np.full(len(NAMES), float(len(joint.g_without) - 1))
-    for name in free:
-        k, rest = NAMES.index(name), [NAMES.index(other) for other in free if other != name]
-        told = np.maximum(_told_of(joint.H, k, rest) - _told_of(joint.H_without, k, rest), 0.0)
-        if told.any():
-            out[k] = max(told.sum() ** 2 / (told**2).sum() - 1, 1.0)
-    return out
-
-
-def _told_of(H: Array, k: int, rest: list[int]) -> Array:
-    """(...) the information of variable k, the `rest` estimated, of systems H (..., p, p)."""
-    if not rest:
-        return H[..., k, k]
-    across, at = H[..., k, rest], np.array(rest)
-    return H[..., k, k] - (across * np.linalg.solve(H[..., at[:, None], at], across[..., None])[..., 0]).sum(axis=-1)
-
-
-def _estimates(errors: Systematic, joint: Reduced, free: Sequence[str]) -> dict[str, Estimated]:
-    half = student.ppf(0.975, _degrees(joint, free)) * _standard_errors(joint, free)
-    return {
-        name: Estimated(value := getattr(errors, name), value - half[k], value + half[k])
-        for k, name in enumerate(NAMES)
-        if name in free
-    }

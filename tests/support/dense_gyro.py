@@ -13,22 +13,22 @@ def filtered(log: Log) -> tuple[Array, Array, Array, Array]:
     """
     assert log.prior.gyro is not None
     x = np.concatenate((log.prior.pose, [log.prior.gyro.mean]))
-    P = np.zeros((4, 4))
-    P[:3, :3], P[3, 3] = log.prior.cov, log.prior.gyro.sd**2
+    spread = np.zeros((4, 4))
+    spread[:3, :3], spread[3, 3] = log.prior.cov, log.prior.gyro.sd**2
     at: dict[int, int] = {}
     poses, covs, biases, variances = [], [], [], []
     for step in log:
         n = len(x)
         if step.odometry is not None:
             joint, cov = np.concatenate((x, step.odometry.delta)), np.zeros((n + 3, n + 3))
-            cov[:n, :n], cov[n:, n:] = P, step.odometry.cov
+            cov[:n, :n], cov[n:, n:] = spread, step.odometry.cov
             if step.gyro is not None:
                 cov[3, 3] += step.gyro.walk
-                H = np.zeros(n + 3)
-                H[3], H[n + 2] = step.gyro.dt, 1.0
-                gain = cov @ H / (H @ cov @ H + step.gyro.var)
-                joint = joint + gain * float(wrap(np.array(step.gyro.turn - H @ joint)))
-                cov = cov - np.outer(gain, H @ cov)
+                rows = np.zeros(n + 3)
+                rows[3], rows[n + 2] = step.gyro.dt, 1.0
+                gain = cov @ rows / (rows @ cov @ rows + step.gyro.var)
+                joint = joint + gain * float(wrap(np.array(step.gyro.turn - rows @ joint)))
+                cov = cov - np.outer(gain, rows @ cov)
             before, motion = joint[:3], joint[n:]
             after = compose(before, motion)
             F = np.zeros((n, n + 3))
@@ -36,33 +36,33 @@ def filtered(log: Log) -> tuple[Array, Array, Array, Array]:
             F[0, 2], F[1, 2] = before[1] - after[1], after[0] - before[0]
             c, s = np.cos(before[2]), np.sin(before[2])
             F[:3, n:] = [[c, -s, 0], [s, c, 0], [0, 0, 1]]
-            x, P = joint[:n].copy(), F @ cov @ F.T
+            x, spread = joint[:n].copy(), F @ cov @ F.T
             x[:3] = after
         for landmark, z, R in zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True):
             if landmark not in at:
-                x, P = _started(x, P, z, R)
+                x, spread = _started(x, spread, z, R)
                 at[landmark] = len(x) - 2
                 continue
             i = at[landmark]
             d = x[i : i + 2] - x[:2]
             q = d @ d
             r = np.sqrt(q)
-            H = np.zeros((2, len(x)))
-            H[:, i : i + 2] = [[d[0] / r, d[1] / r], [-d[1] / q, d[0] / q]]
-            H[:, :2], H[1, 2] = -H[:, i : i + 2], -1.0
+            rows = np.zeros((2, len(x)))
+            rows[:, i : i + 2] = [[d[0] / r, d[1] / r], [-d[1] / q, d[0] / q]]
+            rows[:, :2], rows[1, 2] = -rows[:, i : i + 2], -1.0
             off = z - (r, np.arctan2(d[1], d[0]) - x[2])
             off[1] = wrap(off[1])
-            K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
-            x, P = x + K @ off, P - K @ H @ P
+            K = spread @ rows.T @ np.linalg.inv(rows @ spread @ rows.T + R)
+            x, spread = x + K @ off, spread - K @ rows @ spread
             x[2] = wrap(x[2])
         poses.append(x[:3].copy())
-        covs.append(P[:3, :3].copy())
+        covs.append(spread[:3, :3].copy())
         biases.append(x[3])
-        variances.append(P[3, 3])
+        variances.append(spread[3, 3])
     return np.array(poses), np.array(covs), np.array(biases), np.array(variances)
 
 
-def _started(x: Array, P: Array, z: Array, R: Array) -> tuple[Array, Array]:
+def _started(x: Array, spread: Array, z: Array, R: Array) -> tuple[Array, Array]:
     """With a landmark from its first sighting."""
     n, angle = len(x), x[2] + z[1]
     c, s = np.cos(angle), np.sin(angle)
@@ -71,7 +71,7 @@ def _started(x: Array, P: Array, z: Array, R: Array) -> tuple[Array, Array]:
     G[n:, :3] = [[1, 0, -z[0] * s], [0, 1, z[0] * c]]
     by_z = np.zeros((n + 2, 2))
     by_z[n:] = [[c, -z[0] * s], [s, z[0] * c]]
-    return np.concatenate((x, x[:2] + z[0] * np.array((c, s)))), G @ P @ G.T + by_z @ R @ by_z.T
+    return np.concatenate((x, x[:2] + z[0] * np.array((c, s)))), G @ spread @ G.T + by_z @ R @ by_z.T
 
 
 def least_squares(log: Log) -> tuple[Array, Array, Array, float]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slamduel.bench.systematic.estimated import Estimated
-from slamduel.bench.systematic.fit import _degrees, _estimates
+from slamduel.bench.systematic.jackknife import degrees, estimates
 from slamduel.bench.systematic.reduced import Reduced
 from slamduel.core.se2 import Array
 from slamduel.datasets.noise.systematic import NAMES, Systematic
@@ -32,10 +32,10 @@ def estimate(shares: Array, noise: Array) -> float:
 
 def test_as_many_degrees_as_stretches_that_tell() -> None:
     noise = np.random.default_rng(1).standard_normal(STRETCHES)
-    assert _degrees(told(np.ones(STRETCHES), noise), ["delay"])[DELAY] == pytest.approx(STRETCHES - 1)
+    assert degrees(told(np.ones(STRETCHES), noise), ["delay"])[DELAY] == pytest.approx(STRETCHES - 1)
     few = np.where(np.arange(STRETCHES) < 4, 1.0, 0.0)
-    assert _degrees(told(few, noise), ["delay"])[DELAY] == pytest.approx(3)
-    assert _degrees(told(np.eye(STRETCHES)[0], noise), ["delay"])[DELAY] == 1.0
+    assert degrees(told(few, noise), ["delay"])[DELAY] == pytest.approx(3)
+    assert degrees(told(np.eye(STRETCHES)[0], noise), ["delay"])[DELAY] == 1.0
 
 
 def test_what_another_error_explains_does_not_count() -> None:
@@ -46,8 +46,8 @@ def test_what_another_error_explains_does_not_count() -> None:
         row = np.array([1.0, 1.0 if k >= 3 else -1.0])
         H[k][np.ix_(both, both)] = np.outer(row, row)
     joint = equations(H, np.zeros((STRETCHES, len(NAMES))))
-    assert _degrees(joint, ["delay"])[DELAY] == pytest.approx(STRETCHES - 1)
-    assert _degrees(joint, ["x", "delay"])[DELAY] < 5
+    assert degrees(joint, ["delay"])[DELAY] == pytest.approx(STRETCHES - 1)
+    assert degrees(joint, ["x", "delay"])[DELAY] < 5
 
 
 @pytest.mark.parametrize("few", [3, 4, 8, STRETCHES])
@@ -57,6 +57,6 @@ def test_intervals_hold_where_few_stretches_tell(few: int) -> None:
     shares, inside = np.where(np.arange(STRETCHES) < few, 1.0, 0.02), list[bool]()
     for noise in rng.standard_normal((4000, STRETCHES)):
         at = Systematic(delay=estimate(shares, noise))
-        one: Estimated = _estimates(at, told(shares, noise), ["delay"])["delay"]
+        one: Estimated = estimates(at, told(shares, noise), ["delay"])["delay"]
         inside.append(one.low <= 0 <= one.high)
     assert 0.94 < np.mean(inside) < 0.985

@@ -52,7 +52,7 @@ def test_a_robot_that_is_turned_by_hand_while_its_wheels_stand_does_not_stand() 
 def test_wheels_stand_where_counts_and_commands_say_so() -> None:
     t = np.arange(0, 10, 0.1)
     moves = (t > 3) & (t < 6)
-    counts = np.cumsum(np.column_stack((moves, moves)) * 5.0, axis=0)
+    counts = np.cumsum(np.column_stack((moves, moves)) * 5.0, axis=0, dtype=np.float64)
     by_counts = still_times(Ticks(t, counts))
     by_commands = still_times(Speeds(t, np.column_stack((0.3 * moves, 0 * t))))
     for found in (by_counts, by_commands):
