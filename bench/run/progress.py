@@ -14,7 +14,6 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from ...datasets.remarks import NO_SIGHTING
 from ..plan.plan import Cell
 from ..plan.work import PlannedCell
 from ..record.schema import COLUMNS, MORE, Row
@@ -96,7 +95,6 @@ class Screen:
         self._rows: list[Row] = []
         self._planned: Counter[tuple[str, str]] = Counter()
         self._names: dict[str, str] = {}
-        self._warned: set[str] = set()
         self._announced = contextlib.ExitStack()
         self._told_of: set[tuple[str, str, str]] = set()
         self._shown: Sequence[RenderableType] = ()
@@ -157,7 +155,6 @@ class Screen:
         if not self._live.is_started or (row["status"] != "done" and news not in self._told_of):
             self._told_of.add(news)
             self._say(cell.cell, row, said)
-        self._warn(cell.cell.dataset.label, row)
         self._draw()
 
     def repeating(self, cells: Sequence[PlannedCell], number: int, of: int) -> None:
@@ -194,13 +191,6 @@ class Screen:
         self._console.print(
             f"{count}{status} {text}{left and f'; {left}'}", highlight=False, soft_wrap=not self._live.is_started
         )
-
-    def _warn(self, dataset: str, row: Mapping[str, Any]) -> None:
-        """Warns once about a log without sightings and loop closures."""
-        nothing = row["status"] == "done" and row["sightings"] == 0 and not row.get("j_loops")
-        if nothing and dataset not in self._warned:
-            self._warned.add(dataset)
-            self._console.print(plain(f"{self._names[dataset]}: {NO_SIGHTING}"), highlight=False, soft_wrap=True)
 
     def _left(self) -> str | None:
         """The time left, in words; None before the first cell has ended, and at the end."""

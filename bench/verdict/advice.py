@@ -20,6 +20,7 @@ COST = {"online": "step_us_p50", "final": "cpu_s", "map": "cpu_s"}
 """The cost that counts: a step while the robot drives, else the CPU time of the whole log, as a method with a final
 path alone does nothing in its steps."""
 
+EVEN = 1.0005  # times, which are written as no difference
 LISTED = 4  # backends whose cost is stated where none is recommended
 
 BELIEF = {"online": "nees", "final": "final_nees"}
@@ -38,7 +39,8 @@ def advice(purpose: str, found: Ranking) -> Use:
     """Recommends by these steps, each left out where it would leave none:
 
     those not significantly different from the best, and significantly better than dead reckoning, else that itself, but
-    none where only too few logs stand in the way; those without a failure; those that are not overconfident, and have
+    none where only too few logs stand in the way; those that fail on less than half of the logs, without which none is
+    recommended; those without a failure; those that are not overconfident, and have
     a covariance at every step; the first of these and those whose errors are surely at most NEAR times its; those that
     none of these is cheaper than; the one with the lowest median error. Costs that are not told apart never decide.
     None is recommended where the data leave it open that another one is closer by more than FAR.
@@ -63,7 +65,10 @@ def advice(purpose: str, found: Ranking) -> Use:
         return Use(
             purpose, "", f"{found.lines[0].backend} is not significantly closer to the truth than dead reckoning."
         )
-    whole = [line for line in level if line.done == len(line.rows)] or level
+    able = [line for line in level if 2 * line.done > len(line.rows)]
+    if not able:
+        return Use(purpose, "", f"None can be named: {_unable(level)}.")
+    whole = [line for line in able if line.done == len(line.rows)] or able
     word = {line.backend: belief_word(line, BELIEF.get(purpose, "")) for line in whole}
     sure = [line for line in whole if word[line.backend] not in ("overconfident", NO_COVARIANCE)] or whole
     near = [sure[0], *(line for line in sure[1:] if limit(found, line, sure[0]).most <= NEAR)]
@@ -144,7 +149,7 @@ def _accuracy(found: Ranking, chosen: Line, rival: Line | None) -> str:
         if max(1 / c.low if c.low else inf, c.high) <= NEAR:
             return f"as accurate as {rival.backend} (within {larger(max(1 / c.low, c.high))})"
         most = limit(found, chosen, rival).most
-        worse = f" (at most {larger(max(most, 1.0))} worse)" if most < inf else ""
+        worse = f" (at most {larger(most)} worse)" if EVEN < most < inf else ""
         return f"not significantly different from {rival.backend}{worse}"
     if kind == "better" and isinf(c.low):
         return f"the most accurate, as {rival.backend} mostly failed"
@@ -182,7 +187,11 @@ def _belief(word: str, passed: Mapping[str, str]) -> str:
         return "its covariances are none at some steps"
     said = word
     if over := [name for name, of in passed.items() if of != NO_COVARIANCE]:
-        said = f"{word if word == 'consistent' else 'not overconfident'}, as {listed(over)} {_is(over)} not"
+        said = (
+            f"{word}, as {listed(over)} {_is(over)} not"
+            if word
+            else f"not clearly overconfident, as {listed(over)} {_is(over)}"
+        )
     if void := [name for name, of in passed.items() if of == NO_COVARIANCE]:
         said += f"{', and ' * bool(said)}with covariances, as {listed(void)} {_is(void)} not at every step"
     return said
@@ -192,6 +201,12 @@ def _failures(chosen: Line, passed: Sequence[Line]) -> str:
     if chosen.done < len(chosen.rows):
         return f"done in {chosen.done} of {counted(len(chosen.rows), 'cell')}"
     return f"done on every log, as {listed([line.backend for line in passed])} {_is(passed)} not" if passed else ""
+
+
+def _unable(level: Sequence[Line]) -> str:
+    """Names those that fail on half of the logs or more."""
+    done = [f"{line.backend} is done on {line.done} of {counted(len(line.rows), 'log')}" for line in level]
+    return f"{listed(done)}, and no other one is as close to the truth"
 
 
 def _is(them: Sequence[object]) -> str:

@@ -4,10 +4,13 @@ import math
 from collections.abc import Sequence
 
 from ..words.numerals import number
-from .summary import Line, units_of
+from .summary import Line
 
 ENDS = {"final_": "final", "": "online"}
 """Prefix of a path's columns -> its name, in order."""
+
+ROUNDED = 0.995  # times, from which on 1.00 is written
+BELOW = " Below 1 is chance on these logs, or a bias that makes an error smaller."
 
 
 def bound_sentence(lines: Sequence[Line]) -> str:
@@ -15,7 +18,7 @@ def bound_sentence(lines: Sequence[Line]) -> str:
 
     A bound is one of mean squares: so are they, and the multiples of them, over logs.
     """
-    bounds, nearest = list[str](), list[str]()
+    bounds, nearest, below = list[str](), list[str](), False
     for prefix, end in ENDS.items():
         having = [line for line in lines if line.by_log(f"{prefix}bound_m") and not line.told]
         if not having:
@@ -25,13 +28,16 @@ def bound_sentence(lines: Sequence[Line]) -> str:
         if whole:
             times = {line.backend: _rms(line, f"{prefix}over_bound") for line in whole}
             best = min(times, key=lambda name: times[name])
+            below |= times[best] < ROUNDED
             nearest.append(f"{best} at {number(times[best])} times the {end} one")
     if not bounds:
         return ""
-    logs = units_of(lines).logs
+    logs = max(len(line.by_log(f"{prefix}bound_m")) for line in lines for prefix in ENDS)
     said = f"No unbiased estimator ends below {' or '.join(bounds)} with noise as stated: the Cramér-Rao bound"
     said += f", root mean square over {logs} logs." if logs > 1 else "."
-    return f"{said} Nearest: {', '.join(nearest)}." if nearest else said
+    if not nearest:
+        return said
+    return f"{said} Nearest: {', '.join(nearest)}.{BELOW if below else ''}"
 
 
 def _rms(line: Line, column: str) -> float:

@@ -56,8 +56,14 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     """Your own log from a CSV of odometry and a CSV of detections: csv[odometry=FILE,detections=FILE]."""
     measured = [name for name in MEASURED if getattr(options, name) is not None]
     if options.odometry is None or not measured:
-        missing = "odometry" if options.odometry is None else "detections"
-        raise InputError(f"option {missing} of dataset csv is not given, expected csv[odometry=FILE,detections=FILE].")
+        if options.odometry is None:
+            raise InputError(
+                "option odometry of dataset csv is not given, expected csv[odometry=FILE,detections=FILE]."
+            )
+        raise InputError(
+            f"dataset csv: found odometry alone, expected what the robot measured, too: {', '.join(MEASURED[:-1])} or "
+            f"{MEASURED[-1]}."
+        )
     remarks = list[str]()
     track = _track(Path(options.odometry), options, remarks)
     ends = track.t[0], track.t[-1]

@@ -262,12 +262,6 @@ def test_in_a_pipe_the_time_left_is_told_now_and_then(monkeypatch: pytest.Monkey
     assert " left" not in said[-1]
 
 
-def test_a_log_without_a_sighting_is_told_while_the_run_goes_on() -> None:
-    console = Console(file=io.StringIO(), width=160)
-    watch(console, plan(), sightings=0)
-    assert console.file.getvalue().count("there is no sighting and no loop closure in it") == 2  # pyright: ignore[reportAttributeAccessIssue]
-
-
 class Watched(io.StringIO):
     def isatty(self) -> bool:
         return True

@@ -23,5 +23,14 @@ def test_one_that_fails_is_not_the_nearest() -> None:
     assert "Nearest" not in bound_sentence(lines(failing))
 
 
+def test_of_logs_without_a_known_path_none_is_counted_and_less_than_the_bound_is_explained() -> None:
+    some = told("ekf", ate_m=[0.2, 0.2, 0.2], bound_m=[0.4, 0.4, None], over_bound=[0.5, 0.5, None])
+    said = bound_sentence(lines(some))
+    assert "root mean square over 2 logs" in said
+    assert said.endswith(
+        "ekf at 0.500 times the online one. Below 1 is chance on these logs, or a bias that makes an error smaller."
+    )
+
+
 def test_nothing_is_said_without_a_bound() -> None:
     assert bound_sentence(lines(told("ekf", ate_m=[0.3, 0.4]))) == ""

@@ -386,6 +386,10 @@ def test_one_that_is_overconfident_is_passed_over_for_one_that_is_not() -> None:
     found = use(said(rows("isam2", 1, step=170, nees=1.0), rows("ekf", 1, step=10, nees=5.0)))
     assert found.backend == "isam2"
     assert "consistent, as ekf is not" in found.why
+    unclear = [1.0, 4.0] * 10
+    found = use(said(rows("isam2", 1, step=170, nees=unclear), rows("ekf", 1, step=10, nees=5.0)))
+    assert found.backend == "isam2"
+    assert "not clearly overconfident, as ekf is" in found.why
     found = use(said(rows("isam2", 1, step=170, nees=6.0), rows("ekf", 1, step=10, nees=5.0)))
     assert (found.backend, "overconfident" in found.why) == ("ekf", True)
 
@@ -394,6 +398,15 @@ def test_one_that_fails_is_passed_over_for_one_that_does_not() -> None:
     found = use(said(rows("isam2", 1, step=170), failing(rows("ekf", 1, step=10), 3)))
     assert found.backend == "isam2"
     assert "done on every log, as ekf is not" in found.why
+
+
+def test_one_that_fails_on_most_logs_is_not_advised_even_alone() -> None:
+    alone = failing(told("smoother", final_ate_m=LOGS[:20]), *range(14))
+    found = use(said(alone, told("ekf", ate_m=LOGS[:20])), "final")
+    assert found.backend == ""
+    assert found.why.startswith("None can be named: smoother is done on 6 of 20 logs")
+    half = failing(told("smoother", final_ate_m=LOGS[:20]), *range(9))
+    assert use(said(half), "final").backend == "smoother"
 
 
 @pytest.mark.parametrize(("dearer", "advised"), [(14, "a"), (21, "b")])

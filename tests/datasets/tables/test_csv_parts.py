@@ -202,7 +202,10 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], dict[str, Any]], str]] = {
         "option position_sd of dataset csv is not given, and .* no column sd",
     ),
     "half an origin": (lambda f: f | {"origin_lat": 3.0, "positions": f["globe"]}, "found one, expected both or none"),
-    "nothing": (lambda f: {"odometry": f["odometry"]}, "option detections of dataset csv is not given"),
+    "nothing": (
+        lambda f: {"odometry": f["odometry"]},
+        "found odometry alone, expected what the robot measured",
+    ),
 }
 
 
