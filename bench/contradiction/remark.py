@@ -116,6 +116,11 @@ def explained(name: str, dataset: Dataset) -> str:
     with np.errstate(all="ignore"):
         found = contradiction(named(*dataset), every=True)
         filtered = "" if found is None else _nis(found)
+    if found is None and (dataset.log.partial is not None or dataset.log.fixes is not None):
+        return (
+            f"{name}: too few whole sightings of one landmark, and too few loops closed, to tell if the log agrees; "
+            "ranges or bearings alone, positions and headings are not looked at."
+        )
     if found is None:
         return f"{name}: too few landmarks are sighted again, and too few loops closed, to tell if the log agrees."
     j, bulk = number(found.found.j), number(found.found.bulk)

@@ -12,6 +12,7 @@ from slamduel.bench.contradiction.explain import contradiction
 from slamduel.bench.contradiction.mistakes import MISTAKES as MISTAKES_TRIED
 from slamduel.bench.contradiction.remark import explained, remarked, remarks
 from slamduel.core.factors import Dataset
+from slamduel.core.partial import RANGE, PartialTable
 from slamduel.datasets.registry import find
 
 QUICK = ("bearings to the right", "motions in the world's frame", "headings clockwise from north", "one wheel stuck")
@@ -116,6 +117,11 @@ def test_a_log_without_too_many_measurements_is_left_alone(tmp_path: Path):
     once = replace(log, ids=np.arange(len(log.ids)))
     assert contradiction(once) is None
     assert "too few" in explained("it", Dataset(once, None))
+    ranges = PartialTable.from_arrays(
+        len(once), np.array([1, 2]), np.array([5, 5]), np.array([RANGE, RANGE]), np.array([2.0, 2.1]), np.full(2, 0.01)
+    )
+    beside = Dataset(replace(once, partial=ranges), None)
+    assert "ranges or bearings alone, positions and headings are not looked at" in explained("it", beside)
 
 
 def test_every_mistake_is_tried_on_a_good_log_too(tmp_path: Path):
