@@ -179,6 +179,7 @@ FURNISHED = {
     "results/map/": run("map", "aruco-room"),
     "results/mine": run("mine", "aruco-room,laser-floor", "3"),
     "detect drive": laser_drive,
+    "validate drive": laser_drive,
 }
 """What the commands of a block find where they are run, by words that name it."""
 

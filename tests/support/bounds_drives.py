@@ -17,6 +17,7 @@ import numpy as np
 
 import depth_clouds as room
 import index_checks
+import inertial_drives
 import slamduel
 from beacon_drives import drive as beacons
 from dense_delayed import with_loops
@@ -31,6 +32,8 @@ from slamduel.core.partial import BEARING, RANGE
 from slamduel.datasets.depth.registering import Registration
 from slamduel.datasets.rendering.cameras import CAMERAS
 from slamduel.frontend.depth.settings import Settings
+from slamduel.frontend.inertial.levels import levels
+from slamduel.frontend.inertial.standing import standing
 from slamduel.frontend.maps.obstacles import Obstacles
 from slamduel.frontend.maps.occupancy import occupancy
 from slamduel.frontend.maps.top_view import top_view
@@ -164,6 +167,13 @@ def noisy_marker() -> template.PatternFit | None:
     return template.fit(image, rays, pattern, (corners - (w / 2, h / 2)) / 300, corners, UNKNOWN_CAMERA)
 
 
+def hills() -> None:
+    """Levels by gravity of a drive over hills, without and with the wheels' speed."""
+    one = inertial_drives.drive(seconds=20.0)
+    for speed in (None, one.speed):
+        levels(one.imu, standing(one.imu), speed)
+
+
 def noise() -> None:
     """Errors that are correlated in time, stated in two ways and measured."""
     for stated in ("even", "thinned"):
@@ -174,6 +184,6 @@ if __name__ == "__main__":
     index_checks.begin()
     compressed.MOST, compressed.KEPT = 15, 4  # a part so small that it is settled with the rest every few steps
     Settings.by_words = 2  # loop search by words from the third place on
-    for part in (random_drives, parts, turns, association, maps, front_ends, noise):
+    for part in (random_drives, parts, turns, association, maps, front_ends, hills, noise):
         part()
     print(*entered.never(), sep="\n")
