@@ -70,7 +70,7 @@ def fitted_biases(gyro: Gyro, path: Array) -> Array:
     band[0, 1:] = -walk
     band[1, 0] += _first(gyro)
     right[0] += gyro.prior.mean * _first(gyro)
-    return solveh_banded(band, right)
+    return solveh_banded(band[-n:], right)  # of one bias, the diagonal alone
 
 
 def _turned(gyro: Gyro, path: Array) -> Array:

@@ -136,9 +136,9 @@ def _run(
     if held is not None and compiled.made() == made:
         row["peak_mb"] = held
     used = used._replace(loops=used.loops + outcome.left_out)
-    minimises = builder.minimising(job.options)
+    minimised = used.log if builder.minimising(job.options) else None
     takes = {"sightings": builder.sightings, "loops": builder.loops}
-    judged = score(log, outcome, read_truth(), **takes, minimises=minimises, mistaken=mistaken, least=bound())
+    judged = score(log, outcome, read_truth(), **takes, minimised=minimised, mistaken=mistaken, least=bound())
     return _scored(judged, outcome, used, row)
 
 

@@ -72,13 +72,13 @@ def score(
     *,
     sightings: bool = True,
     loops: bool = True,
-    minimises: bool = False,
+    minimised: Log | None = None,
     mistaken: bool = False,
     least: Bound | None = None,
 ) -> Score:
-    """Scores the outcome of a backend that uses `sightings` and `loops`, or does not, and `minimises` J, or does not.
+    """Scores the outcome of a backend that uses `sightings` and `loops`, or does not.
 
-    A `mistaken` log is one with a mistake, so that no noise is blamed. `least` are the errors that the log allows.
+    `minimised` is the log whose J it minimises, if it does: the factors that it was given. A `mistaken` log is one with a mistake, so that no noise is blamed. `least` are the errors that the log allows.
 
     Online and final are never mixed; a value that does not exist is absent from the row.
     """
@@ -110,7 +110,8 @@ def score(
     if truth is not None and exact:
         remarks += [MISTAKEN] if mistaken else misstated(log, truth, row, sightings=sightings)
     if outcome.assigned is not None:  # the final ones, if any
-        log = replace(log, ids=next(end.assigned for end in ends.values() if end.assigned is not None))
+        ids = next(end.assigned for end in ends.values() if end.assigned is not None)
+        log, minimised = replace(log, ids=ids), None if minimised is None else replace(minimised, ids=ids)
     last = outcome.solution or outcome
     path = outcome.online if outcome.solution is None else outcome.solution.path
     constant = None if outcome.solution is None else outcome.solution.constant
@@ -121,18 +122,19 @@ def score(
         arrays["cost_terms"] = np.array(fit)
     row |= _measured_from(truth) | _inner(log, outcome) | {"landmarks": len(last.map.ids)}
     row |= locating(log, outcome, truth if headings else None) | step_cost(log, outcome)
-    failed = "" if outcome.solution is None else _failed(log, outcome.solution, fit if minimises else None, truth)
+    failed = "" if outcome.solution is None else _failed(minimised, outcome.solution, truth)
     if outcome.solution is not None and outcome.solution.converged is False:
         remarks.insert(0, NOT_CONVERGED)
     return Score(row, arrays, "; ".join(remarks), failed)
 
 
-def _failed(log: Log, solution: Solution, fit: Misfit | None, truth: Truth | None) -> str:
-    """Says why a smoother's solution, whose misfit `fit` should be the least, is none; "" if it is one.
+def _failed(log: Log | None, solution: Solution, truth: Truth | None) -> str:
+    """Says why a smoother's solution, whose misfit to `log` should be the least, is none; "" if it is one.
 
     One that has converged may be at another minimum: then J of a plain batch optimum tells, where there is one.
     """
-    if fit is None or log.prior.start != "known":
+    fit = None if log is None else _fit(log, solution.path, solution.map, solution.constant)
+    if log is None or fit is None or log.prior.start != "known":
         return NOT_CONVERGED if solution.converged is False else ""
     found = [lowest_near(log, solution.path, solution.map, solution.constant)]
     if truth is not None and truth.kind == "reference" and not truth.words and truth.places == "reference":

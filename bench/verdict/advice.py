@@ -40,10 +40,10 @@ def advice(purpose: str, found: Ranking) -> Use:
 
     those not significantly different from the best, and significantly better than dead reckoning, else that itself, but
     none where only too few logs stand in the way; those that fail on less than half of the logs, without which none is
-    recommended; those without a failure; those that are not overconfident, and have
-    a covariance at every step; the first of these and those whose errors are surely at most NEAR times its; those that
-    none of these is cheaper than; the one with the lowest median error. Costs that are not told apart never decide.
-    None is recommended where the data leave it open that another one is closer by more than FAR.
+    recommended; those without a failure; those that are not overconfident, and have a covariance at every step; the
+    first of these and those whose errors are surely at most NEAR times its; those that none of these is cheaper than;
+    the one with the lowest median error. Costs that are not told apart never decide. None is recommended where the data
+    leave it open that another one is closer by more than FAR.
     """
     of = found.units
     if of.n < FEWEST:

@@ -109,7 +109,7 @@ def test_one_that_is_at_the_optimum_though_it_says_otherwise_is_done() -> None:
     doubted = Builder(lambda *_: Told(found._replace(converged=False)), online=False, minimises=True)
     for builder, failed in ((doubted, ""), (replace(doubted, minimises=False), NOT_CONVERGED)):
         outcome = drive(builder, None, log, lambda: np.random.default_rng(0))
-        judged = score(log, outcome, None, minimises=builder.minimising(None))
+        judged = score(log, outcome, None, minimised=log if builder.minimising(None) else None)
         assert (judged.remark, judged.failed) == (NOT_CONVERGED, failed)
 
 

@@ -1,5 +1,6 @@
 """Backends with a gyro's bias in their state: against dense filters and least squares, one another, and the truth."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,10 @@ from gyro_logs import with_gyro
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.api import Solution
+from slamduel.backends.constant_errors import turn_cost
 from slamduel.backends.gaussian.ekf import Ekf, Options
 from slamduel.backends.given import given
+from slamduel.bench.measure.cell import Job, run_on
 from slamduel.bench.measure.misfit import misfit
 from slamduel.bench.plan.load import load
 from slamduel.core.factors import Dataset, Log
@@ -63,9 +66,10 @@ def test_the_ekf_is_the_dense_one() -> None:
         np.testing.assert_allclose((found.mean, found.sd**2), (biases[k], variances[k]), rtol=1e-7, atol=1e-13)
 
 
+@pytest.mark.parametrize("walk", [1e-3, 0.0])
 @pytest.mark.parametrize("solver", ["own", "gtsam"])
-def test_a_batch_is_the_least_squares_of_all_rows(solver: str) -> None:
-    log = drive(steps=40)[0].log
+def test_a_batch_is_the_least_squares_of_all_rows(solver: str, walk: float) -> None:
+    log = drive(steps=40, walk=walk)[0].log
     path, xy, biases, cost = least_squares(log)
     found = ended(log, solver)
     tolerance = 1e-6 if solver == "own" else 2e-4  # GTSAM's residual of a motion is another
@@ -79,6 +83,15 @@ def test_a_batch_is_the_least_squares_of_all_rows(solver: str) -> None:
     total = misfit(log, found.path, found.map, found.constant)
     assert total is not None
     assert total.total == pytest.approx(cost, rel=1e-6 if solver == "own" else 1e-2)
+
+
+def test_the_cost_of_turns_with_a_known_bias_is_that_of_their_noise() -> None:
+    dataset, _ = drive(steps=40, bias=0.0, walk=0.0)
+    gyro, truth = dataset.log.gyro, dataset.truth
+    assert gyro is not None
+    assert truth is not None
+    off = wrap(gyro.turn - np.diff(truth.poses[:, 2]))
+    assert turn_cost(gyro, truth.poses) == pytest.approx((off**2 / gyro.var).sum(), rel=1e-9)
 
 
 def test_filter_and_batch_end_alike_where_all_is_nearly_linear() -> None:
@@ -102,6 +115,19 @@ def test_filter_and_batch_end_alike_where_all_is_nearly_linear() -> None:
 
 
 WORLD = "circle[steps=800,gyro=0.05,gyro_bias=1,gyro_start={},gyro_walk=0.005,slip_share={}]"
+
+
+@pytest.mark.parametrize("name", ["smoother", "isam2"])
+def test_one_that_has_the_turns_in_its_odometry_is_judged_by_those_factors(name: str) -> None:
+    """Its J is the least of the log that it was given: wheels that slip put the other one far above."""
+    log, _ = drive(steps=200, noise=0.1, bias=0.05)[0]
+    slipping = log.delta + np.where(np.arange(len(log)) % 10 == 0, 30.0, 0.0)[:, None] * [0.0, 0.0, 0.001]
+    log = replace(log, delta=slipping)
+    build = registry.find(name)
+    job = Job(name, name, build.options(), 0, 4000)
+    done = run_on(job, lambda: log, lambda: None)
+    assert done.status == "done", done.reason
+    assert "in the odometry" in done.reason
 
 
 def driven(log: Log, way: str) -> tuple[Array, Array, Array]:
