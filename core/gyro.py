@@ -136,9 +136,9 @@ class Gyro:
     @property
     def knot(self) -> Ints:
         """(n,) the number of the bias of each row, which is another one where the bias has moved."""
-        moved = self.walk > 0
-        moved[:1] = False
-        return np.cumsum(moved)
+        moved = (self.walk > 0).astype(np.int64)
+        moved[:1] = 0
+        return np.cumsum(moved, dtype=np.int64)
 
 
 def conditioned(delta: Array, cov: Array, turn: Array, var: Array, dt: Array) -> Conditioned:
@@ -162,17 +162,17 @@ def fused(gyro: Gyro, delta: Array, cov: Array) -> tuple[Array, Array]:
     """
     delta, cov, at = delta.copy(), cov.copy(), gyro.step
     wheels = np.column_stack((np.hypot(*delta[at, :2].T), np.abs(delta[at, 2])))
-    stands = (wheels <= STILL * gyro.dt[:, None]).all(axis=1)
+    stands = np.all(wheels <= STILL * gyro.dt[:, None], axis=1).tolist()
     bias, error = np.empty(len(gyro)), np.empty(len(gyro))
-    mean, P = gyro.prior.mean, gyro.prior.sd**2
+    mean, spread = gyro.prior.mean, gyro.prior.sd**2
     told = conditioned(delta[at], cov[at], gyro.turn, gyro.var, gyro.dt)
-    for j, dt in enumerate(gyro.dt.tolist()):
-        P += gyro.walk[j]
+    for j, (dt, walk) in enumerate(zip(gyro.dt.tolist(), gyro.walk.tolist(), strict=True)):
+        spread += walk
         if stands[j]:
-            gain = P * dt / (P * dt**2 + told.told_var[j])
+            gain = spread * dt / (spread * dt**2 + told.told_var[j])
             mean += gain * (told.told[j] - mean * dt)
-            P *= 1 - gain * dt
-        bias[j], error[j] = mean, P
+            spread *= 1 - gain * dt
+        bias[j], error[j] = mean, spread
     turn = wrap(gyro.turn - bias * gyro.dt)
     var = gyro.var + error * gyro.dt * np.maximum(gyro.dt, CORRELATED)
     delta[at], cov[at] = conditioned(delta[at], cov[at], turn, var, gyro.dt)[:2]

@@ -55,7 +55,9 @@ def test_the_ekf_is_the_dense_one() -> None:
     ekf = Ekf(log.prior, Options(), np.random.default_rng(0))
     for k, step in enumerate(log):
         np.testing.assert_allclose(ekf.step(step), poses[k], atol=1e-9)
-        np.testing.assert_allclose(ekf.belief().cov, covs[k], rtol=1e-7, atol=1e-13)
+        belief = ekf.belief()
+        assert belief.cov is not None
+        np.testing.assert_allclose(belief.cov, covs[k], rtol=1e-7, atol=1e-13)
         found = ekf.gyro_bias
         assert found is not None
         np.testing.assert_allclose((found.mean, found.sd**2), (biases[k], variances[k]), rtol=1e-7, atol=1e-13)

@@ -13,22 +13,22 @@ def filtered(log: Log) -> tuple[Array, Array, Array, Array]:
     """
     assert log.prior.gyro is not None
     x = np.concatenate((log.prior.pose, [log.prior.gyro.mean]))
-    P = np.zeros((4, 4))
-    P[:3, :3], P[3, 3] = log.prior.cov, log.prior.gyro.sd**2
+    spread = np.zeros((4, 4))
+    spread[:3, :3], spread[3, 3] = log.prior.cov, log.prior.gyro.sd**2
     at: dict[int, int] = {}
     poses, covs, biases, variances = [], [], [], []
     for step in log:
         n = len(x)
         if step.odometry is not None:
             joint, cov = np.concatenate((x, step.odometry.delta)), np.zeros((n + 3, n + 3))
-            cov[:n, :n], cov[n:, n:] = P, step.odometry.cov
+            cov[:n, :n], cov[n:, n:] = spread, step.odometry.cov
             if step.gyro is not None:
                 cov[3, 3] += step.gyro.walk
-                H = np.zeros(n + 3)
-                H[3], H[n + 2] = step.gyro.dt, 1.0
-                gain = cov @ H / (H @ cov @ H + step.gyro.var)
-                joint = joint + gain * float(wrap(np.array(step.gyro.turn - H @ joint)))
-                cov = cov - np.outer(gain, H @ cov)
+                by = np.zeros(n + 3)
+                by[3], by[n + 2] = step.gyro.dt, 1.0
+                gain = cov @ by / (by @ cov @ by + step.gyro.var)
+                joint = joint + gain * float(wrap(np.array(step.gyro.turn - by @ joint)))
+                cov = cov - np.outer(gain, by @ cov)
             before, motion = joint[:3], joint[n:]
             after = compose(before, motion)
             F = np.zeros((n, n + 3))
@@ -36,11 +36,11 @@ def filtered(log: Log) -> tuple[Array, Array, Array, Array]:
             F[0, 2], F[1, 2] = before[1] - after[1], after[0] - before[0]
             c, s = np.cos(before[2]), np.sin(before[2])
             F[:3, n:] = [[c, -s, 0], [s, c, 0], [0, 0, 1]]
-            x, P = joint[:n].copy(), F @ cov @ F.T
+            x, spread = joint[:n].copy(), F @ cov @ F.T
             x[:3] = after
         for landmark, z, R in zip(step.sightings.ids.tolist(), step.sightings.z, step.sightings.cov, strict=True):
             if landmark not in at:
-                x, P = _started(x, P, z, R)
+                x, spread = _started(x, spread, z, R)
                 at[landmark] = len(x) - 2
                 continue
             i = at[landmark]
@@ -52,13 +52,13 @@ def filtered(log: Log) -> tuple[Array, Array, Array, Array]:
             H[:, :2], H[1, 2] = -H[:, i : i + 2], -1.0
             off = z - (r, np.arctan2(d[1], d[0]) - x[2])
             off[1] = wrap(off[1])
-            K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
-            x, P = x + K @ off, P - K @ H @ P
+            K = spread @ H.T @ np.linalg.inv(H @ spread @ H.T + R)
+            x, spread = x + K @ off, spread - K @ H @ spread
             x[2] = wrap(x[2])
         poses.append(x[:3].copy())
-        covs.append(P[:3, :3].copy())
+        covs.append(spread[:3, :3].copy())
         biases.append(x[3])
-        variances.append(P[3, 3])
+        variances.append(spread[3, 3])
     return np.array(poses), np.array(covs), np.array(biases), np.array(variances)
 
 
