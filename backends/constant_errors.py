@@ -70,7 +70,7 @@ def fitted_biases(gyro: Gyro, path: Array) -> Array:
     band[0, 1:] = -walk
     band[1, 0] += _first(gyro)
     right[0] += gyro.prior.mean * _first(gyro)
-    return solveh_banded(band, right)
+    return solveh_banded(band, right) if n > 1 else right / band[1]  # LAPACK refuses a system of one
 
 
 def _turned(gyro: Gyro, path: Array) -> Array:

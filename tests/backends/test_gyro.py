@@ -11,6 +11,7 @@ from gyro_logs import with_gyro
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.api import Solution
+from slamduel.backends.constant_errors import fitted_biases, turn_cost
 from slamduel.backends.gaussian.ekf import Ekf, Options
 from slamduel.backends.given import given
 from slamduel.bench.measure.misfit import misfit
@@ -99,6 +100,26 @@ def test_filter_and_batch_end_alike_where_all_is_nearly_linear() -> None:
     assert online is not None
     assert abs(found.mean - online.mean) < 0.02 * found.sd
     assert online.sd == pytest.approx(found.sd, rel=0.005)
+
+
+@pytest.mark.parametrize("walk", [0.0, 1e-3])
+def test_the_biases_along_a_path_are_those_that_fit_best(walk: float) -> None:
+    """A little more or less of each costs more; one bias where none walks."""
+    made, _ = drive(walk=walk)
+    assert made.log.gyro is not None
+    assert made.truth is not None
+    gyro, path = made.log.gyro, made.truth.poses
+    best, cost = fitted_biases(gyro, path), turn_cost(gyro, path)
+    off = wrap(gyro.turn - (path[1:, 2] - path[:-1, 2]))
+
+    def of(bias: Array) -> float:
+        walks = (np.diff(bias) ** 2).sum() / walk**2 if walk else 0.0
+        return float(((off - bias[gyro.knot] * gyro.dt) ** 2 / gyro.var).sum() + walks + (bias[0] / gyro.prior.sd) ** 2)
+
+    assert len(best) == (3 if walk else 1)
+    assert of(best) == pytest.approx(cost)
+    for more in np.vstack((np.eye(len(best)), -np.eye(len(best)))):
+        assert of(best + 1e-4 * more) > cost
 
 
 WORLD = "circle[steps=800,gyro=0.05,gyro_bias=1,gyro_start={},gyro_walk=0.005,slip_share={}]"
