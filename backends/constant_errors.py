@@ -44,9 +44,6 @@ def partial_residuals(log: Log, path: Array, landmarks: Map, constant: Constant)
     return off
 
 
-NO_ERRORS = Constant(np.zeros(1), np.zeros(1))
-"""Those of sensors that have none."""
-
 HELD = 1e-9
 """rad/s, the standard deviation of a bias that is known."""
 

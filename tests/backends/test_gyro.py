@@ -74,9 +74,8 @@ def test_a_batch_is_the_least_squares_of_all_rows(solver: str) -> None:
     assert np.abs(wrap(off[:, 2])).max() < tolerance
     assert np.abs(off[:, :2]).max() < 20 * tolerance
     np.testing.assert_allclose(found.map.xy[np.argsort(found.map.ids)], xy, atol=20 * tolerance)
-    assert found.constant is not None
-    assert found.constant.gyro_bias is not None
-    assert found.constant.gyro_bias.mean == pytest.approx(biases[-1], abs=tolerance)
+    assert found.gyro_bias is not None
+    assert found.gyro_bias.mean == pytest.approx(biases[-1], abs=tolerance)
     total = misfit(log, found.path, found.map, found.constant)
     assert total is not None
     assert total.total == pytest.approx(cost, rel=1e-6 if solver == "own" else 1e-2)
@@ -94,8 +93,7 @@ def test_filter_and_batch_end_alike_where_all_is_nearly_linear() -> None:
     sd = np.sqrt(np.diag(batch.cov[-1]))
     assert (np.abs(belief.pose - batch.path[-1]) < 0.02 * sd).all()
     np.testing.assert_allclose(belief.cov, batch.cov[-1], atol=0.01 * float(np.max(sd)) ** 2)
-    assert batch.constant is not None
-    found, online = batch.constant.gyro_bias, ekf.gyro_bias
+    found, online = batch.gyro_bias, ekf.gyro_bias
     assert found is not None
     assert online is not None
     assert abs(found.mean - online.mean) < 0.02 * found.sd
