@@ -113,7 +113,6 @@ class Constant(NamedTuple):
     range_scale: Array  # (1,), or (n,) of each landmark of the solution's map
     range_offset: Array  # m; likewise
     heading_offset: float = 0.0  # rad
-    gyro_bias: Bias | None = None  # rad/s, at the end
 
 
 class Solution(NamedTuple):
@@ -125,6 +124,7 @@ class Solution(NamedTuple):
     converged: bool | None = None  # False: the optimisation ended before its criterion was met; None: not known
     remark: str = ""  # on how it was found, for the cell's reason
     constant: Constant | None = None  # None: not estimated; its J is then the least over them
+    gyro_bias: Bias | None = None  # at the end; likewise
 
 
 @runtime_checkable

@@ -57,7 +57,7 @@ STATE, FRONT, IGNORED = "state", "front", "ignored"
 
 
 def gyro() -> Any:
-    """Ways of a backend that can estimate a gyro's bias."""
+    """The treatment of a gyro's bias by a backend that can estimate it."""
     return option(
         STATE,
         "bias of a gyro: in the state; estimated in front where the robot stands, its turns fused with the odometry; "

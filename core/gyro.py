@@ -136,7 +136,9 @@ class Gyro:
     @property
     def knot(self) -> Ints:
         """(n,) the number of the bias of each row, which is another one where the bias has moved."""
-        return np.cumsum(self.walk > 0, dtype=np.int64) - bool(len(self) and self.walk[0] > 0)
+        moved = (self.walk > 0).astype(np.int64)
+        moved[:1] = 0
+        return np.cumsum(moved, dtype=np.int64)
 
 
 def conditioned(delta: Array, cov: Array, turn: Array, var: Array, dt: Array) -> Conditioned:
@@ -160,12 +162,12 @@ def fused(gyro: Gyro, delta: Array, cov: Array) -> tuple[Array, Array]:
     """
     delta, cov, at = delta.copy(), cov.copy(), gyro.step
     wheels = np.column_stack((np.hypot(*delta[at, :2].T), np.abs(delta[at, 2])))
-    stands = np.all(wheels <= STILL * gyro.dt[:, None], axis=1)
+    stands = np.all(wheels <= STILL * gyro.dt[:, None], axis=1).tolist()
     bias, error = np.empty(len(gyro)), np.empty(len(gyro))
     mean, spread = gyro.prior.mean, gyro.prior.sd**2
     told = conditioned(delta[at], cov[at], gyro.turn, gyro.var, gyro.dt)
-    for j, dt in enumerate(gyro.dt.tolist()):
-        spread += float(gyro.walk[j])
+    for j, (dt, walk) in enumerate(zip(gyro.dt.tolist(), gyro.walk.tolist(), strict=True)):
+        spread += walk
         if stands[j]:
             gain = spread * dt / (spread * dt**2 + told.told_var[j])
             mean += gain * (told.told[j] - mean * dt)

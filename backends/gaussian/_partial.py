@@ -4,18 +4,20 @@ An entry is counted from the first one of the map: -3, -2 and -1 are the pose's 
 entries of the map (see `kept_poses`), a landmark two, and the constant errors of a sensor two: scale and offset.
 """
 
-from math import atan2, sqrt
+from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
 from ...core.kernels._planar import wrap
 from ...core.kernels._small import cholesky
+from ...core.kernels._turns import conditioned
 from ...core.kernels.compiled import compiled
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
-from ._beliefs import JointArrays, belief_at
-from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, settle
+from ._beliefs import JointArrays, belief_at, frame_at
+from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, advance, settle
 from ._triangle import put, take_row
+from ._triangle import row as row_at
 
 NO_ENTRY = -4
 """In place of an entry: there is none, and it counts as zero."""
@@ -247,3 +249,39 @@ def fixed(
             H[a, 2] = -(s * arm[0] + c * arm[1]) if i == 0 else c * arm[0] - s * arm[1]
     why, distance = correct(b, n, entries, H, off, R, gate)
     return why, distance, k
+
+
+@compiled
+def turned(
+    belief: int, seen: int, n: int, entry: int, turn: float, var: float, dt: float, walk: float, where: int
+) -> None:
+    """Corrects a gyro's bias, the map's `entry`, and makes the motion of the frame at `seen` that by wheels and gyro.
+
+    It comes before the step's motion: see `core.gyro`. That motion depends on the bias, and so will the pose after it,
+    by L = G slope: `frame` knows of no such motion. It moves the pose by F, so the pose before gets F^-1 L times the
+    bias' error first.
+    """
+    b, f = belief_at(belief), frame_at(seen)
+    motion, slope = f.motion, np.empty(3)
+    b.flat[row_at(entry) + entry] += walk
+    told, told_var = conditioned(motion, turn, var, dt, slope)
+    H, off, R, entries = np.full((1, 1), dt), np.empty(1), np.full((1, 1), told_var), np.full(1, entry)
+    off[0] = wrap(told - dt * b.mean[3 + entry])
+    correct(b, n, entries, H, off, R, 0.0)
+    bias = b.mean[3 + entry]
+    for i in range(3):
+        motion[0, i] += slope[i] * bias
+    gx, gy, heading = advance(b.mean[:3].copy(), b.points[:3].copy(), motion, f.truth, where)
+    c, s = cos(heading), sin(heading)
+    M, P, of = np.empty(3), np.empty(n), np.empty(3)
+    M[0] = c * slope[0] - s * slope[1] - gx * slope[2]
+    M[1] = s * slope[0] + c * slope[1] - gy * slope[2]
+    M[2] = slope[2]
+    take_row(b.flat, entry, n, P)
+    for i in range(3):
+        of[i] = b.cross[i, entry]
+    for i in range(3):
+        for j in range(3):
+            b.pose[i, j] += M[i] * of[j] + of[i] * M[j] + M[i] * M[j] * P[entry]
+        for j in range(n):
+            b.cross[i, j] += M[i] * P[j]

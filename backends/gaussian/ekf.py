@@ -12,7 +12,7 @@ at its prediction, for sightings and motions alike. `ideal` linearises at the gr
 
 Positions, headings and sightings of a range or a bearing alone come after the whole sightings of their step: see
 `late_starts`. Logs with some are not compressed, nor are those with a gyro, whose bias is an entry of the state: see
-`_turns`.
+`core.gyro`.
 
 On a log with loop closures the state also has the poses that these may come back to: see `kept_poses`. They are taken
 after the sightings of their step, and the pose is cloned last. A clone keeps the pose's linearisation point, for first
@@ -38,7 +38,7 @@ from ._beliefs import Frame
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, POSE, STANDARD, frame
 from ._expected import expect
 from ._loops import close, keep
-from ._turns import turned
+from ._partial import turned
 from .compressed import Active
 from .joint import Joint
 from .joint_parts import JointParts

@@ -12,7 +12,7 @@ from ...core.factors import Log, Map
 from ...core.se2 import Array, Ints, compose
 from ..api import Constant, Diverged, Solution
 from ..common_options import LOSSES
-from ..constant_errors import NO_ERRORS, fitted, fitted_biases
+from ..constant_errors import fitted, fitted_biases
 from ..incremental.smoother import LEAST, PATIENCE
 from ..smoothing import _log, _opening
 from ..smoothing._factors import HUBER, NONE
@@ -214,11 +214,8 @@ class Batch:
         if curved:
             cov = forest.pose_covariances()
             landmarks = joint_map(forest, landmarks.ids, self._variables(), forest.g.values, joint_up_to)
-        constant = self.constant(landmarks.ids)
-        if self.log.gyro is not None:
-            constant = constant or NO_ERRORS
-            constant = constant._replace(gyro_bias=self.parts.biases.last(forest, curved=curved))
-        return Solution(path, landmarks, cov, converged, constant=constant)
+        bias = None if self.log.gyro is None else self.parts.biases.last(forest, curved=curved)
+        return Solution(path, landmarks, cov, converged, constant=self.constant(landmarks.ids), gyro_bias=bias)
 
     def constant(self, landmarks: Ints) -> Constant | None:
         """The constant errors at the linearisation points, a gyro's aside; None without any."""

@@ -14,7 +14,6 @@ from ...core.factors import Log, Map, Prior, Step
 from ...core.gyro import Bias, Gyro
 from ...core.se2 import Array
 from ..api import Diverged, Solution
-from ..constant_errors import NO_ERRORS
 from . import isam2
 from ._gtsam import FAILURES, Factors, failure, joint_covariance, path_and_map, pose2
 from .distances import unevenness
@@ -74,14 +73,13 @@ class GtsamBatch:
         if not np.isfinite(path).all() or not np.isfinite(landmarks.xy).all():
             raise Diverged("the optimum is not finite")
         constant = fit.factors.constant.read(landmarks.ids, fit.optimizer.values())
-        if self._log.gyro is not None:
-            constant = (constant or NO_ERRORS)._replace(gyro_bias=self._bias(self._log.gyro, fit))
+        bias = None if self._log.gyro is None else self._bias(self._log.gyro, fit)
         if not 0 < len(landmarks.ids) <= options.joint_up_to:
-            return Solution(path, landmarks, constant=constant)
+            return Solution(path, landmarks, constant=constant, gyro_bias=bias)
         with contextlib.suppress(*FAILURES):  # J may be flat in some direction, as for a landmark at the robot itself
             cov = joint_covariance(fit.factors.keys, gtsam.Marginals(fit.graph, fit.optimizer.values()))
-            return Solution(path, landmarks._replace(cov=cov), constant=constant)
-        return Solution(path, landmarks, constant=constant)
+            return Solution(path, landmarks._replace(cov=cov), constant=constant, gyro_bias=bias)
+        return Solution(path, landmarks, constant=constant, gyro_bias=bias)
 
     @staticmethod
     def _bias(gyro: Gyro, fit: Fit) -> Bias:

@@ -9,7 +9,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from ...backends.api import Associates, Backend, Constant, Diverged, Solution
+from ...backends.api import Associates, Backend, Bias, Constant, Diverged, Solution
 from ...core.errors import SlamduelError
 from ...core.factors import Log, Map
 from ...core.se2 import Array, Ints
@@ -105,7 +105,9 @@ def checked_solution(solution: Any, n: int) -> Solution | None:
     if not isinstance(solution.remark, str):  # pyright: ignore[reportUnnecessaryIsInstance] - a backend may return anything
         raise Broken(f"finish(): the remark is {type(solution.remark).__name__}, expected str")
     landmarks = checked_map(solution.map, "finish()")
-    return Solution(path, landmarks, cov, converged, solution.remark, _checked_constant(solution, len(landmarks.ids)))
+    constant, bias = _checked_constant(solution, len(landmarks.ids)), solution.gyro_bias
+    bias = None if bias is None else Bias(*finite(np.array(bias), (2,), "finish(): gyro_bias").tolist())
+    return Solution(path, landmarks, cov, converged, solution.remark, constant, bias)
 
 
 def _checked_constant(solution: Solution, n: int) -> Constant | None:
@@ -118,7 +120,7 @@ def _checked_constant(solution: Solution, n: int) -> Constant | None:
     shape = (n,) if np.shape(found.range_scale) != (1,) else (1,)
     scale = finite(found.range_scale, shape, "finish(): range_scale")
     offset = finite(found.range_offset, shape, "finish(): range_offset")
-    return Constant(scale, offset, float(finite(found.heading_offset, (), "finish(): heading_offset")), found.gyro_bias)
+    return Constant(scale, offset, float(finite(found.heading_offset, (), "finish(): heading_offset")))
 
 
 def is_convergence(value: Any) -> bool:

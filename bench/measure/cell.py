@@ -176,6 +176,9 @@ def _scored(judged: Score, outcome: Outcome, used: Given, row: dict[str, Any]) -
     said += [*_left_out(used)]
     said += [] if outcome.solution is None else [outcome.solution.remark] * bool(outcome.solution.remark)
     said += [judged.remark] * bool(judged.remark)
+    if outcome.solution is not None and (bias := outcome.solution.gyro_bias) is not None:
+        mean, sd = np.degrees(bias)
+        said.append(f"the gyro's bias is {mean:.4g} degrees/s at the end, with a standard deviation of {sd:.2g}")
     row |= {"told": int(outcome.told)} | judged.row
     return Result("done", "; ".join(said), row, judged.arrays, path=path_digest(outcome))
 

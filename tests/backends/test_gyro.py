@@ -12,7 +12,7 @@ from gyro_logs import with_gyro
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.api import Solution
-from slamduel.backends.constant_errors import turn_cost
+from slamduel.backends.constant_errors import fitted_biases, turn_cost
 from slamduel.backends.gaussian.ekf import Ekf, Options
 from slamduel.backends.given import given
 from slamduel.bench.measure.cell import Job, run_on
@@ -58,9 +58,9 @@ def test_the_ekf_is_the_dense_one() -> None:
     ekf = Ekf(log.prior, Options(), np.random.default_rng(0))
     for k, step in enumerate(log):
         np.testing.assert_allclose(ekf.step(step), poses[k], atol=1e-9)
-        cov = ekf.belief().cov
-        assert cov is not None
-        np.testing.assert_allclose(cov, covs[k], rtol=1e-7, atol=1e-13)
+        belief = ekf.belief()
+        assert belief.cov is not None
+        np.testing.assert_allclose(belief.cov, covs[k], rtol=1e-7, atol=1e-13)
         found = ekf.gyro_bias
         assert found is not None
         np.testing.assert_allclose((found.mean, found.sd**2), (biases[k], variances[k]), rtol=1e-7, atol=1e-13)
@@ -77,9 +77,8 @@ def test_a_batch_is_the_least_squares_of_all_rows(solver: str, walk: float) -> N
     assert np.abs(wrap(off[:, 2])).max() < tolerance
     assert np.abs(off[:, :2]).max() < 20 * tolerance
     np.testing.assert_allclose(found.map.xy[np.argsort(found.map.ids)], xy, atol=20 * tolerance)
-    assert found.constant is not None
-    assert found.constant.gyro_bias is not None
-    assert found.constant.gyro_bias.mean == pytest.approx(biases[-1], abs=tolerance)
+    assert found.gyro_bias is not None
+    assert found.gyro_bias.mean == pytest.approx(biases[-1], abs=tolerance)
     total = misfit(log, found.path, found.map, found.constant)
     assert total is not None
     assert total.total == pytest.approx(cost, rel=1e-6 if solver == "own" else 1e-2)
@@ -106,12 +105,31 @@ def test_filter_and_batch_end_alike_where_all_is_nearly_linear() -> None:
     sd = np.sqrt(np.diag(batch.cov[-1]))
     assert (np.abs(belief.pose - batch.path[-1]) < 0.02 * sd).all()
     np.testing.assert_allclose(belief.cov, batch.cov[-1], atol=0.01 * float(np.max(sd)) ** 2)
-    assert batch.constant is not None
-    found, online = batch.constant.gyro_bias, ekf.gyro_bias
+    found, online = batch.gyro_bias, ekf.gyro_bias
     assert found is not None
     assert online is not None
     assert abs(found.mean - online.mean) < 0.02 * found.sd
     assert online.sd == pytest.approx(found.sd, rel=0.005)
+
+
+@pytest.mark.parametrize("walk", [0.0, 1e-3])
+def test_the_biases_along_a_path_are_those_that_fit_best(walk: float) -> None:
+    """A little more or less of each costs more; one bias where none walks."""
+    made, _ = drive(walk=walk)
+    assert made.log.gyro is not None
+    assert made.truth is not None
+    gyro, path = made.log.gyro, made.truth.poses
+    best, cost = fitted_biases(gyro, path), turn_cost(gyro, path)
+    off = wrap(gyro.turn - (path[1:, 2] - path[:-1, 2]))
+
+    def of(bias: Array) -> float:
+        walks = (np.diff(bias) ** 2).sum() / walk**2 if walk else 0.0
+        return float(((off - bias[gyro.knot] * gyro.dt) ** 2 / gyro.var).sum() + walks + (bias[0] / gyro.prior.sd) ** 2)
+
+    assert len(best) == (3 if walk else 1)
+    assert of(best) == pytest.approx(cost)
+    for more in np.vstack((np.eye(len(best)), -np.eye(len(best)))):
+        assert of(best + 1e-4 * more) > cost
 
 
 WORLD = "circle[steps=800,gyro=0.05,gyro_bias=1,gyro_start={},gyro_walk=0.005,slip_share={}]"
