@@ -14,6 +14,7 @@ class Given(NamedTuple):
     loops: int = 0
     partial: int = 0
     fixes: int = 0
+    wheel_scale: bool = False  # true: that of the prior, which it takes as none
 
 
 def refused(builder: Builder, log: Log) -> str:
@@ -36,4 +37,5 @@ def given(builder: Builder, log: Log) -> Given:
     log = log.without_loops() if loops else log
     if log.partial is not None and partial:
         log = replace(log, partial=log.partial.rows(log.partial.ids != UNKNOWN) if builder.partial else None)
-    return Given(log.without_fixes() if fixes else log, loops, partial, fixes)
+    wheels = log.prior.systematic.wheel_scale > 0 and not builder.wheel_scale
+    return Given(log.without_fixes() if fixes else log, loops, partial, fixes, wheels)

@@ -164,6 +164,8 @@ def _left_out(used: Given) -> Iterator[str]:
     for count, one, many in kinds:
         if count:
             yield f"1 {one} is left out" if count == 1 else f"{count} {many} are left out"
+    if used.wheel_scale:
+        yield "the wheels' scale, which is not known, is not estimated"
 
 
 def _scored(judged: Score, outcome: Outcome, used: Given, row: dict[str, Any]) -> Result:

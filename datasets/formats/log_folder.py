@@ -23,8 +23,8 @@ Covariances are stored as upper triangles. Notes that are None, and the covarian
 table [contents] of log.toml has the number of rows and the digests of the files' contents, both optional: changed files
 are refused. A loop closure that is known to be false has 1 in the column false, others 0. A table [sensor] with x, y,
 yaw and delay says that sightings.csv is of a sensor mounted so, not of the body; it is never written. A table
-[systematic] has the standard deviations of errors that are constant: range_scale, range_offset (m) and heading_offset
-(rad), and `each = true` where every landmark has its own.
+[systematic] has the standard deviations of errors that are constant: range_scale, range_offset (m), heading_offset
+(rad) and wheel_scale, and `each = true` where every landmark has its own of ranges.
 """
 
 import os
