@@ -269,6 +269,9 @@ class Builder:
     with the odometry in front of it.
     """
 
+    wheel_scale: bool = False
+    """It estimates the wheels' scale of `prior.systematic`. Without, it takes the odometry as it is, which is said."""
+
     leaves_out: tuple[Literal["partial", "fixes"], ...] = ()
     """Kinds of factors that it runs without, which are counted: it would make nothing of them."""
 

@@ -21,6 +21,7 @@ class Given(NamedTuple):
     fixes: int = 0
     turns: int = 0  # of a gyro, which are not left out, but in the odometry
     bias: str = ""  # how the gyro's bias was treated for this
+    wheel_scale: bool = False  # true: that of the prior, which it takes as none
 
 
 def refused(builder: Builder, log: Log) -> str:
@@ -44,7 +45,8 @@ def given(builder: Builder, log: Log, options: Any = None) -> Given:
     if log.partial is not None and partial:
         log = replace(log, partial=log.partial.rows(log.partial.ids != UNKNOWN) if builder.partial else None)
     log, turns, bias = _turned(builder, log, options)
-    return Given(log.without_fixes() if fixes else log, loops, partial, fixes, turns, bias)
+    wheels = log.prior.systematic.wheel_scale > 0 and not builder.wheel_scale
+    return Given(log.without_fixes() if fixes else log, loops, partial, fixes, turns, bias, wheels)
 
 
 def _turned(builder: Builder, log: Log, options: Any) -> tuple[Log, int, str]:

@@ -112,8 +112,8 @@ def _prior(prior: Prior) -> Iterator[Problem]:
     yield from _finite("prior", ("x", "y", "heading"), prior.pose[None])
     yield from _angle("prior", "heading", prior.pose[2:])
     yield from _covariance("prior", prior.cov[None])
-    for name, sd in zip(("range_scale", "range_offset", "heading_offset"), prior.systematic, strict=False):
-        if not 0 <= sd <= LARGEST:
+    for name in ("range_scale", "range_offset", "heading_offset", "wheel_scale"):
+        if not 0 <= (sd := getattr(prior.systematic, name)) <= LARGEST:
             yield Problem("prior", 0, f"systematic {name} is {sd!s}, expected a standard deviation, 0 for none")
     if prior.start not in STARTS:
         yield Problem("prior", 0, f"start is {prior.start!r}, expected 'known' or 'unknown'")

@@ -90,13 +90,15 @@ class Map(NamedTuple):
 class Systematic(NamedTuple):
     """Beliefs about a sensor's constant errors: standard deviations around none, 0 where there is none.
 
-    A partial sighting's range is (1 + scale) d + offset at a distance d; a fix's heading is heading + offset.
+    A partial sighting's range is (1 + scale) d + offset at a distance d; a fix's heading is heading + offset. Odometry
+    has (1 + wheel_scale) of the way.
     """
 
     range_scale: float = 0.0
     range_offset: float = 0.0  # m
     heading_offset: float = 0.0  # rad
     each: bool = False  # every landmark has a scale and an offset of its own
+    wheel_scale: float = 0.0
 
 
 class Prior(NamedTuple):
@@ -376,7 +378,8 @@ class Log:
         }
         columns |= {} if self.prior.start == "known" else {"prior.start unknown": None}
         constant = self.prior.systematic
-        columns |= {} if constant == Systematic() else {"prior.systematic": np.array(constant, np.float64)}
+        told = constant if constant.wheel_scale else constant[:4]  # as in logs from before there was one
+        columns |= {} if constant == Systematic() else {"prior.systematic": np.array(told, np.float64)}
         columns |= {name: getattr(self, name) for name in _COLUMNS}
         for table in (self.partial, self.fixes, self.signatures, self.gyro):
             columns |= {} if table is None else table.columns

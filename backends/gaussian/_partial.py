@@ -161,6 +161,24 @@ def partly(
 
 
 @compiled
+def shift(belief: int, n: int, entry: int, x: float, y: float) -> None:
+    """Adds an entry's error, times x (y), to the error of the pose's x (y)."""
+    b = belief_at(belief)
+    row, own, way = np.empty(n), np.empty(3), (x, y)
+    take_row(b.flat, entry, n, row)
+    for i in range(3):
+        own[i] = b.cross[i, entry]
+    for i in range(2):
+        for j in range(n):
+            b.cross[i, j] += way[i] * row[j]
+        for j in range(3):
+            b.pose[i, j] += way[i] * own[j]
+            b.pose[j, i] += way[i] * own[j]
+        for j in range(2):
+            b.pose[i, j] += way[i] * way[j] * row[entry]
+
+
+@compiled
 def begin(belief: int, n: int, at: int, xy: Array, sd: float, moves_points: bool) -> None:
     """Sets the entries `at` and `at` + 1 to a new landmark at xy (2,), independent, of standard deviation `sd`."""
     b = belief_at(belief)
@@ -210,43 +228,56 @@ def together(belief: int, n: int, entries: Ints, kind: Ints, z: Array, var: Arra
 
 
 @compiled
+def place_in_world(at: Array, arm: Array, H: Array) -> tuple[float, float, float]:
+    """The x and y of an antenna and the heading as fixes tell them, at (7,), and H (3, 7) by these.
+
+    They are a pose (p, theta), the heading's offset, and the frame (t, phi) of the state in the world. The antenna at a
+    in the body is at t + R(phi) (p + R(theta) a); phi turns it about t, and theta about the robot.
+    """
+    c, s = np.cos(at[2]), np.sin(at[2])
+    ahead, left = c * arm[0] - s * arm[1], s * arm[0] + c * arm[1]
+    c, s = np.cos(at[6]), np.sin(at[6])
+    x, y = c * at[0] - s * at[1], s * at[0] + c * at[1]
+    ahead, left = c * ahead - s * left, s * ahead + c * left
+    H[:] = 0.0
+    H[0, 0], H[0, 1], H[0, 2], H[0, 4], H[0, 6] = c, -s, -left, 1.0, -y - left
+    H[1, 0], H[1, 1], H[1, 2], H[1, 5], H[1, 6] = s, c, ahead, 1.0, x + ahead
+    H[2, 2], H[2, 3], H[2, 6] = 1.0, 1.0, 1.0
+    return x + ahead + at[4], y + left + at[5], at[2] + at[3] + at[6]
+
+
+@compiled
 def fixed(
     belief: int, n: int, entries: Ints, z: Array, cov: Array, arm: Array, where: int, gate: float
 ) -> tuple[int, float, int]:
-    """Corrects by a fix z (3,) of the pose, NaN where nothing is measured; entries (4,): pose and heading's offset.
+    """Corrects by a fix z (3,) of the pose, NaN where nothing is measured.
 
-    Returns the outcome, the squared distance and the number of entries measured.
+    Its entries (7,) are those of `place_in_world`; without a frame the state's coordinates are the world's. Returns the
+    outcome, the squared distance and the number of entries measured.
     """
     b = belief_at(belief)
-    at, k = np.empty(4), 0
+    at, k, all_rows = np.empty(7), 0, np.empty((3, 7))
     for i in range(3):
         k += not np.isnan(z[i])
-    H, off, R, rows = np.zeros((k, 4)), np.empty(k), np.empty((k, k)), np.empty(k, np.int64)
+    H, off, R, rows = np.empty((k, 7)), np.empty(k), np.empty((k, k)), np.empty(k, np.int64)
     k = 0
     for i in range(3):
         if not np.isnan(z[i]):
             rows[k] = i
             k += 1
     gather(b.mean, entries, at)
-    c, s = np.cos(at[2]), np.sin(at[2])
+    x, y, heading = place_in_world(at, arm, all_rows)
     for a in range(k):
         i = rows[a]
-        if i == 2:
-            off[a] = wrap(z[2] - at[2] - at[3])
-        else:
-            off[a] = z[i] - at[i] - (c * arm[0] - s * arm[1] if i == 0 else s * arm[0] + c * arm[1])
+        off[a] = wrap(z[2] - heading) if i == 2 else z[i] - (x if i == 0 else y)
         for d in range(k):
             R[a, d] = cov[i, rows[d]]
     if where in (FIRST, IDEAL):
         gather(b.points, entries, at)
-        c, s = np.cos(at[2]), np.sin(at[2])
+        place_in_world(at, arm, all_rows)
     for a in range(k):
-        i = rows[a]
-        H[a, i] = 1.0
-        if i == 2:
-            H[a, 3] = 1.0
-        else:
-            H[a, 2] = -(s * arm[0] + c * arm[1]) if i == 0 else c * arm[0] - s * arm[1]
+        for e in range(7):
+            H[a, e] = all_rows[rows[a], e]
     why, distance = correct(b, n, entries, H, off, R, gate)
     return why, distance, k
 

@@ -66,6 +66,12 @@ class Options:
         "process sightings one by one, each at the newest estimate, or those of a frame jointly at the prediction",
         choices=("sequential", "joint"),
     )
+    frame: str = option(
+        "start",
+        "on logs with fixes, whose coordinates the state is in: the start's, whose place in the world is another part "
+        "of it, or the world's, as with first estimates, loop closures or a given map",
+        choices=("start", "world"),
+    )
     gate: float = common_options.gate()
     gate_after: int = common_options.gate_after()
     compress_above: int = option(
@@ -94,7 +100,13 @@ class Ekf:
         self._gate = -2 * log(1 - options.gate) if options.gate > 0 else 0.0  # the quantile, at two degrees of freedom
         self._loop_gate = float(chdtri(3, 1 - options.gate)) if options.gate > 0 else 0.0
         self._confirm = options.gate_after
-        self._whole = Joint(prior.pose, prior.cov, fixed_points=self._where != STANDARD)
+        apart = prior.fixes and not prior.loops and prior.map is None and self._where == STANDARD
+        apart = apart and options.frame == "start"
+        start = (np.zeros(3), np.zeros((3, 3))) if apart else (prior.pose, prior.cov)
+        self._whole = Joint(*start, fixed_points=self._where != STANDARD)
+        self._parts = JointParts(self._whole, self._where)
+        if apart:
+            self._parts.start_at(prior.pose, prior.cov)
         self._part: Active | None = None
         self._slot: dict[int, int] = {}  # landmark id -> its index in the whole
         self._ids = np.zeros(0, np.int64)  # and the inverse when last asked what is expected; UNKNOWN for kept poses
@@ -108,13 +120,12 @@ class Ekf:
             self._whole.adopt(prior.map)
             self._whole.agreed[: len(prior.map.ids)] = self._confirm
             self._slot = {landmark: i for i, landmark in enumerate(prior.map.ids.tolist())}
-        parts = JointParts(self._whole, self._where)
-        self._bias = None if prior.gyro is None else parts.constant(prior.gyro.sd, 0.0)  # the first pair but a map's
-        if prior.gyro is not None:
-            self._whole.mean[3 + 2 * len(self._slot)] = prior.gyro.mean
+        self._bias = None if prior.gyro is None else self._parts.constant(prior.gyro.sd, 0.0)
+        if self._bias is not None and prior.gyro is not None:
+            self._whole.mean[3 + self._bias] = prior.gyro.mean
         self._late: LateStarts | None = None
-        if prior.partial or prior.fixes:
-            self._late = LateStarts(parts, prior, self._slot, self._started)
+        if prior.partial or prior.fixes or prior.systematic.wheel_scale:
+            self._late = LateStarts(self._parts, prior, self._slot, self._started)
         self._mixed = self._late is not None or self._bias is not None
         """The state has more than landmarks and poses: it is not compressed."""
 
@@ -157,8 +168,9 @@ class Ekf:
             self._frame = self._frame.replaced(**_sightings(2 * k))
         seen = self._frame
         seen.slots[:k], seen.z[:k], seen.cov[:k] = slots[:k], z, R.reshape(k, 4)
-        if step.odometry is not None:
-            seen.motion[0], seen.motion[1:] = step.odometry
+        odometry = step.odometry if self._late is None else self._late.moved(step.odometry)
+        if odometry is not None:
+            seen.motion[0], seen.motion[1:] = odometry
             if self._bias is not None and step.gyro is not None:
                 turned(part.address, seen.address, 2 * known, self._bias, *step.gyro, self._where)
         failed, why, self._nis, self._nis_dof, self._refused = frame(
@@ -179,7 +191,7 @@ class Ekf:
         if loops is not None:
             self._close(part, loops)
             keep(part.address, 2 * part.pairs, part.columns, *loops.clone)
-        return part.mean[:3].copy()
+        return part.mean[:3].copy() if self._late is None else self._parts.pose()
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief after the motion."""
@@ -216,9 +228,10 @@ class Ekf:
         """The pose's marginal and the NIS of the loop closures, and sightings of known landmarks, that were used."""
         part = self._whole if self._part is None else self._part
         nis = self._nis if self._nis_dof else None
-        return Belief(
-            part.mean[:3].copy(), part.pose.copy(), nis, self._nis_dof, refused=self._refused, left_out=self._left_out
-        )
+        pose, cov = part.mean[:3].copy(), part.pose.copy()
+        if self._late is not None:
+            pose, cov = self._parts.pose(), self._parts.pose_cov()
+        return Belief(pose, cov, nis, self._nis_dof, refused=self._refused, left_out=self._left_out)
 
     def map(self) -> Map:
         """All landmarks in order of first sighting, with their joint covariance up to `LARGEST`."""
@@ -263,6 +276,8 @@ class Ekf:
         if self._kept is None and not self._mixed:
             return Map(ids, whole.xy(), whole.cov() if len(ids) <= LARGEST else None)
         pairs = np.fromiter(self._slot.values(), np.int64, len(ids))
+        if self._late is not None:
+            return Map(ids, self._parts.places(pairs), self._parts.places_cov(pairs) if len(ids) <= LARGEST else None)
         return Map(ids, whole.xy()[pairs], whole.cov_of(pairs) if len(ids) <= LARGEST else None)
 
     def _loops_of(self, kept: KeptPoses, found: RelativePoses) -> Loops:
@@ -326,4 +341,13 @@ def _sightings(k: int) -> dict[str, Any]:
     return {"slots": np.zeros(k, np.int64), "z": np.zeros((k, 2)), "cov": np.zeros((k, 4))}
 
 
-build = Builder(Ekf, options=Options, loops=True, partial=True, fixes=True, gyro=True, implementation=COMPILED_HERE)
+build = Builder(
+    Ekf,
+    options=Options,
+    loops=True,
+    partial=True,
+    fixes=True,
+    gyro=True,
+    wheel_scale=True,
+    implementation=COMPILED_HERE,
+)

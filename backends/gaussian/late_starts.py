@@ -8,7 +8,8 @@ a place that may be wrong. Poses that nothing waits for leave the state, which i
 
 At most `MOST` sightings of a landmark wait; of more, the one is dropped whose neighbours along the way are closest.
 
-Constant errors of the sensor (`Systematic`) are entries of the state: scale and offset of ranges, the heading's offset.
+Constant errors (`Systematic`) are entries of the state: scale and offset of ranges, the heading's offset, and the scale
+of the wheels, by which the robot has moved less at every step than odometry says.
 
 The layer decides what is used when; a filter does it to its own belief, by the methods of `Parts`.
 """
@@ -19,7 +20,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ...core.factors import Prior, Step, Systematic
+from ...core.factors import Odometry, Prior, Step, Systematic
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ..api import Diverged
@@ -62,6 +63,10 @@ class Parts(Protocol):
 
     def constants(self, entry: int) -> tuple[float, float]:
         """The present means of a pair of constant errors."""
+        ...
+
+    def shift(self, entry: int, ahead: float, left: float) -> None:
+        """Adds this entry's error, times a way in the body's frame, to that of the pose's position."""
         ...
 
     def space(self) -> list[tuple[int, int]]:
@@ -147,11 +152,25 @@ class LateStarts:
         self._tried: dict[int, float] = {}  # m, the way at which a landmark was tried last
         self._free: list[tuple[int, int]] = []  # entries of poses that are needed no longer
         self._way = 0.0
-        scale, offset, heading, each = self._prior
+        scale, offset, heading, each, wheels = self._prior
         self._ranging = scale > 0 or offset > 0
         self._common = parts.constant(scale, offset) if self._ranging and not each else NO_ENTRY
         self._each: dict[int, int] | None = {} if self._ranging and each else None
         self._heading = parts.constant(heading, 0.0) if heading > 0 else NO_ENTRY
+        self._wheels = parts.constant(wheels, 0.0) if wheels > 0 else NO_ENTRY
+
+    def moved(self, odometry: Odometry | None) -> Odometry | None:
+        """The motion by the wheels' scale at present, whose error is added to the pose's before that motion.
+
+        The way of d = s / (1 + scale) changes by -d / (1 + scale); a motion leaves an error of the position as it is.
+        """
+        if self._wheels == NO_ENTRY or odometry is None:
+            return odometry
+        longer = 1 + self._parts.constants(self._wheels)[0]
+        true = np.array((1 / longer, 1 / longer, 1.0))
+        delta = odometry.delta * true
+        self._parts.shift(self._wheels, -float(delta[0]) / longer, -float(delta[1]) / longer)
+        return Odometry(delta, odometry.cov * np.outer(true, true))
 
     def step(self, step: Step, gates: Array) -> tuple[float, int, int]:
         """Corrects by a step's fixes and partial sightings, after its motion and whole sightings.
@@ -197,7 +216,7 @@ class LateStarts:
         place = {pair: i for i, pair in enumerate(left)}
         for landmark, pair in self._slot.items():
             self._slot[landmark] = place.get(pair, pair)  # one held fixed has no pair
-        for name in ("_common", "_heading"):
+        for name in ("_common", "_heading", "_wheels"):
             entry = getattr(self, name)
             setattr(self, name, entry if entry == NO_ENTRY else 2 * place[entry // 2])
         if self._each is not None:

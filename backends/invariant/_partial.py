@@ -92,6 +92,24 @@ def across(g: GroupArrays, n: int, entries: Ints, H: Array, own: Array, rows: Ar
 
 
 @compiled
+def shift(group: int, n: int, entry: int, x: float, y: float) -> None:
+    """Adds an entry's error, times (x, y), to the error of the position; xi_h has no part in it."""
+    g = group_at(group)
+    row, own, way = np.empty(n), np.empty(3), (x, y)
+    gather_row(g, n, entry, row)
+    for i in range(3):
+        own[i] = g.strip[i, 3 + entry]
+    for i in range(2):
+        for j in range(n):
+            g.strip[i, 3 + j] += way[i] * row[j]
+        for j in range(3):
+            g.strip[i, j] += way[i] * own[j]
+            g.strip[j, i] += way[i] * own[j]
+        for j in range(2):
+            g.strip[i, j] += way[i] * way[j] * row[entry]
+
+
+@compiled
 def correct(
     g: GroupArrays, n: int, kept: Ints, entries: Ints, H: Array, off: Array, R: Array, gate: float
 ) -> tuple[int, float]:

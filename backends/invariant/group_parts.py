@@ -1,5 +1,7 @@
 """Partial sightings and fixes in the invariant filter's belief: see `late_starts`, and `_partial` for the equations."""
 
+from math import cos, sin
+
 import numpy as np
 
 from ...core.se2 import Array, Ints
@@ -44,6 +46,12 @@ class GroupParts:
         """The present means of a pair of constant errors."""
         first, second = self._group.mean[entry : entry + 2].tolist()
         return first, second
+
+    def shift(self, entry: int, ahead: float, left: float) -> None:
+        """Adds this entry's error, times a way in the body's frame, to that of the pose's position."""
+        group = self._group
+        c, s = cos(group.pose[2]), sin(group.pose[2])
+        _partial.shift(group.arrays.address, group.n, entry, c * ahead - s * left, s * ahead + c * left)
 
     def space(self) -> list[tuple[int, int]]:
         """Adds space for two poses to keep, whose headings make a pair."""

@@ -69,7 +69,7 @@ class InvariantEkf:
         if prior.map is not None:
             self._adopt(prior.map)
         self._late: LateStarts | None = None
-        if prior.partial or prior.fixes:
+        if prior.partial or prior.fixes or prior.systematic.wheel_scale:
             self._late = LateStarts(GroupParts(self._group), prior, self._slot)
 
     def step(self, step: Step) -> Pose:
@@ -80,8 +80,9 @@ class InvariantEkf:
         group = self._group
         if self._vicinity.used:
             self._vicinity.move(step.odometry)
-        if step.odometry is not None:
-            delta, cov = np.array(step.odometry.delta), np.array(step.odometry.cov)
+        odometry = step.odometry if self._late is None else self._late.moved(step.odometry)
+        if odometry is not None:
+            delta, cov = np.array(odometry.delta), np.array(odometry.cov)
             _invariant.move(group.arrays.address, group.n, group.kept, delta, cov)
         self._nis = np.empty(len(step.sightings.ids))
         if len(self._nis):
@@ -196,4 +197,6 @@ class InvariantEkf:
         self._slot.update(zip(given.ids.tolist(), of, strict=True))
 
 
-build = Builder(InvariantEkf, options=Options, loops=True, partial=True, fixes=True, implementation=COMPILED_HERE)
+build = Builder(
+    InvariantEkf, options=Options, loops=True, partial=True, fixes=True, wheel_scale=True, implementation=COMPILED_HERE
+)

@@ -65,7 +65,7 @@ class Ukf:
         if prior.map is not None:
             self._adopt(prior.map)
         self._late: LateStarts | None = None
-        if prior.partial or prior.fixes:
+        if prior.partial or prior.fixes or prior.systematic.wheel_scale:
             self._late = LateStarts(UnscentedParts(self._joint, self._known, self._scaling), prior, self._slot)
 
     def step(self, step: Step) -> Pose:
@@ -77,8 +77,9 @@ class Ukf:
         slots = [slot.setdefault(landmark, others + len(slot)) for landmark in ids.tolist()]
         if others + len(slot) > count:
             joint.grow(others + len(slot))
-        if step.odometry is not None:
-            self._motion[0], self._motion[1:] = step.odometry
+        odometry = step.odometry if self._late is None else self._late.moved(step.odometry)
+        if odometry is not None:
+            self._motion[0], self._motion[1:] = odometry
         wrong, self._nis, self._nis_dof = _ukf.frame(
             joint.address, 2 * count, self._known, step.odometry is not None, self._motion,
             np.array(slots, np.int64), np.array(z), np.array(R, order="C"), self._scaling,
@@ -158,4 +159,4 @@ class Ukf:
         self._joint.adopt(given)
 
 
-build = Builder(Ukf, options=Options, partial=True, fixes=True, implementation=COMPILED_HERE)
+build = Builder(Ukf, options=Options, partial=True, fixes=True, wheel_scale=True, implementation=COMPILED_HERE)

@@ -166,6 +166,8 @@ def _left_out(used: Given) -> Iterator[str]:
             yield f"1 {one} is left out" if count == 1 else f"{count} {many} are left out"
     if used.turns:
         yield f"{used.turns} turns by the gyro are in the odometry, their bias {used.bias}"
+    if used.wheel_scale:
+        yield "the wheels' scale, which is not known, is not estimated"
 
 
 def _scored(judged: Score, outcome: Outcome, used: Given, row: dict[str, Any]) -> Result:

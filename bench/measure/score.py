@@ -78,7 +78,8 @@ def score(
 ) -> Score:
     """Scores the outcome of a backend that uses `sightings` and `loops`, or does not.
 
-    `minimised` is the log whose J it minimises, if it does: the factors that it was given. A `mistaken` log is one with a mistake, so that no noise is blamed. `least` are the errors that the log allows.
+    `minimised` is the log whose J it minimises, if it does: the factors that it was given. A `mistaken` log is one with
+    a mistake, so that no noise is blamed. `least` are the errors that the log allows.
 
     Online and final are never mixed; a value that does not exist is absent from the row.
     """

@@ -71,6 +71,9 @@ class Options:
         0.1, "standard deviation of a scale of the ranges that is not known; 0: none", minimum=0.0, maximum=1.0
     )
     range_offset: float = option(0.0, "likewise of a constant offset, m", minimum=0.0, maximum=100.0)
+    wheel_scale: float = option(
+        0.0, "standard deviation of a scale of the wheels that is not known; 0: none", minimum=0.0, maximum=1.0
+    )
     each: bool = option(False, "every beacon has a scale and an offset of its own")
     range_sd: float = option(0.55, "standard deviation of a range, m", minimum=1e-3, maximum=100.0)
     forward: float = option(0.05, "motion noise along the body, m per root metre", minimum=1e-6, maximum=10.0)
@@ -101,7 +104,9 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     prior = Prior(
         np.append(start[1:3], wrap(start[3])),
         np.diag(np.square(START_SD)),
-        systematic=Systematic(options.range_scale, options.range_offset, each=options.each),
+        systematic=Systematic(
+            options.range_scale, options.range_offset, each=options.each, wheel_scale=options.wheel_scale
+        ),
     )
     count = len(seen)
     partial = PartialTable.from_arrays(

@@ -25,9 +25,9 @@ Covariances are stored as upper triangles. Notes that are None, and the covarian
 table [contents] of log.toml has the number of rows and the digests of the files' contents, both optional: changed files
 are refused. A loop closure that is known to be false has 1 in the column false, others 0. A table [sensor] with x, y,
 yaw and delay says that sightings.csv is of a sensor mounted so, not of the body; it is never written. A table
-[systematic] has the standard deviations of errors that are constant: range_scale, range_offset (m) and heading_offset
-(rad), and `each = true` where every landmark has its own. A table [gyro] has the mean and the standard deviation of a
-gyro's bias before its first turn, rad/s: bias and bias_sd, 0 where not given.
+[systematic] has the standard deviations of errors that are constant: range_scale, range_offset (m), heading_offset
+(rad) and wheel_scale, and `each = true` where every landmark has its own of ranges. A table [gyro] has the mean and the
+standard deviation of a gyro's bias before its first turn, rad/s: bias and bias_sd, 0 where not given.
 """
 
 import os

@@ -87,7 +87,8 @@ def write_words(path: Path, log: Log, truth_kind: str | None, contents: Contents
         prior["map"] = {"ids": ids.tolist(), "xy": xy.tolist()} | ({} if cov is None else {"cov": cov.tolist()})
     prior |= {} if log.prior.start == "known" else {"start": log.prior.start}
     constant = log.prior.systematic
-    known = {} if constant == Systematic() else {"systematic": constant._asdict()}
+    stated = {name: sd for name, sd in constant._asdict().items() if name != "wheel_scale" or sd}
+    known = {} if constant == Systematic() else {"systematic": stated}
     known |= {} if log.gyro is None else {"gyro": dict(zip(BIAS, log.gyro.prior, strict=True))}
     truth = {} if truth_kind is None else {"truth": {"kind": truth_kind}}
     digests = {key: digest for key in ("factors", "truth") if (digest := getattr(contents, key)) is not None}
@@ -163,7 +164,9 @@ def _scan_systematic(file: TomlTable) -> Scan[Systematic]:
     given = file.table("systematic")
     yield from given.unknown(Systematic._fields)
     sds = dict[str, float]()
-    for name in Systematic._fields[:3]:
+    for name in Systematic._fields:
+        if name == "each":
+            continue
         sds[name] = (yield from _tried(given.number, name, 0.0, least=0.0)) or 0.0
     return Systematic(**sds, each=bool((yield from _tried(given.switch, "each", False))))
 

@@ -76,11 +76,12 @@ def _alone(table: PartialTable, errors: Systematic) -> PartialTable:
 
 
 def _known(prior: Prior, errors: Systematic) -> Prior:
-    """The prior without scale or offset of ranges among what is unknown, where they are known now."""
+    """The prior without scales and the offset of ranges among what is unknown, where they are known now."""
     left = prior.systematic
     left = left._replace(
         range_scale=0.0 if errors.range_scale else left.range_scale,
         range_offset=0.0 if errors.range_offset else left.range_offset,
+        wheel_scale=0.0 if errors.wheel_scale else left.wheel_scale,
     )
     return prior if left == prior.systematic else prior._replace(systematic=left)
 

@@ -18,7 +18,8 @@ from slamduel.backends.given import given
 from slamduel.bench.measure.cell import Job, run_on
 from slamduel.bench.measure.misfit import misfit
 from slamduel.bench.plan.load import load
-from slamduel.core.factors import Dataset, Log
+from slamduel.core.factors import Dataset, Log, Systematic
+from slamduel.core.fixes import FixTable
 from slamduel.core.gyro import conditioned
 from slamduel.core.kernels import _turns
 from slamduel.core.se2 import Array, wrap
@@ -91,6 +92,26 @@ def test_the_cost_of_turns_with_a_known_bias_is_that_of_their_noise() -> None:
     assert truth is not None
     off = wrap(gyro.turn - np.diff(truth.poses[:, 2]))
     assert turn_cost(gyro, truth.poses) == pytest.approx((off**2 / gyro.var).sum(), rel=1e-9)
+
+
+def test_a_bias_is_the_same_in_either_frame_where_the_start_is_known() -> None:
+    """The start's frame, with fixes, a gyro and wheels of unknown scale in one state."""
+    log, truth = drive(steps=80)[0]
+    assert truth is not None
+    step, n = np.arange(5, 80, 5), 15
+    noise = 0.1 * np.random.default_rng(2).standard_normal((n, 2))
+    z = np.column_stack((truth.poses[step, :2] + noise, np.full(n, np.nan)))
+    fixes = FixTable.from_arrays(len(log), step, z, np.broadcast_to(np.diag([0.01, 0.01, 0.01]), (n, 3, 3)))
+    prior = log.prior._replace(cov=1e-14 * np.eye(3), systematic=Systematic(wheel_scale=0.05))
+    log = replace(log, fixes=fixes, prior=prior)
+    assert log.prior.fixes
+    ended = []
+    for frame in ("start", "world"):
+        ekf = Ekf(log.prior, Options(frame=frame), np.random.default_rng(0))
+        path = np.array([ekf.step(one) for one in log])
+        ended.append((path, ekf.belief().cov, ekf.gyro_bias))
+    for one, other in zip(*ended, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-8)
 
 
 def test_filter_and_batch_end_alike_where_all_is_nearly_linear() -> None:

@@ -9,7 +9,8 @@ import pytest
 from beacon_drives import BEACONS, BEARING, RANGE, Drive, drive
 from dense_partial import DensePartial
 from slamduel.backends.gaussian import ekf
-from slamduel.core.se2 import Array, wrap
+from slamduel.backends.gaussian._partial import place_in_world
+from slamduel.core.se2 import Array, compose, wrap
 
 DRIVES: dict[str, dict[str, Any]] = {
     "ranges": {},
@@ -37,7 +38,7 @@ def run(made: Drive, **options: Any) -> tuple[ekf.Ekf, Array, Array]:
 def test_it_is_the_dense_filter(case: str) -> None:
     """The same path and covariances, to what a prior variance 1e8 times the posterior one leaves of 16 digits."""
     made = drive(3, steps=120, **DRIVES[case])
-    filter_, path, covs = run(made)
+    filter_, path, covs = run(made, frame="world")
     dense = DensePartial(made.log)
     expected, theirs = dense.run(made.log)
     assert set(dense.at) == set(filter_.map().ids.tolist()) == {0, 1, 2, 3}
@@ -60,6 +61,33 @@ def test_it_finds_the_beacons(case: str, jacobians: str) -> None:
         own = found.cov[2 * i : 2 * i + 2, 2 * i : 2 * i + 2]
         assert off @ np.linalg.solve(own, off) < 4**2
     assert np.hypot(*(path[-1, :2] - made.path[-1, :2])) < 0.3
+
+
+def test_the_derivative_of_a_fix_is_the_numerical_one() -> None:
+    """By the pose, the heading's offset and the place of the state's frame."""
+    at, arm, H, each = np.array([3.0, -1.0, 0.7, 0.1, 5.0, 2.0, -1.2]), np.array([0.4, -0.3]), np.empty((3, 7)), 1e-6
+    place_in_world(at, arm, H)
+
+    def expected(at: Array) -> Array:
+        return np.array(place_in_world(at, arm, np.empty((3, 7))))
+
+    numerical = [(expected(at + one) - expected(at - one)) / (2 * each) for one in each * np.eye(7)]
+    np.testing.assert_allclose(H.T, numerical, atol=1e-9)
+    turned, pose = compose(at[4:], at[:3]), np.array([*arm, at[3]])
+    np.testing.assert_allclose(expected(at), compose(turned, pose), atol=1e-12)
+
+
+def test_in_the_frame_of_the_start_small_errors_have_the_same_estimates() -> None:
+    """Pose, map and their covariances are those of a state in the world's frame, to first order."""
+    made = drive(3, steps=120, kinds=(RANGE, BEARING), fix_every=10, noise=0.01)
+    prior = made.log.prior._replace(pose=np.array([0.3e-4, -0.2e-4, 0.5e-4]), cov=np.diag([1e-8, 1e-8, 1e-8]))
+    made = made._replace(log=replace(made.log, prior=prior))
+    (one, path, covs), (other, theirs, their_covs) = run(made), run(made, frame="world")
+    np.testing.assert_allclose(path, theirs, atol=1e-5)
+    np.testing.assert_allclose(covs, their_covs, rtol=0.02, atol=1e-10)
+    np.testing.assert_allclose(one.map().xy, other.map().xy, atol=1e-5)
+    np.testing.assert_allclose(one.map().cov, other.map().cov, rtol=0.05, atol=1e-8)
+    assert one.pairs == other.pairs + 2
 
 
 def test_the_scale_of_ranges_is_estimated() -> None:
