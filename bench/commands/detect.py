@@ -123,7 +123,13 @@ def _opened(namespace: argparse.Namespace) -> Opened:
     if namespace.preview is not None and not frames.pictures:
         raise InputError(f"--preview: {name} has tags that were found before, and no images; expected it without.")
     return Opened(
-        partial(markers.detect, frames.recording, frames.truth, start_given=frames.start_given),
+        partial(
+            markers.detect,
+            frames.recording,
+            frames.truth,
+            start_given=frames.start_given,
+            inertial=frames.inertial,
+        ),
         frames.length,
         "frames",
         "markers",

@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -10,6 +11,7 @@ from rich.console import Console
 
 from ...core.errors import InputError
 from ...datasets.cache import generator
+from ...frontend.inertial.imu import Imu
 from ..plan.spec import dataset_variants
 from ..plan.values import seed
 from ..plan.variant import DatasetVariant
@@ -76,8 +78,9 @@ def _markers(variant: DatasetVariant, number: int, places: Mapping[Path, str], c
     from ...datasets.worlds.aruco_room import record
 
     recording, truth = record(variant.options, generator(variant.name, number))
+    inertial = _inertial(variant, number, float(truth.t[-1]))
     with ProgressBar(console, "rendering", len(truth.t) * len(recording.detectors)) as bar:
-        write(places, replace(recording, frames=_watched(recording.frames, bar)), truth)
+        write(places, replace(recording, frames=_watched(recording.frames, bar)), truth, inertial)
 
 
 def _depth(variant: DatasetVariant, number: int, places: Mapping[Path, str], console: Console) -> None:
@@ -87,8 +90,19 @@ def _depth(variant: DatasetVariant, number: int, places: Mapping[Path, str], con
 
     recording, truth = record(variant.options, generator(variant.name, number))
     cameras = shots_of(recording).poses
+    inertial = _inertial(variant, number, float(truth.t[-1]))
     with ProgressBar(console, "rendering", len(truth.t)) as bar:
-        write_depth(places, replace(recording, frames=_watched(recording.frames, bar)), truth, cameras)
+        write_depth(places, replace(recording, frames=_watched(recording.frames, bar)), truth, cameras, inertial)
+
+
+def _inertial(variant: DatasetVariant, number: int, end: float) -> Imu | None:
+    """The readings of the robot's IMU up to `end`, s; None without option gyro."""
+    from ...datasets.on_demand.imu import imu_of
+    from ...datasets.worlds.aruco_room import LOOP
+    from ...datasets.worlds.wheeled_robot import drive
+
+    along = partial(drive, LOOP, variant.options.speed)
+    return imu_of(variant.options, along, end, generator(f"imu of {variant.name}", number))
 
 
 def _watched(frames: Iterable[Frame], bar: ProgressBar) -> Iterator[Frame]:

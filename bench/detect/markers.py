@@ -12,6 +12,7 @@ from ...core.errors import InputError
 from ...core.factors import Truth
 from ...core.se2 import Array
 from ...core.truth.doubts import headings_known
+from ...datasets.inertial.open import OpenedImu, beside
 from ...datasets.truth import with_truth
 from ...frontend.markers.aruco import Sighting
 from ...frontend.markers.diagnosis import diagnose, plausible_length
@@ -164,6 +165,7 @@ def detect(
     request: Request,
     advance: Callable[[int], None],
     start_given: bool = True,
+    inertial: OpenedImu | None = None,
 ) -> MarkerFindings:
     """Detects the markers of a recording and writes its log and report.
 
@@ -200,7 +202,8 @@ def detect(
             advance(detection.found)
 
     with request.preview or nullcontext():
-        log, known = with_truth(build_log(replace(recording, frames=frames()), observe), truth, 0, start_given)
+        made = beside(build_log(replace(recording, frames=frames()), observe), inertial)
+        log, known = with_truth(made, truth, 0, start_given)
     sightings = detection.sightings()
     causes = [plausible_length(first, markers)]
     for name, one in detection.cameras.items():

@@ -1,12 +1,15 @@
 """Measures the noise of logs: by their true paths, or by the innovations of a filter."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from ...core.arrays import frozen
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Truth
+from ...core.gyro import fused
 from ...core.partial import BEARING, RANGE
 from ...core.se2 import Array, Ints
 from ...core.truth.doubts import judges
@@ -69,9 +72,10 @@ class Noise(NamedTuple):
 def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
     """Measures the noise that `datasets` have in common, by the true paths of those that have one.
 
-    Without any, by the innovations of the EKF on the first log, which takes a minute. InputError where the logs tell
-    nothing.
+    Without any, by the innovations of the EKF on the first log, which takes a minute. The turns of a gyro are taken
+    together with the odometry. InputError where the logs tell nothing.
     """
+    datasets = [one._replace(log=_with_turns(one.log)) for one in datasets]
     by_truth = [
         k for k, (log, truth) in enumerate(datasets) if truth is not None and len(truth.t) > 1 and judges(log, truth)
     ]
@@ -100,6 +104,14 @@ def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
     if motions is None and range_ is None and bearing is None:
         raise InputError(f"{labels[0]}: found too few measurements with a known error, expected some 30.")
     return Noise([labels[k] for k in by_truth], range_, bearing, motions, None, remarks, stays, own and own.frame)
+
+
+def _with_turns(log: Log) -> Log:
+    """The log with its gyro's turns in the odometry."""
+    if log.gyro is None:
+        return log
+    delta, cov = fused(log.gyro, log.delta, log.delta_cov)
+    return replace(log, delta=frozen(delta), delta_cov=frozen(cov), gyro=None)
 
 
 def _corrected(dataset: Dataset, stays: SystematicFit | None) -> Dataset:

@@ -21,7 +21,7 @@ from ...frontend.wheels.track import Poses, Track
 from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.cameras import COMPRESSED, IMAGE
 from ..bags.siblings import read_alone
-from ..inertial.open import OpenedImu, open_imu
+from ..inertial.open import OpenedImu, beside, open_imu
 from ..prior import assumed
 from ..readings import ODOMETRY, read_readings
 from ..robot_files import ROBOT, recording_in, robot_beside
@@ -81,7 +81,8 @@ def open_bag(path: Path, robot: DepthRobot) -> OpenedDepth:
 
 def build(opened: OpenedDepth) -> Dataset:
     """The log of the recording by the front end, with the ground truth at its times; InputError as in `build_log`."""
-    return with_truth(build_log(opened.recording, opened.settings), opened.truth, start_given=opened.start_given)
+    log = beside(build_log(opened.recording, opened.settings), opened.inertial)
+    return with_truth(log, opened.truth, start_given=opened.start_given)
 
 
 def _opened(found: Path, robot: DepthRobot, home: Path) -> OpenedDepth:

@@ -136,7 +136,9 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
     return robot
 
 
-def write_depth_robot(path: Path, recording: DepthRecording, topics: DepthTopics | None = None) -> None:
+def write_depth_robot(
+    path: Path, recording: DepthRecording, topics: DepthTopics | None = None, imu: ImuTable | None = None
+) -> None:
     """Writes a robot.toml for a rendered `recording`, whose errors have no floors, with its camera's calibration.
 
     InputError if it cannot be written, and for a motion that is not a `Track`.
@@ -157,6 +159,7 @@ def write_depth_robot(path: Path, recording: DepthRecording, topics: DepthTopics
         "odometry": odometry,
         "prior": {"pose": prior.pose.tolist(), "sd": np.sqrt(np.diag(prior.cov)).tolist()},
         "topics": {} if topics is None else topics._asdict(),
+        "imu": {} if imu is None else imu.words,
     }
     try:
         write_opencv(path.with_name(CALIBRATION), recording.camera)

@@ -45,7 +45,8 @@ def read_imu_messages(
     if len(t) < 2:
         raise InputError(f"{bag.path}: found {len(t)} messages of topic {chosen.name}, expected at least 2.")
     mag = _magnetic(bag, listed, magnetometer, t, remarks)
-    return Raw(t, found[:, :3], accel, mag, {}, "" if first is None else first.header.frame_id.strip("/")), chosen.name
+    frame = "" if first is None else first.header.frame_id.strip("/")
+    return Raw(t, found[:, :3], accel, mag, {}, frame), chosen.name
 
 
 def _magnetic(bag: Bag, listed: Sequence[Topic], named: str | None, t: Array, remarks: list[str]) -> Array | None:

@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.errors import InputError
+from ...core.factors import Log
 from ...core.se2 import Array
-from ...frontend.inertial.against_wheels import against_wheels
+from ...frontend.inertial.against_wheels import against_wheels, in_odometry
 from ...frontend.inertial.imu import Imu
+from ...frontend.inertial.log import with_turns
 from ...frontend.inertial.standing import Readings, Standing, standing
 from ...frontend.inertial.words import about
 from ...frontend.wheels.track import Poses
@@ -39,6 +41,7 @@ class OpenedImu(NamedTuple):
 
     imu: Imu
     stood: Standing
+    twice: bool = False  # the odometry's turns are made of the same readings
 
 
 def open_imu(
@@ -68,6 +71,23 @@ def open_imu(
                 f"{plain(MESSAGE)}, as {ROBOT} has [imu]."
             )
         return None
+    return _judged(imu, odometry, notes, remarks, said=said)
+
+
+def open_imu_csv(path: Path, odometry: Readings, notes: dict[str, Any], remarks: list[str]) -> OpenedImu:
+    """The inertial readings of a CSV file, as those of `open_imu`; InputError for what cannot be used."""
+    raw = read_imu_csv(path)
+    imu = imu_of(str(path), raw, ImuTable(), None, [])
+    return _judged(imu, odometry, notes, remarks, said=raw.units.get("gyro") is not None)
+
+
+def beside(log: Log, opened: OpenedImu | None, first: int = 0) -> Log:
+    """The log with the gyro's turns between its steps from `first` on; itself without one, or where it has them."""
+    return log if opened is None or opened.twice else with_turns(log, opened.imu, opened.stood, first)
+
+
+def _judged(imu: Imu, odometry: Readings | None, notes: dict[str, Any], remarks: list[str], *, said: bool) -> OpenedImu:
+    """The readings, compared with the odometry; `said`: the gyro's unit."""
     if isinstance(odometry, Poses):
         imu = against_wheels(imu, odometry, said=said)
     stood = standing(imu, odometry)
@@ -75,7 +95,13 @@ def open_imu(
         stood = standing(imu)  # wheels that never stand, or that are late
     notes[NOTE] = about(imu, stood)
     remarks += imu.remarks
-    return OpenedImu(imu, stood)
+    twice = isinstance(odometry, Poses) and in_odometry(imu, odometry)
+    if twice:
+        remarks.append(
+            f"{imu.source}: the odometry's turns are made of this gyro's readings, from which they differ by less than "
+            "its noise: its turns are not in the log, where they would count twice"
+        )
+    return OpenedImu(imu, stood, twice)
 
 
 def _read(recording: Path, home: Path, table: ImuTable) -> tuple[Imu | None, bool]:

@@ -10,6 +10,7 @@ Lengths are in m, angles in rad, times in s.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 from ...core.se2 import Array
 from ...core.toml.table import TomlTable
@@ -34,6 +35,14 @@ class ImuTable:
     magnetometer: str | None = None
     columns: tuple[str, ...] | None = None
     time_offset: float = 0.0  # s, added to its times to get those of the motion's readings
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """The table as TOML has it, None where it says nothing."""
+        said = {key: getattr(self, key) for key in KEYS}
+        said["mounting"] = None if self.mounting is None else {"matrix": self.mounting.tolist()}
+        said["columns"] = None if self.columns is None else list(self.columns)
+        return said | {"time_offset": self.time_offset or None}
 
 
 def imu_in(file: TomlTable) -> ImuTable | None:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.arrays import frozen
 from ...core.factors import UNKNOWN, Log
 from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
@@ -37,7 +38,11 @@ def stated(log: Log, model: Model, *, own: bool = False) -> Log:
     for array in (z_cov, delta_cov):
         array.flags.writeable = False
     partial = None if log.partial is None else _alone(log, log.partial, model, own=own)
-    return replace(log, z_cov=z_cov, delta_cov=delta_cov, partial=partial, notes={**log.notes, "noise": noted(model)})
+    gyro = log.gyro
+    if gyro is not None and model.odometry is not None:  # whose turns were measured together with the odometry's
+        gyro = replace(gyro, var=frozen(gyro.var * model.odometry[2] ** 2))
+    notes = {**log.notes, "noise": noted(model)}
+    return replace(log, z_cov=z_cov, delta_cov=delta_cov, partial=partial, gyro=gyro, notes=notes)
 
 
 def factors(log: Log, one: SightingModel, axis: int, *, own: bool = False) -> Array:

@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.factors import Log, Prior
+from ...core.gyro import Gyro
 from ...core.mounting import Mounting
 from ...core.partial import RANGE, PartialTable
-from ...core.se2 import Array
+from ...core.se2 import Array, wrap
 from .clock import motions_after
 
 
@@ -18,7 +19,8 @@ class Systematic(NamedTuple):
     A sensor at (x, y, yaw) in the body's frame, `delay` s late, has ranges (1 + range_scale) r + range_offset and
     bearings (1 + bearing_scale) b. Odometry has (1 + wheel_scale) of the way, along the direction of motion, which is
     `heading` beside the robot's heading, and (1 + turn_scale) of the turn, and `drift` rad more for each metre ahead;
-    all that `lag` s late, or ahead of the motion, as commands are, where it is negative.
+    all that `lag` s late, or ahead of the motion, as commands are, where it is negative. The turns of a gyro beside it,
+    together with which they are found, have the same errors of turns, and are in time.
     """
 
     x: float = 0.0  # m
@@ -61,10 +63,22 @@ def corrected(log: Log, errors: Systematic) -> Log:
         z=_frozen(z),
         z_cov=_frozen(log.z_cov / np.outer(scale, scale)),
         partial=None if log.partial is None else _alone(log.partial, errors),
+        gyro=None if log.gyro is None else _turned(log.gyro, log.delta, J[2]),
         prior=_known(log.prior, errors),
     )
     mounting = Mounting(errors.x, errors.y, errors.yaw, errors.delay)
     return changed if mounting == Mounting() else changed.of_sensor(mounting)
+
+
+def _turned(gyro: Gyro, delta: Array, J: Array) -> Gyro:
+    """Turns without the errors of the log's turns, whose derivative by the measured motion is `J` (3,)."""
+    ahead = delta[gyro.step, :2] @ J[:2]
+    return replace(
+        gyro,
+        turn=_frozen(wrap(J[2] * gyro.turn + ahead)),
+        var=_frozen(J[2] ** 2 * gyro.var),
+        dt=_frozen(J[2] * gyro.dt),
+    )
 
 
 def _alone(table: PartialTable, errors: Systematic) -> PartialTable:

@@ -33,7 +33,7 @@ from ..bags.topics import found as found_topics
 from ..bags.topics import plain
 from ..depth.open import build as build_depth
 from ..depth.open import open_depth
-from ..inertial.open import OpenedImu, open_imu
+from ..inertial.open import OpenedImu, beside, open_imu
 from ..prior import assumed
 from ..readings import COMMANDS, ODOMETRY, TICKS, Readings
 from ..registry import Named, Source
@@ -68,6 +68,7 @@ class Options(Named):
     robot: str | None = option(None, "another robot.toml to use")
     scan: str | None = option(None, "topic of the laser scans in a bag with several")
     odometry: str | None = option(None, "topic of the odometry in a bag of laser scans with several")
+    imu: bool = option(True, "the turns of a gyro that the recording has are in the log, beside its odometry")
 
 
 def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
@@ -79,11 +80,12 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     file = None if options.robot is None else Path(options.robot)
     scans = open_scans(Path(options.path), file, ScanTopics(options.scan, options.odometry))
     if scans is not None:
-        return build_scans(scans)
+        return build_scans(scans if options.imu else scans._replace(inertial=None))
     depth = open_depth(Path(options.path), file)
     if depth is not None:
-        return build_depth(depth)
-    return build(open_recording(Path(options.path), None if file is None else read_described(file)))
+        return build_depth(depth if options.imu else depth._replace(inertial=None))
+    frames = open_recording(Path(options.path), None if file is None else read_described(file))
+    return build(frames if options.imu else frames._replace(inertial=None))
 
 
 source = Source(make, Options, portable=False)  # OpenCV's arithmetic
@@ -91,7 +93,8 @@ source = Source(make, Options, portable=False)  # OpenCV's arithmetic
 
 def build(opened: Opened) -> Dataset:
     """Builds the recording's log, with the ground truth at the log's times; InputError as in `build_log`."""
-    return with_truth(build_log(opened.recording), opened.truth, start_given=opened.start_given)
+    log = beside(build_log(opened.recording), opened.inertial)
+    return with_truth(log, opened.truth, start_given=opened.start_given)
 
 
 def open_recording(path: Path, robot: Robot | None = None, seconds: float | None = None) -> Opened:

@@ -233,6 +233,7 @@ def write_robot(path: Path, robot: Robot) -> None:
         "noise": dict(robot.noise.settings),
         "prior": {} if robot.prior is None else _prior(robot.prior),
         "topics": robot.topics._asdict(),
+        "imu": {} if robot.imu is None else robot.imu.words,
         "frames": {} if robot.frames == FrameSource() else asdict(robot.frames),
     }
     try:

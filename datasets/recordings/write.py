@@ -18,18 +18,21 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.factors import Truth
 from ...frontend.camera.camera import Camera
+from ...frontend.inertial.imu import Imu
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Recording
 from ...frontend.wheels.motion import Drift
 from ...frontend.wheels.ticks import Wheels
 from ...frontend.wheels.track import Track
+from ..inertial.imu_csv import AXES, IMU
+from ..inertial.robot import ImuTable
 from ..robot_files import ROBOT
 from ..truth import write_truth
 from .new_folders import new_folders
 from .robot import Robot, write_robot
 from .robot_camera import FrameSource
 from .rosbag import Topics
-from .write_bag import NAMES, BagWriter, Kind, topics_of
+from .write_bag import IMU_TOPIC, NAMES, BagWriter, Kind, topics_of
 
 FORMATS = {
     "frames": "PNG files",
@@ -44,14 +47,16 @@ FORMATS = {
 _Add = Callable[[float, Image, str], None]  # writes the next frame, at its time (s), of the camera of that name
 
 
-def write(places: Mapping[Path, str], recording: Recording, truth: Truth | None) -> None:
-    """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`.
+def write(places: Mapping[Path, str], recording: Recording, truth: Truth | None, inertial: Imu | None = None) -> None:
+    """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`, with its IMU.
 
     A folder must not exist or be empty, and appears complete or not at all. InputError if one cannot be written, or the
     recording has no image.
     """
     with new_folders(places) as beside, ExitStack() as stack:
-        writers = [stack.enter_context(_writer(beside[folder], kind, recording)) for folder, kind in places.items()]
+        writers = [
+            stack.enter_context(_writer(beside[folder], kind, recording, inertial)) for folder, kind in places.items()
+        ]
         latest = dict.fromkeys(recording.detectors, -np.inf)
         for number, frame in enumerate(recording.frames):
             if frame.image is None:
@@ -66,10 +71,10 @@ def write(places: Mapping[Path, str], recording: Recording, truth: Truth | None)
             raise InputError(f"{recording.name}: found no frame with an image, expected at least one.")
         stack.close()
         for place in places:
-            _write_words(beside[place], recording, truth, places[place])
+            _write_words(beside[place], recording, truth, places[place], inertial)
 
 
-def _writer(folder: Path, kind: str, recording: Recording) -> AbstractContextManager[_Add]:
+def _writer(folder: Path, kind: str, recording: Recording, inertial: Imu | None) -> AbstractContextManager[_Add]:
     match kind:
         case "frames":
             return _of_cameras(folder, recording, _files)
@@ -78,7 +83,7 @@ def _writer(folder: Path, kind: str, recording: Recording) -> AbstractContextMan
         case "mp4":
             return _of_cameras(folder, recording, partial(_video, name="drive.mp4", codec="mp4v"))
         case "ros1" | "ros2" | "mcap":
-            return _bag(folder, recording, kind)
+            return _bag(folder, recording, kind, inertial)
         case _:
             raise InputError(f"format: found {kind!r}, expected one of {', '.join(FORMATS)}.")
 
@@ -151,10 +156,10 @@ def _video(folder: Path, name: str, codec: str) -> Generator[_Next]:
 
 
 @contextmanager
-def _bag(folder: Path, recording: Recording, kind: Kind) -> Generator[_Add]:
+def _bag(folder: Path, recording: Recording, kind: Kind, inertial: Imu | None) -> Generator[_Add]:
     """A bag, with readings and frames in order of time."""
     topics = {name: topics_of(name) for name in recording.detectors}
-    with BagWriter(folder, kind, recording.motion) as bag:
+    with BagWriter(folder, kind, recording.motion, inertial) as bag:
 
         def add(t: float, image: Image, camera: str) -> None:
             bag.readings(t)
@@ -186,9 +191,28 @@ def write_track(folder: Path, track: Track) -> None:
     write_rows(folder / "odometry.csv", "t,x,y,heading", rows)
 
 
-def _write_words(folder: Path, recording: Recording, truth: Truth | None, kind: str) -> None:
-    """robot.toml, calibration.yaml, and the ground truth if known."""
+def write_imu(folder: Path, imu: Imu) -> None:
+    """imu.csv."""
+    sensors = {"gyro": imu.gyro} | ({} if imu.accel is None else {"accel": imu.accel})
+    names = [f"{name}_{axis}" for name in sensors for axis in AXES]
+    rows = np.column_stack((imu.t, *sensors.values())).tolist()
+    write_rows(folder / IMU, ",".join(("t", *names)), rows)
+
+
+def imu_table(imu: Imu, *, bag: bool) -> ImuTable:
+    """[imu] of a robot.toml beside imu.csv or a bag."""
+    if bag:
+        return ImuTable(topic=IMU_TOPIC)
+    return ImuTable(gyro="rad/s", accelerometer=None if imu.accel is None else "m/s^2")
+
+
+def _write_words(folder: Path, recording: Recording, truth: Truth | None, kind: str, inertial: Imu | None) -> None:
+    """robot.toml, calibration.yaml, the ground truth if known, and imu.csv where readings are in files."""
     robot = _robot(recording)
+    if inertial is not None:
+        robot = replace(robot, imu=imu_table(inertial, bag=kind in NAMES))
+        if kind not in NAMES:
+            write_imu(folder, inertial)
     if len(recording.detectors) > 1:
         cameras = {name: one.camera for name, one in recording.detectors.items()}
         robot = replace(robot, views={name: _view(robot, camera, kind) for name, camera in cameras.items()})

@@ -1,4 +1,4 @@
-"""Writes a drive as a ROS bag: raw images, the camera's calibration with each, and the robot's counters or poses.
+"""Writes a drive as a ROS bag: raw images, the camera's calibration with each, counters or poses, and an IMU.
 
 The topics and types are those that `rosbag` reads; headers have the same times as the bag.
 """
@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 from ...core.errors import InputError
 from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
+from ...frontend.inertial.imu import Imu
 from ...frontend.markers.aruco import Image
 from ...frontend.wheels.motion import Motion
 from ...frontend.wheels.ticks import Wheels
 from ...frontend.wheels.track import Track
 from ..bags.cameras import CAMERA_INFO, COMPRESSED, IMAGE
 from ..bags.odometry import ODOMETRY
+from ..inertial.imu_messages import IMU, NOT_GIVEN
 from .rosbag import ENCODER, Topics
 
 Kind = Literal["ros1", "ros2", "mcap"]
@@ -38,6 +40,8 @@ def topics_of(camera: str) -> Topics:
     return TOPICS._replace(image=f"/{camera}/image_raw", camera_info=f"/{camera}/camera_info")
 
 
+IMU_TOPIC = "/imu"
+
 DEPTH, DEPTH_INFO = "/camera/depth_registered/image_raw", "/camera/depth_registered/camera_info"
 """Topics of depth images and their camera."""
 
@@ -47,14 +51,18 @@ Encoding = Literal["16UC1", "32FC1", "compressedDepth"]
 class BagWriter:
     """Writes one bag; a context manager. Times are s; messages must be written in order."""
 
-    def __init__(self, folder: Path, kind: Kind, motion: Motion | None) -> None:
+    def __init__(self, folder: Path, kind: Kind, motion: Motion | None, imu: Imu | None = None) -> None:
         from rosbags.rosbag1 import Writer as Writer1
         from rosbags.rosbag2 import StoragePlugin
         from rosbags.rosbag2 import Writer as Writer2
         from rosbags.typesys import Stores, get_typestore
 
-        self._folder, self._kind, self._motion = folder, kind, motion
-        self._times = motion.t if isinstance(motion, Wheels | Track) else np.zeros(0)
+        self._folder, self._kind, self._motion, self._imu = folder, kind, motion, imu
+        moved = motion.t if isinstance(motion, Wheels | Track) else np.zeros(0)
+        self._moved = len(moved)  # readings of the motion, before those of the IMU
+        times = np.concatenate((moved, np.zeros(0) if imu is None else imu.t))
+        self._order = np.argsort(times, kind="stable")
+        self._times = times[self._order]
         self._written = 0  # readings
         self._types = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_HUMBLE)
         self._connections = dict[str, Any]()
@@ -118,11 +126,26 @@ class BagWriter:
         )  # fmt: skip
 
     def readings(self, t: float) -> None:
-        """The readings of wheel counters or integrated poses up to `t`, from those written before."""
+        """The readings of wheel counters or integrated poses, and of an IMU, up to `t`, from those written before."""
         upto = int(np.searchsorted(self._times, t, "right"))
-        for row in range(self._written, upto):
-            self._reading(row)
+        for row in self._order[self._written : upto].tolist():
+            if row < self._moved:
+                self._reading(row)
+            else:
+                self._inertial(row - self._moved)
         self._written = upto
+
+    def _inertial(self, row: int) -> None:
+        assert self._imu is not None
+        imu, unknown = self._imu, np.zeros(9)
+        nothing = np.concatenate(([NOT_GIVEN], np.zeros(8)))
+        sensed = imu.gyro[row], np.zeros(3) if imu.accel is None else imu.accel[row]
+        rate, force = (self._message("geometry_msgs/msg/Vector3", *one.tolist()) for one in sensed)
+        self._write(
+            imu.t[row], IMU_TOPIC, IMU, orientation=self._message("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
+            orientation_covariance=nothing, angular_velocity=rate, angular_velocity_covariance=unknown,
+            linear_acceleration=force, linear_acceleration_covariance=nothing if imu.accel is None else unknown,
+        )  # fmt: skip
 
     def _reading(self, row: int) -> None:
         motion = self._motion

@@ -17,13 +17,14 @@ from ...core.factors import Truth
 from ...core.se2 import Array
 from ...frontend.camera.quaternions import quaternion
 from ...frontend.depth.recording import DepthFrame, DepthRecording
+from ...frontend.inertial.imu import Imu
 from ...frontend.wheels.track import Track
 from ..depth.folder import MM, TRUTH, TUM_UNITS
 from ..depth.robot import DepthTopics, write_depth_robot
 from ..robot_files import ROBOT
 from ..truth import write_truth
 from .new_folders import new_folders
-from .write import write_rows, write_track
+from .write import imu_table, write_imu, write_rows, write_track
 from .write_bag import DEPTH_INFO, TOPICS, BagWriter, Encoding, Kind
 
 FORMATS = {
@@ -41,14 +42,22 @@ ENCODINGS: dict[Kind, Encoding] = {"ros1": "32FC1", "ros2": "16UC1", "mcap": "co
 _Add = Callable[[DepthFrame], None]
 
 
-def write_depth(places: Mapping[Path, str], recording: DepthRecording, truth: Truth | None, cameras: Array) -> None:
-    """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`.
+def write_depth(
+    places: Mapping[Path, str],
+    recording: DepthRecording,
+    truth: Truth | None,
+    cameras: Array,
+    inertial: Imu | None = None,
+) -> None:
+    """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`, with its IMU.
 
     `cameras` (n, 4, 4) are the true T_world_camera at the times of `truth`. A folder must not exist or be empty, and
     appears complete or not at all. InputError if one cannot be written, or the recording has no frame.
     """
     with new_folders(places) as beside, ExitStack() as stack:
-        writers = [stack.enter_context(_writer(beside[place], kind, recording)) for place, kind in places.items()]
+        writers = [
+            stack.enter_context(_writer(beside[place], kind, recording, inertial)) for place, kind in places.items()
+        ]
         empty = True
         for frame in recording.in_order():
             empty = False
@@ -61,7 +70,10 @@ def write_depth(places: Mapping[Path, str], recording: DepthRecording, truth: Tr
             folder = beside[place]
             bag = kind not in ("tum", "frames")
             topics = DepthTopics(odometry=TOPICS.odometry, image=TOPICS.image, camera_info=TOPICS.camera_info)
-            write_depth_robot(folder / ROBOT, recording, topics if bag else None)
+            imu = None if inertial is None else imu_table(inertial, bag=bag)
+            write_depth_robot(folder / ROBOT, recording, topics if bag else None, imu)
+            if inertial is not None and not bag:
+                write_imu(folder, inertial)
             if isinstance(recording.motion, Track) and not bag:
                 write_track(folder, recording.motion)
             if truth is not None and kind == "tum":
@@ -70,14 +82,14 @@ def write_depth(places: Mapping[Path, str], recording: DepthRecording, truth: Tr
                 write_truth(folder, truth)
 
 
-def _writer(folder: Path, kind: str, recording: DepthRecording) -> AbstractContextManager[_Add]:
+def _writer(folder: Path, kind: str, recording: DepthRecording, inertial: Imu | None) -> AbstractContextManager[_Add]:
     match kind:
         case "tum":
             return _tum(folder)
         case "frames":
             return _files(folder)
         case "ros1" | "ros2" | "mcap":
-            return _bag(folder, recording, kind)
+            return _bag(folder, recording, kind, inertial)
         case _:
             raise InputError(f"format: found {kind!r}, expected one of {', '.join(FORMATS)}.")
 
@@ -118,9 +130,9 @@ def _files(folder: Path) -> Generator[_Add]:
 
 
 @contextmanager
-def _bag(folder: Path, recording: DepthRecording, kind: Kind) -> Generator[_Add]:
+def _bag(folder: Path, recording: DepthRecording, kind: Kind, inertial: Imu | None) -> Generator[_Add]:
     """A bag, with odometry and images in order of time."""
-    with BagWriter(folder, kind, recording.motion) as bag:
+    with BagWriter(folder, kind, recording.motion, inertial) as bag:
 
         def add(frame: DepthFrame) -> None:
             t = frame.seconds

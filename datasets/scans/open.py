@@ -19,7 +19,7 @@ from ..formats import relations
 from ..formats.carmen import Reading, read_scans
 from ..formats.file_kind import is_carmen
 from ..grid_file import localised
-from ..inertial.open import OpenedImu, open_imu
+from ..inertial.open import OpenedImu, beside, open_imu
 from ..robot_files import ROBOT, recording_in, robot_beside
 from ..truth import read_truth, with_truth
 from .bag_scans import read_bag
@@ -93,9 +93,11 @@ def build(opened: OpenedScans) -> Dataset:
     """The log of the scans by the front end, with the ground truth at its times; InputError as in `build_log`."""
     recording = localised(opened.recording, opened.settings)
     made = relations.build(recording, opened.settings, opened.file, opened.remarks).dataset
+    first = first_scan(made.log)
+    log = beside(made.log, opened.inertial, first)
     if opened.truth is None:
-        return made
-    return with_truth(made.log, opened.truth, first_scan(made.log), opened.start_given)
+        return Dataset(log, made.truth)
+    return with_truth(log, opened.truth, first, opened.start_given)
 
 
 def _carmen(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:

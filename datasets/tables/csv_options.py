@@ -22,6 +22,7 @@ class Options(Named):
     bearings: str | None = option(None, "CSV file with t,id,bearing: bearings alone, with bearing_sd")
     positions: str | None = option(None, "CSV file with t,x,y or, in degrees, t,lat,lon, and perhaps sd, m")
     headings: str | None = option(None, "CSV file with t,heading, of a compass, and perhaps sd, rad")
+    imu: str | None = option(None, "CSV file with t,gyro_x,gyro_y,gyro_z, whose turns are beside the odometry")
     truth: str | None = option(None, "CSV file with t,x,y,heading, or a TUM file")
     landmarks: str | None = option(None, "CSV file with the landmarks' true positions: id,x,y")
     ignore: str = option("", "ids to leave out, such as those of moving objects: 5;14;23")

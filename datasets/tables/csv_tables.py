@@ -6,6 +6,7 @@
     detections   t,id,range,bearing or t,id,x,y, the landmark in the body frame: x ahead, y to the left;
                  and signature, where option signature_sd states its noise
     ranges       t,id,range; bearings t,id,bearing; positions t,x,y or t,lat,lon; headings t,heading
+    imu          t,gyro_x,gyro_y,gyro_z, as `inertial.imu_csv` reads it
 
 Keyframes are the times of detections and of all others, with regular ones between; the motion up to each is one factor.
 Between two rows of odometry, motion is interpolated evenly; where rows are missing, with the noise of
@@ -28,9 +29,10 @@ from ...frontend.pauses import longest_pause
 from ...frontend.wheels.commands import driven
 from ...frontend.wheels.encoder import Floors
 from ...frontend.wheels.holes import Holes
-from ...frontend.wheels.track import Track, TrackNoise
+from ...frontend.wheels.track import Poses, Track, TrackNoise
 from ...frontend.wheels.units import fast_turns, in_degrees
 from ..formats.columns import in_order, read_columns
+from ..inertial.open import beside, open_imu_csv
 from ..registry import Source
 from ..truth import other_clock, sample, start
 from .csv_fixes import World, world
@@ -83,6 +85,10 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     if not isinstance(options.start_sd, tuple) and options.start_sd > np.pi:
         sd = f"start_sd={options.start_sd:g}"
         remarks.append(f"option {sd} is of the heading in rad, too: {sd};0.1 says that it is known to 0.1 rad")
+    told = dict[str, Any]()
+    inertial = None
+    if options.imu is not None:
+        inertial = open_imu_csv(Path(options.imu), Poses(track.t, track.poses), told, remarks)
     first = np.full((1, 3), np.nan)
     delta = np.concatenate((first, motions.delta))
     log = Log.from_arrays(
@@ -100,10 +106,11 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         partial=parts.table(t),
         fixes=fixes.table(t),
         notes=_notes(options, seen, parts, fixes)
+        | told
         | longest_pause(t[0], t[-1], track.t, np.sort(np.concatenate((seen.t, parts.t, fixes.t))))
         | ({REMARKS: remarks} if remarks else {}),
     )
-    return Dataset(log, truth)
+    return Dataset(beside(log, inertial), truth)
 
 
 source = Source(make, Options)
@@ -222,7 +229,7 @@ def _prior(options: Options, truth: Truth | None, t: Array, delta: Array) -> Pri
 def _notes(options: Options, seen: Detections, parts: Alone, fixes: World) -> dict[str, Any]:
     files = {
         name: Path(given).name
-        for name in ("odometry", *MEASURED, "truth", "landmarks")
+        for name in ("odometry", *MEASURED, "imu", "truth", "landmarks")
         if (given := getattr(options, name)) is not None
     }
     sights = ("range_sd", "range_share", "bearing_sd") if options.xy_sd is None else ("xy_sd",)

@@ -1,9 +1,10 @@
-"""A gyro's turns beside those of the robot's odometry: the same sign and unit, or a remark."""
+"""A gyro's turns beside those of the robot's odometry: of the same sign and unit, but not of the same readings."""
 
 from dataclasses import replace
 
 import numpy as np
 
+from ...core.se2 import Array
 from ..wheels.track import Poses
 from .imu import Imu
 from .turns import integrated
@@ -14,18 +15,18 @@ AGREE = 0.7  # correlation from which on both are of one drive
 ALIKE = 0.7, 1.4  # the gyro's turn for one of the wheels that wheels of a wrong size or slip explain
 DEGREES = 180 / np.pi
 
+SAME = 0.2
+"""Of the gyro's white noise, by which the odometry's turns differ from its own: wheels cannot know it that well."""
+
 
 def against_wheels(imu: Imu, odometry: Poses, *, said: bool) -> Imu:
     """The readings with remarks where their turns are not those of the odometry.
 
     A gyro in degrees/s is converted, unless its unit was `said`.
     """
-    begin, end = max(imu.t[0], odometry.t[0]), min(imu.t[-1], odometry.t[-1])
-    at = np.arange(begin, end, PIECE)
-    if len(at) <= FEW:
+    gyro, wheels = _turns(imu, odometry)
+    if len(gyro) < FEW:
         return imu
-    gyro = np.diff(integrated(imu.t, imu.gyro[:, 2], at))
-    wheels = np.diff(np.interp(at, odometry.t, np.unwrap(odometry.poses[:, 2])))
     off = wheels - wheels.mean()
     if wheels.std() < TURNS or gyro.std() == 0 or abs(float(np.corrcoef(gyro, wheels)[0, 1])) < AGREE:
         return imu
@@ -44,3 +45,19 @@ def against_wheels(imu: Imu, odometry: Poses, *, said: bool) -> Imu:
     else:
         found += ": perhaps its unit is another"
     return replace(imu, remarks=[*imu.remarks, found])
+
+
+def in_odometry(imu: Imu, odometry: Poses) -> bool:
+    """True if the odometry's turns are made of this gyro's readings, so that both would count these."""
+    gyro, wheels = _turns(imu, odometry)
+    if len(gyro) < FEW or wheels.std() < TURNS:
+        return False
+    return float((gyro - wheels).std()) < SAME * np.sqrt(imu.noise * PIECE)
+
+
+def _turns(imu: Imu, odometry: Poses) -> tuple[Array, Array]:
+    """(n,) rad, the turns of pieces of the drive by the gyro, and by the odometry."""
+    begin, end = max(imu.t[0], odometry.t[0]), min(imu.t[-1], odometry.t[-1])
+    at = np.arange(begin, end, PIECE)
+    gyro = np.diff(integrated(imu.t, imu.gyro[:, 2], at))
+    return gyro, np.diff(np.interp(at, odometry.t, np.unwrap(odometry.poses[:, 2])))

@@ -40,6 +40,20 @@ ALIKE = 0.02  # rad/s from the median of all windows beyond which a window is of
 Readings = Poses | Ticks | Speeds
 
 
+class Stand(NamedTuple):
+    """The gyro while the robot stands, once."""
+
+    interval: Array  # (2,) s
+    bias: float  # rad/s of the yaw rate
+    sd: float  # rad/s, its standard error
+    at: float  # s, the middle
+
+    @property
+    def seconds(self) -> float:
+        """Its length, s."""
+        return float(self.interval[1] - self.interval[0])
+
+
 class Standing(NamedTuple):
     """The times at which a robot stands, and the gyro then."""
 
@@ -94,6 +108,19 @@ def standing(imu: Imu, odometry: Readings | None = None) -> Standing:
             density = allan * lasting if allan * lasting > BEYOND * density else density
     at = float(imu.t[rows[kept]].mean())
     return Standing(intervals, share, by, means.mean(axis=0), np.sqrt(variance), float(density), at)
+
+
+def longest_stand(imu: Imu, stood: Standing) -> Stand | None:
+    """The longest of the times at which the robot stands; None where it never does.
+
+    Its standard error is that of the drive's white noise, more than at rest, as motors that run move a bias as well.
+    """
+    if not len(stood.intervals) or stood.noise is None:
+        return None
+    begin, end = stood.intervals[int(np.diff(stood.intervals, axis=1).argmax())].tolist()
+    rows = (imu.t >= begin) & (imu.t <= end)
+    sd = np.sqrt(max(stood.noise, imu.noise) / (end - begin))
+    return Stand(np.array([begin, end]), float(imu.gyro[rows, 2].mean()), float(sd), (begin + end) / 2)
 
 
 def still_times(odometry: Readings) -> Array:

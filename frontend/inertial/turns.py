@@ -5,6 +5,8 @@ on a slope the body's z axis alone would turn too little. Between readings the r
 part is not known, before the first reading, after the last, in a gap, or beyond the gyro's range, has no turn.
 """
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -25,29 +27,47 @@ class Turns(NamedTuple):
     step: Ints  # (m,) k of a turn from step k - 1 to k
     turn: Array  # (m,) rad, not wrapped
     var: Array  # (m,) rad^2, without that of the bias
-    dt: Array  # (m,) s
+    dt: Array  # (m,) s, over which the rate was summed
     walk: Array  # (m,) (rad/s)^2, variance by which the bias has moved since the last row at which it did
 
 
 def turns(
-    imu: Imu, at: Array, levels: Levels | None = None, noise: float | None = None, bias_walk: float = BIAS_WALK
+    imu: Imu,
+    at: Array,
+    levels: Levels | None = None,
+    noise: float | None = None,
+    bias_walk: float = BIAS_WALK,
+    still: Array | None = None,
 ) -> Turns:
     """The turns between the times `at` (n,), s, strictly increasing.
 
     `noise` is the density of the gyro's white noise, rad^2/s, as standing still tells it; at least that which the
-    readings show. Without `levels` the robot is level all the time.
+    readings show. Without `levels` the robot is level all the time. From `still[0]` to `still[1]`, s, it does not turn,
+    and no reading counts: a step that is within has no turn.
     """
     rate = yaw_rate(imu, levels)
-    angle = integrated(imu.t, rate, at)
-    unknown = integrated_steps(imu.t, np.where(imu.sound, 0.0, np.diff(imu.t)), at)
+    over = _summing(at, still)
+    unknown = over(partial(integrated_steps, imu.t, np.where(imu.sound, 0.0, np.diff(imu.t))))
     inside = (at[:-1] >= imu.t[0]) & (at[1:] <= imu.t[-1])
-    step = np.flatnonzero(inside & (np.diff(unknown) == 0)) + 1
+    dt = over(lambda to: to)
+    step = np.flatnonzero(inside & (unknown == 0) & (dt > 0)) + 1
     density = max(imu.noise, noise or 0.0)
-    dt = np.diff(at)
-    var = density * dt + np.diff(integrated_steps(imu.t, _bent(imu, rate, density), at))
+    var = density * dt + over(partial(integrated_steps, imu.t, _bent(imu, rate, density)))
     if levels is not None:
-        var = var + _tilted(imu, levels, at)
-    return Turns(step, np.diff(angle)[step - 1], var[step - 1], dt[step - 1], _walk(at, step, bias_walk**2))
+        var = var + _tilted(imu, levels, over)
+    angle = over(partial(integrated, imu.t, rate))
+    return Turns(step, angle[step - 1], var[step - 1], dt[step - 1], _walk(at, step, bias_walk**2))
+
+
+_Sum = Callable[[Callable[[Array], Array]], Array]
+
+
+def _summing(at: Array, still: Array | None) -> _Sum:
+    """Turns sums up to times (n,) into those between them (n - 1,), without what is from `still[0]` to `still[1]`."""
+    if still is None:
+        return lambda up_to: np.diff(up_to(at))
+    before, after = np.minimum(at, still[0]), np.maximum(at, still[1])
+    return lambda up_to: np.diff(up_to(before)) + np.diff(up_to(after))
 
 
 def yaw_rate(imu: Imu, levels: Levels | None) -> Array:
@@ -90,14 +110,14 @@ def _bent(imu: Imu, rate: Array, density: float) -> Array:
     return (between**3 / (12 * usual**2)) ** 2 * square
 
 
-def _tilted(imu: Imu, levels: Levels, at: Array) -> Array:
+def _tilted(imu: Imu, levels: Levels, over: _Sum) -> Array:
     """(n - 1,) rad^2, variances by those of the levels, whose errors last longer than a step."""
     _, y, z = imu.gyro.T
     roll, pitch = levels.roll, levels.pitch
     by_roll = (np.cos(roll) * y - np.sin(roll) * z) / np.cos(pitch)
     by_pitch = yaw_rate(imu, levels) * np.tan(pitch)
     parts = (by_roll * levels.roll_sd, by_pitch * levels.pitch_sd)
-    return np.sum([np.diff(integrated(imu.t, part, at)) ** 2 for part in parts], axis=0)
+    return np.sum([over(partial(integrated, imu.t, part)) ** 2 for part in parts], axis=0)
 
 
 def _walk(at: Array, step: Ints, per_second: float) -> Array:

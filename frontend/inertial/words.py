@@ -3,6 +3,7 @@
 import numpy as np
 
 from .imu import Imu
+from .log import UNKNOWN
 from .standing import Standing
 
 
@@ -17,7 +18,10 @@ def about(imu: Imu, stood: Standing) -> str:
         imu.mounting,
     ]
     if stood.bias is None or stood.sd is None:
-        said.append(f"the robot never stands by its {stood.by}, so the gyro's bias is unknown")
+        said.append(
+            f"the robot never stands by its {stood.by}, so the gyro's bias is "
+            f"unknown: 0 ± {np.rad2deg(UNKNOWN.sd):.2g} degrees/s is assumed"
+        )
     else:
         bias, sd = (float(np.rad2deg(one[2])) for one in (stood.bias, stood.sd))
         said += [

@@ -70,7 +70,8 @@ def test_a_scale_of_the_wheels_is_found_by_positions(name: str) -> None:
 def test_whole_sightings_alone_tell_it_too(name: str) -> None:
     """Beacons by range and bearing at once: the covariance stays that of the errors."""
     made = drive(6, steps=300)
-    ids, seen = made.log.partial.ids, made.log.partial.step  # ty: ignore[unresolved-attribute]
+    assert made.log.partial is not None
+    ids, seen = made.log.partial.ids, made.log.partial.step
     to = made.beacons[ids] - made.path[seen, :2]
     rng = np.random.default_rng(0)
     z = np.column_stack((np.hypot(*to.T), wrap(np.arctan2(to[:, 1], to[:, 0]) - made.path[seen, 2])))

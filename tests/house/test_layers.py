@@ -65,7 +65,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "on_demand": {TOP},
         "worlds": {TOP, "rendering", "on_demand"},
         "formats": {TOP},
-        "tables": {TOP, "formats"},
+        "tables": {TOP, "formats", "inertial"},
         "noise": {TOP},
         "own_worlds": {TOP, "worlds", "formats", "on_demand"},
         "graphs": {TOP, "formats"},

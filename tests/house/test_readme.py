@@ -185,7 +185,9 @@ def test_the_files_of_a_rover_become_a_log(rover: list[list[str]]) -> None:
     assert (len(log), len(log.ids), len(np.unique(log.ids))) == (386, 770, 21)
     (outside,) = log.remarks
     assert "192 of 962 detections (20 %)" in outside
-    assert run(log, "graph", truth=truth).cells[0]["final_map_rmse_m"] == pytest.approx(0.0716, abs=5e-4)
+    assert log.gyro is not None
+    assert np.rad2deg(log.gyro.prior.mean) == pytest.approx(0.186, abs=0.005)
+    assert run(log, "ekf", truth=truth).cells[0]["map_rmse_m"] == pytest.approx(0.083, abs=5e-3)
 
 
 @pytest.mark.slow
@@ -193,13 +195,16 @@ def test_the_files_of_a_rover_become_a_log(rover: list[list[str]]) -> None:
 def test_the_rovers_map_is_better_with_the_errors_that_its_log_tells(
     rover: list[list[str]], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _, noise, _ = rover
+    _, noise, apply, _ = rover
+    assert "landmarks" not in noise[1]
     assert main(noise) == 0
     page, printed = PAGES["docs/own_recordings.md"], capsys.readouterr().out
     said = re.findall(r"^The (?:sensor sits|odometry turns).*$", printed, re.MULTILINE)
     assert [one.partition(" ± ")[0] for one in said] == re.findall(r"^ {4}(The .*?) ± ", page, re.MULTILINE)
+    assert main(apply) == 0
     log, truth = load("stated/")
-    assert run(log, "graph", truth=truth).cells[0]["final_map_rmse_m"] == pytest.approx(0.0188, abs=1e-3)
+    assert log.gyro is not None
+    assert run(log, "ekf", truth=truth).cells[0]["map_rmse_m"] < 0.045
 
 
 @pytest.mark.slow

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from command import run
+from slamduel import load
 from slamduel.bench.commands import render as command_render
+from slamduel.core.se2 import wrap
 from slamduel.datasets.cache import generator
 from slamduel.datasets.depth.open import open_depth
 from slamduel.datasets.recordings.recording import build, open_recording
@@ -35,6 +37,34 @@ def test_several_formats_get_a_folder_each(tmp_path: Path) -> None:
     assert sorted(one.name for one in (tmp_path / "out").iterdir()) == ["frames", "video"]
     one, other = (build(open_recording(tmp_path / "out" / name)).log for name in ("frames", "video"))
     np.testing.assert_allclose(one.z, other.z, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["ros1", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("ros2", "mcap"))])
+def test_a_drive_with_a_gyro_has_the_same_turns_as_folder_and_bag(kind: str, tmp_path: Path) -> None:
+    drive = "aruco-room[seconds=4,frame_rate=2,gyro=0.05,gyro_bias=1,gyro_start=given]"
+    assert render(drive, "--out", str(tmp_path), "--as", f"frames,{kind}", "--quiet") == 0
+    (one, truth), (other, _) = (build(open_recording(tmp_path / name)) for name in ("frames", kind))
+    assert truth is not None
+    assert one.gyro is not None
+    assert other.gyro is not None
+    np.testing.assert_array_equal(one.gyro.step, other.gyro.step)
+    for name in ("turn", "var", "dt", "walk", "bias"):
+        np.testing.assert_allclose(getattr(one.gyro, name), getattr(other.gyro, name), rtol=0, atol=1e-9)
+    for name in ("t", "delta", "z"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=0, atol=1e-9)
+    turned = np.diff(truth.poses[:, 2])[one.gyro.step - 1]
+    off = wrap(one.gyro.turn - np.deg2rad(1.0) * one.gyro.dt - turned)
+    assert np.abs(off).max() < 4 * np.sqrt(one.gyro.var.max())
+
+
+@pytest.mark.slow
+def test_a_depth_cameras_drive_with_a_gyro_has_the_same_turns_as_folder_and_bag(tmp_path: Path) -> None:
+    drive = "depth-room[laps=0.2,frame_rate=2,gyro=0.05,gyro_bias=1]"
+    assert render(drive, "--out", str(tmp_path), "--as", "frames,mcap", "--quiet") == 0
+    one, other = (load(str(tmp_path / name)).log.gyro for name in ("frames", "mcap"))
+    assert one is not None
+    assert other is not None
+    np.testing.assert_allclose(one.turn, other.turn, rtol=0, atol=1e-9)
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""`bench detect`, `validate` and `show` say a line about inertial readings, and the log stays the same."""
+"""`bench detect`, `validate` and `show` say a line about inertial readings, whose turns are beside the log's rest."""
 
 import json
 from pathlib import Path
@@ -50,5 +50,11 @@ def test_a_bag_with_readings_has_a_line_about_them(tmp_path: Path, capsys: pytes
     assert main(["show", str(tmp_path / "log"), "--no-solve", "--out", str(tmp_path / "x.png")]) == 0
     assert LINE in " ".join(capsys.readouterr().out.split())
     with_readings, without = load(str(path)), load(str(plain))
-    assert with_readings.log.digest == without.log.digest
+    gyro = with_readings.log.gyro
+    assert gyro is not None
+    assert gyro.prior.mean == pytest.approx(BIAS, abs=4 * gyro.prior.sd)
+    np.testing.assert_allclose(with_readings.log.delta, without.log.delta)
+    assert with_readings.log.without_gyro().digest == without.log.digest
+    assert load(str(tmp_path / "log")).log.digest == with_readings.log.digest
+    assert load(f"recording[path={path},imu=false]").log.digest == without.log.digest
     assert "imu" not in without.log.notes

@@ -19,6 +19,7 @@ from slamduel.datasets.inertial.robot import ImuTable, imu_in
 from slamduel.frontend.camera.quaternions import matrix
 from slamduel.frontend.inertial.imu import GRAVITY, Imu
 from slamduel.frontend.inertial.standing import Readings
+from slamduel.frontend.inertial.turns import integrated
 from tiers import first_quick
 
 NS = 10**9
@@ -200,6 +201,18 @@ def test_a_slow_robots_degrees_are_found_by_its_wheels(tmp_path: Path) -> None:
     assert any("expected 1: its axes are turned, as upside down" in one for one in remarks)
     _, remarks, _ = of_csv(tmp_path / "imu.csv", imu=slow.imu, odometry=wheels)
     assert remarks == []
+
+
+def test_odometry_that_is_made_of_the_gyro_does_not_count_it_twice(tmp_path: Path) -> None:
+    one = drive(1, 60.0, 50.0, hills=0.0)
+    imu = Imu(one.t, one.imu.gyro)
+    heading = integrated(imu.t, imu.gyro[:, 2], imu.t)
+    fused = one.odometry._replace(t=one.t + BEGIN, poses=np.column_stack((one.odometry.poses[:, :2], heading)))
+    found, (remark,), _ = of_csv(tmp_path / "imu.csv", imu=imu, odometry=fused)
+    assert found.twice
+    assert "made of this gyro's readings" in remark
+    wheels = one.odometry._replace(t=one.t + BEGIN)
+    assert not of_csv(tmp_path / "imu.csv", imu=imu, odometry=wheels)[0].twice  # as good as wheels can be
 
 
 def changed(change: Callable[[Imu], Imu]) -> Imu:

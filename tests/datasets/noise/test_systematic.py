@@ -1,9 +1,12 @@
 """A log corrected for its errors is the log without them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from planted_errors import drive, way
+from slamduel.core.gyro import Gyro
 from slamduel.core.se2 import between, wrap
 from slamduel.datasets.noise.systematic import NAMES, Systematic, corrected, measured_motions, true_motions
 
@@ -23,6 +26,18 @@ def test_what_wheels_measure_is_undone() -> None:
     back, inverse = true_motions(measured, ALL)
     np.testing.assert_allclose(back, moved, atol=1e-15)
     np.testing.assert_allclose(J @ inverse, np.eye(3), atol=1e-15)
+
+
+def test_a_gyros_turns_are_without_the_errors_of_turns() -> None:
+    errors = Systematic(turn_scale=0.05, drift=0.1)
+    wrong, right = (drive(one, noise=0.0, known=99.0, seconds=10).log for one in (errors, Systematic()))
+    n = len(wrong) - 1
+    gyro = Gyro.from_arrays(np.arange(1, n + 1), wrong.delta[1:, 2], np.full(n, 1e-6), np.diff(wrong.t))
+    found = corrected(replace(wrong, gyro=gyro), errors).gyro
+    assert found is not None
+    np.testing.assert_allclose(wrap(found.turn - right.delta[1:, 2]), 0, atol=1e-12)
+    np.testing.assert_allclose(found.dt, np.diff(wrong.t) / 1.05)
+    np.testing.assert_allclose(found.var, 1e-6 / 1.05**2)
 
 
 @pytest.mark.parametrize("errors", [*SINGLE, ALL])
