@@ -37,7 +37,7 @@ LEAST = 1e-9
 CERTAIN, ALONE, LIKELY = 4.0, 5.0, 2.5
 """Standard errors that an error is from 0 where it is said to be one: by chance once in 1,500; and where
 neither a true path nor known places tell, as what nothing explains of the motion looks like an error of the sensor. One
-that is likely is estimated beside those, as they would take its part."""
+that is likely is estimated beside those, as they would take its part; by a true path, which costs little, any one."""
 
 ENTANGLED, INVOLVED = 20.0, 5.0
 """Times that others make the variance of an error larger, from which on it is not told apart from them, and from which
@@ -143,7 +143,7 @@ class _Fit:
         joint = self._reduced()
         free = _told(joint, free)
         every = estimates(self.errors, joint, free)
-        likely = _sure(self.errors, joint, free, CERTAIN if by_truth else LIKELY)
+        likely = free if by_truth else _sure(self.errors, joint, free, LIKELY)
         if not scaled and {"range_offset", "wheel_scale"} <= set(likely):
             likely[likely.index("wheel_scale")] = "range_scale"  # ranges that are off are so in scale as well
             every.pop("wheel_scale")
@@ -151,7 +151,7 @@ class _Fit:
             return None
         joint = self._reduced()
         found = estimates(self.errors, joint, likely)
-        certain = likely if by_truth else _sure(self.errors, joint, likely, CERTAIN if scaled else ALONE)
+        certain = _sure(self.errors, joint, likely, CERTAIN if scaled else ALONE)
         errors = Systematic(**{name: getattr(self.errors, name) for name in certain})
         return SystematicFit(errors, every | found, by_truth, scaled)
 

@@ -106,11 +106,11 @@ def test_the_whole_log_is_there(whole: Dataset) -> None:
 @pytest.mark.parametrize("by_truth", [True, False])
 @pytest.mark.parametrize("jitter", [0.0, 1e-6])
 def test_the_scanner_s_place_is_found(whole: Dataset, by_truth: bool, jitter: float) -> None:
-    """The publisher's 0.219 m within 4 mm: the true path's frame is turned by 0.08 rad to how the robot drives."""
+    """The publisher's 0.219 m within 3 mm: the true path's frame is turned by 0.08 rad to how the robot drives."""
     log, truth = whole
     log = replace(log, z=log.z + jitter * np.random.default_rng(1).standard_normal(log.z.shape))
     fit = fit_of(Dataset(log, truth), by_truth=by_truth)
-    assert fit.errors.x == pytest.approx(0.219, abs=0.004)
+    assert fit.errors.x == pytest.approx(0.219, abs=0.003)
     assert {"x", "delay", "turn_scale"} <= set(fit.certain)
     assert fit.errors != Systematic()
     assert abs(fit.errors.heading if by_truth else fit.errors.yaw) == pytest.approx(0.08, abs=0.002)
@@ -125,8 +125,8 @@ def test_a_scanner_taken_to_be_at_the_origin_is_a_remark_and_its_noise_is_that_w
     )
     subject = described("woods", whole, solve=False)
     words = dict(facts(subject.numbers, "truth", mistaken=subject.remarks.mistaken))
-    assert "The odometry's turns are 4.37" in words["errors that stay"]
-    assert "range_sd=0.0197" in words["sightings against truth"]
+    assert "The odometry's turns are 4.38" in words["errors that stay"]
+    assert "range_sd=0.0198" in words["sightings against truth"]
     assert "0.547 times" in words["odometry against truth"]
 
 
