@@ -211,6 +211,8 @@ def _percent(share: float) -> str:
 
 def _comes_back(found: Numbers) -> str:
     loops = found.back.loops
+    if not found.seen.sightings and not found.back.closures and not loops:
+        return "neither a landmark nor a loop closure tells if it comes back"
     if found.seen.sightings and found.back.after_m is None and not found.back.closures:
         if found.landmarks is not None:
             return "whether it comes back cannot be told from parts alone"

@@ -94,7 +94,7 @@ def matrix(name: str, scores: Sequence[Score], purpose: str) -> ReportFigure | N
     places = _legend_places(key, width)
     legend = places[-1][1] + HIGH + 8
     height = TITLE + legend + sum(band.height for band in bands) + EDGE
-    backends = tags(score.backend for score in mine.values())
+    backends = tags(dict.fromkeys(score.backend for score in scores))  # the same in all pictures of a page
 
     def draw(figure: Figure) -> None:
         axes = figure.add_axes((0, 0, 1, 1))
