@@ -10,6 +10,7 @@ import entered
 if __name__ == "__main__":
     entered.note()
 
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -97,10 +98,13 @@ def random_drives() -> None:
 def parts() -> None:
     """Ranges or bearings alone, constant errors, positions and headings."""
     ways: list[dict[str, Any]] = [{"scale_sd": 0.1, "fix_every": 9, "compass": True}, {"kinds": (BEARING, RANGE)}]
+    logs = [beacons(1, steps=80, **way).log for way in ways]
+    constant = logs[0].prior.systematic._replace(wheel_scale=0.1)
+    logs.append(replace(logs[0], prior=logs[0].prior._replace(systematic=constant)))
     for name, several in BACKENDS.items():
-        for options, way in product(several, ways):
+        for options, log in product(several, logs):
             if registry.find(name).partial:
-                drive(name, beacons(1, steps=80, **way).log, **options)
+                drive(name, log, **options)
 
 
 def turns() -> None:
