@@ -224,9 +224,15 @@ def test_without_truth_the_batch_optimum_is_drawn_and_of_a_large_log_dead_reckon
 
 LOGS = {
     "plain": (twice_round, "9 steps, 80.0 m, 34.0 s, 6 sightings of 2 landmarks, comes back twice"),
-    "silent": (lambda: log_of(3), "3 steps, 20.0 m, 4.00 s, 0 sightings, never comes back"),
+    "silent": (
+        lambda: log_of(3),
+        "3 steps, 20.0 m, 4.00 s, 0 sightings, neither a landmark nor a loop closure tells if it comes back",
+    ),
     "single": (lambda: log_of(1, (0,), (3,)), "1 step, 0 m, 1 sighting of 1 landmark, never comes back"),
-    "empty": (lambda: log_of(1), "1 step, 0 m, 0 sightings, never comes back"),
+    "empty": (
+        lambda: log_of(1),
+        "1 step, 0 m, 0 sightings, neither a landmark nor a loop closure tells if it comes back",
+    ),
     "loops": (only_loops, "5 steps, 40.0 m, 8.00 s, 0 sightings, 1 loop closure, comes back once"),
     "nameless": (
         lambda: log_of(3, (0, 2), (-1, -1)),
