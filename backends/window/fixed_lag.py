@@ -148,10 +148,15 @@ class FixedLag:
         return Map(np.fromiter(places, np.int64, len(places)), np.array([*places.values()]).reshape(-1, 2), None)
 
     def finish(self) -> Solution:
-        """Each pose as it left the window, the last ones at the final estimate, relinearized until nothing moves."""
+        """Each pose as it left the window, the last ones at the final estimate, relinearized until nothing moves.
+
+        Rounding moves all of them together by the more, the less is known of where they are: the condition of the
+        information grows with the variance of the position.
+        """
         converged = None
         for _ in range(self._options.final_checks):
-            converged = self._relinearise(0.0, anyway=False) <= TOLERANCE
+            moved = self._relinearise(0.0, anyway=False)
+            converged = moved <= TOLERANCE * max(1.0, self._cov[0, 0], self._cov[1, 1])
             if converged:
                 break
         n, inside = self._left, len(self._times)

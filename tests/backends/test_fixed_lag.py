@@ -1,5 +1,7 @@
 """The fixed-lag smoother against dense Schur complements, against GTSAM's, and against smoothing of the whole log."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from dense_window import DenseWindow
 from driven import final, make, run
 from hard_logs import with_given
 from random_logs import random_log
+from slamduel import load
 from slamduel.backends.window import fixed_lag
 from slamduel.bench.measure.misfit import misfit
 from slamduel.core.factors import Log
@@ -85,3 +88,15 @@ def test_its_tables_stay_as_long_as_the_window() -> None:
         assert np.isfinite(path).all()
         assert len(backend._tables.window.poses) <= 256
         assert len(backend._tables.window.places) <= 64
+
+
+@pytest.mark.parametrize("seed", first_quick(range(8)))
+def test_it_converges_where_the_place_in_the_world_is_hardly_known(seed: int) -> None:
+    """As after a long drive: rounding then moves all poses together, which no sighting contradicts."""
+    log = load("circle", seed=seed).log
+    near = final("fixed-lag", log)
+    for sd in (10.0, 30.0, 100.0):
+        far = final("fixed-lag", replace(log, prior=log.prior._replace(cov=np.diag([sd**2, sd**2, 1.0]))))
+        assert near.converged
+        assert far.converged
+        assert far.path == pytest.approx(near.path, abs=1e-7 * sd**2)
