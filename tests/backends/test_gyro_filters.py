@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from asked import ANYWHERE
+from beacon_drives import drive as beacons
 from dense_gyro_filters import GyroInvariant, GyroUkf
 from driven import NO_SIGHTINGS, make
 from gyro_logs import with_gyro
+from hard_logs import with_given, with_loops
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.api import Expected
@@ -22,7 +24,7 @@ from slamduel.backends.particles.turns import GyroBias
 from slamduel.backends.unscented import ukf
 from slamduel.backends.unscented.ukf import Options
 from slamduel.bench.plan.load import load
-from slamduel.core.factors import UNKNOWN, Log, Odometry, Prior
+from slamduel.core.factors import UNKNOWN, Dataset, Log, Odometry, Prior, Truth
 from slamduel.core.fixes import FixTable
 from slamduel.core.gyro import Bias, Turn
 from slamduel.core.se2 import Array, wrap
@@ -127,16 +129,20 @@ def test_headings_and_bias_are_linear_and_exact_in_all_filters(name: str, walk: 
 
 
 @pytest.mark.parametrize("version", [1, 2])
-def test_many_particles_come_near_what_is_exact(version: int) -> None:
-    """Their mean errs by a deviation over the root of their number; a few of these, as they are resampled."""
-    log, particles = compass(drive(seed=4, steps=40, sd=3e-3, bias=0.2, every=5, walk=0.05)), 40_000
+@pytest.mark.parametrize("seed", first_quick([4, 10, 13, 17, 21]))
+def test_many_particles_come_near_what_is_exact(seed: int, version: int) -> None:
+    """Their mean errs by a deviation over the root of their number, and more as they are resampled.
+
+    Ten times that is 0.05 here; without the turn's likelihood as a weight it is above 1.
+    """
+    log = compass(drive(seed, 40, sd=3e-3, bias=0.2, every=5, walk=0.05))
     means, covs = of_headings(log)
-    filter_ = make("fastslam", log.prior, particles=particles, version=version)
+    filter_ = make("fastslam", log.prior, particles=40_000, version=version)
     for k, step in enumerate(log):
         pose, cov, bias = filter_.step(step), filter_.belief().cov, filter_.gyro_bias
         sds, off = np.sqrt(np.diag(covs[k])), np.array((wrap(pose[2] - means[k, 0]), bias.mean - means[k, 1]))
-        assert (np.abs(off) < 8 * sds / np.sqrt(particles)).all(), (k, off / sds)
-        np.testing.assert_allclose((np.sqrt(cov[2, 2]), bias.sd), sds, rtol=0.05)
+        assert (np.abs(off) < 0.2 * sds).all()
+        np.testing.assert_allclose((np.sqrt(cov[2, 2]), bias.sd), sds, rtol=0.1)
 
 
 def test_a_particles_motion_and_weight_are_those_of_its_own_gaussian() -> None:
@@ -202,6 +208,46 @@ def test_they_are_the_ekf_where_all_is_nearly_linear(name: str, seed: int) -> No
         assert np.abs((ours.belief().cov - cov) / np.outer(sds, sds)).max() < 1e-4
         assert abs(ours.gyro_bias.mean - usual.gyro_bias.mean) < 1e-9
         assert ours.gyro_bias.sd == pytest.approx(usual.gyro_bias.sd, rel=1e-4)
+
+
+def variant(kind: str) -> Log:
+    """A log with a gyro, and with loop closures, on a given map, or of ranges alone with fixes and constant errors."""
+    rng = np.random.default_rng(6)
+    if kind == "parts":
+        found = beacons(1, steps=120, scale_sd=0.05, fix_every=9, compass=True)
+        made = Dataset(found.log, Truth(found.log.t, found.path, None, None, "truth"))
+        wheels = found.log.prior.systematic._replace(wheel_scale=0.05)
+        made = made._replace(log=replace(found.log, prior=found.log.prior._replace(systematic=wheels)))
+    elif kind == "loops":
+        made = with_loops(random_log(rng, 60, 8), 8, rng)
+    else:
+        made = with_given(random_log(rng, 60, 8), kind, rng)
+    return with_gyro(made, rng)[0].log
+
+
+@pytest.mark.parametrize("kind", ["loops", "fixed", "joint", "parts"])
+@pytest.mark.parametrize("name", ["invariant-ekf", "ukf", "fastslam"])
+def test_the_bias_is_kept_beside_all_else_that_is_in_a_state(name: str, kind: str) -> None:
+    """It is that of the EKF, as near as linearisation and sampling are to one another."""
+    log, builder = variant(kind), registry.find(name)
+    if kind == "loops" and not builder.loops:
+        return
+    options: dict[str, Any] = {"particles": 5000} if name == "fastslam" else {}
+    ours, usual = make(name, log.prior, **options), make("ekf", log.prior)
+    loose = 0.5 if name == "fastslam" else 0.3
+    for k, step in enumerate(log):
+        off = ours.step(step) - usual.step(step)
+        mean, sd = usual.gyro_bias
+        if k % 10 == 9:
+            assert abs(ours.gyro_bias.mean - mean) < loose * sd
+            assert ours.gyro_bias.sd == pytest.approx(sd, rel=0.5 * loose)
+            assert abs(wrap(off[2])) < loose * np.sqrt(usual.belief().cov[2, 2])
+    xy = dict(zip(usual.map().ids.tolist(), usual.map().xy, strict=True))
+    for landmark, at in zip(ours.map().ids.tolist(), ours.map().xy, strict=True):
+        np.testing.assert_allclose(at, xy[landmark], atol=0.1)
+    solution = ours.finish()
+    if solution is not None:
+        assert solution.gyro_bias == ours.gyro_bias
 
 
 @pytest.mark.parametrize("name", [*FILTERS, "fastslam"])
