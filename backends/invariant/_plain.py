@@ -70,14 +70,14 @@ def plain_joint(belief: int, slots: Ints, at: Array, cov: Array) -> None:
 
 @compiled
 def ask(
-    belief: int, places: int, landmarks: int, slots: Ints, follows: bool, moves: bool, motion: Array, z: Array, R: Array,
-    gate: float, into: int,
+    belief: int, places: int, landmarks: int, slots: Ints, follows: bool, moves: bool, motion: Array, z: Array,
+    R: Array, gate: float, into: int,
 ) -> int:  # fmt: skip
     """Fills the `ExpectedArrays` at `into` with the landmarks within the gate after a motion, and decides.
 
-    See `_vicinity`, for `follows`, too; `belief` is the address of `GroupArrays`; `places` is the address of the `Places`, of which
-    the first `landmarks` rows are those of its landmarks `slots`. Returns the number of landmarks whose joint
-    covariance was computed; minus that, and nothing is filled, where there is no room for them.
+    See `_vicinity`, for `follows`, too; `belief` is the address of `GroupArrays`; `places` is the address of the
+    `Places`, of which the first `landmarks` rows are those of its landmarks `slots`. Returns the number of landmarks
+    whose joint covariance was computed; minus that, and nothing is filled, where there is no room for them.
     """
     origin = group_at(belief).origin
     here, own = group_at(belief).pose.copy(), np.empty((3, 3))

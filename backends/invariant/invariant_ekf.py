@@ -38,7 +38,6 @@ import numpy as np
 from ...core.factors import Map, Odometry, Prior, RangeBearing, RelativePoses, Step
 from ...core.gyro import Turn
 from ...core.options import option
-from ...core.se2 import Array
 from .. import common_options
 from .._expected_arrays import ExpectedArrays
 from ..api import COMPILED_HERE, Belief, Bias, Builder, Diverged, Expected, Pose, Solution
@@ -96,9 +95,9 @@ class InvariantEkf:
         odometry = step.odometry if self._late is None else self._late.moved(step.odometry)
         self._turn = None
         if odometry is not None:
-            delta, cov = np.array(odometry.delta), np.array(odometry.cov)
             if self._bias is not None and step.gyro is not None:
-                delta, cov = _turned(group, delta, cov, self._bias, step.gyro)
+                odometry = _turned(group, odometry, self._bias, step.gyro)
+            delta, cov = np.array(odometry.delta), np.array(odometry.cov)
             _invariant.move(group.arrays.address, group.n, group.kept, delta, cov)
         self._nis = np.empty(len(step.sightings.ids))
         if len(self._nis):
@@ -128,7 +127,7 @@ class InvariantEkf:
         around, group = self._vicinity, self._group
         if odometry is not None and self._bias is not None and self._turn is not None:
             group = group.copy()
-            odometry = Odometry(*_turned(group, np.array(odometry.delta), np.array(odometry.cov), self._bias, self._turn))
+            odometry = _turned(group, odometry, self._bias, self._turn)
         new = list(islice(reversed(self._slot), len(self._slot) - around.count))[::-1]
         moves = around.ready(odometry, new)
         if len(self._near) < len(self._slot):
@@ -225,11 +224,11 @@ class InvariantEkf:
         self._slot.update(zip(given.ids.tolist(), of, strict=True))
 
 
-def _turned(group: Group, delta: Array, cov: Array, bias: int, turn: Turn) -> tuple[Array, Array]:
-    """The motion by wheels and gyro of one by the wheels, with what it tells of the bias, an entry, in the belief."""
-    motion = np.vstack((delta, cov))
+def _turned(group: Group, odometry: Odometry, bias: int, turn: Turn) -> Odometry:
+    """The motion by wheels and gyro of one by the wheels; the belief gets what the turn tells of the bias, an entry."""
+    motion = np.vstack(odometry)
     _turns.turned(group.arrays.address, group.n, group.kept, motion, bias, *turn)
-    return motion[0].copy(), motion[1:].copy()
+    return Odometry(motion[0], motion[1:])
 
 
 build = Builder(

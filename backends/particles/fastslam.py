@@ -204,7 +204,8 @@ class FastSlam(PathParticles):
         cos, sin = self._poses[3], self._poses[4]
         to_world[:, 0, 0], to_world[:, 0, 1], to_world[:, 1, 0], to_world[:, 1, 1] = cos, -sin, sin, cos
         to_world[:, 2, 2] = 1.0
-        return Cloud(poses, weights, np.tensordot(weights, to_world @ cov @ to_world.swapaxes(1, 2), 1))
+        within: Array = (weights[:, None, None] * (to_world @ cov @ to_world.swapaxes(1, 2))).sum(axis=0)
+        return Cloud(poses, weights, within)
 
     def _marginals(self, cloud: Cloud, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The mean pose, the landmarks' mean places and the mixture's joint covariance, the pose last."""
@@ -212,7 +213,8 @@ class FastSlam(PathParticles):
         slots = self._maps.slots(np.array([self._maps.row[landmark] for landmark in landmarks], np.int64))
         filters = self._marginal(self._maps.filters[slots])
         xy = filters[:, :2] @ w
-        pose, error = cloud.scatter() if self._started else (np.array(self._prior.pose), np.zeros(cloud.poses[:3].shape))
+        at_start = np.array(self._prior.pose), np.zeros((3, len(w)))
+        pose, error = cloud.scatter() if self._started else at_start
         apart = np.concatenate(((filters[:, :2] - xy[..., None]).reshape(n, len(w)), error))
         cov = (apart * w) @ apart.T
         if not self._started:  # nothing is drawn yet

@@ -1,4 +1,4 @@
-"""A gyro's bias in filters and particles: against dense ones, the linear case, one another; what they expect by turns."""
+"""A gyro's bias in filters and particles: against dense ones, the linear case, one another; expecting by turns."""
 
 from dataclasses import replace
 from typing import Any
@@ -41,7 +41,7 @@ def drive(seed: int = 1, steps: int = 60, landmarks: int = 8, noise: float = 1.0
 
 
 def compass(log: Log, seed: int = 2) -> Log:
-    """The log with a heading in the world every third step, and no sightings: all that is left is linear in headings."""
+    """The log with a heading in the world every third step and no sightings: its headings are a linear system."""
     rng, steps = np.random.default_rng(seed), np.arange(3, len(log), 3)
     z, cov = np.full((len(steps), 3), np.nan), np.full((len(steps), 3, 3), np.nan)
     z[:, 2], cov[:, 2, 2] = wrap(log.dead_reckoned()[steps, 2] + 0.03 * rng.standard_normal(len(steps))), 0.03**2
@@ -58,7 +58,7 @@ def alike(ours: tuple[float, float], mean: float, var: float, rel: float = 1e-7)
 
 @pytest.mark.parametrize("walk", WALKS)
 @pytest.mark.parametrize("options", first_quick([{}, {"alpha": 0.5, "kappa": 1.0}]), ids=str)
-def test_the_ukf_is_the_dense_one_that_samples_all(options: dict[str, float], walk: float) -> None:
+def test_the_ukf_is_the_dense_one_that_samples_all(options: dict[str, Any], walk: float) -> None:
     log = drive(walk=walk)
     ours, dense = make("ukf", log.prior, **options), GyroUkf(log, Options(**options))
     for step in log:
@@ -93,25 +93,26 @@ def test_the_invariant_filter_is_that_of_whole_matrices(seed: int, walk: float) 
 def of_headings(log: Log) -> tuple[Array, Array]:
     """Means (n, 2) and covariances (n, 2, 2) of heading and bias by the Kalman filter, which is exact for `compass`."""
     assert log.prior.gyro is not None
-    x, P = np.array([log.prior.pose[2], log.prior.gyro.mean]), np.diag([log.prior.cov[2, 2], log.prior.gyro.sd**2])
+    x, cov = np.array([log.prior.pose[2], log.prior.gyro.mean]), np.diag([log.prior.cov[2, 2], log.prior.gyro.sd**2])
     means, covs = [], []
     for step in log:
         if step.odometry is not None:  # heading, bias, and the heading before
             u, q = step.odometry.delta[2], step.odometry.cov[2, 2]
             F = np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 0.0]])
-            y, S = F @ x + [u, 0.0, 0.0], F @ P @ F.T
-            S[0, 0] += q
+            y, joint = F @ x + [u, 0.0, 0.0], F @ cov @ F.T
+            joint[0, 0] += q
             if step.gyro is not None:
-                S[1, 1] += step.gyro.walk
+                joint[1, 1] += step.gyro.walk
                 h = np.array([1.0, step.gyro.dt, -1.0])
-                gain = S @ h / (h @ S @ h + step.gyro.var)
-                y, S = y + gain * float(wrap(np.array(step.gyro.turn - h @ y))), S - np.outer(gain, h @ S)
-            x, P = y[:2], S[:2, :2]
-        for z, cov in zip(step.fixes.z, step.fixes.cov, strict=True):
-            gain = P[0] / (P[0, 0] + cov[2, 2])
-            x, P = x + gain * float(wrap(np.array(z[2] - x[0]))), P - np.outer(gain, P[0])
+                gain = joint @ h / (h @ joint @ h + step.gyro.var)
+                y = y + gain * float(wrap(np.array(step.gyro.turn - h @ y)))
+                joint = joint - np.outer(gain, h @ joint)
+            x, cov = y[:2], joint[:2, :2]
+        for z, noise in zip(step.fixes.z, step.fixes.cov, strict=True):
+            gain = cov[0] / (cov[0, 0] + noise[2, 2])
+            x, cov = x + gain * float(wrap(np.array(z[2] - x[0]))), cov - np.outer(gain, cov[0])
         means.append(x)
-        covs.append(P)
+        covs.append(cov)
     return np.array(means), np.array(covs)
 
 
@@ -146,7 +147,7 @@ def test_many_particles_come_near_what_is_exact(seed: int, version: int) -> None
 
 
 def test_a_particles_motion_and_weight_are_those_of_its_own_gaussian() -> None:
-    """The joint of its bias, of a motion by the wheels and of the turn, written out; then the step drawn tells the bias."""
+    """The joint of its bias, of a motion by the wheels and of the turn; then the step drawn tells the bias."""
     rng, M = np.random.default_rng(5), 6
     half = 0.1 * rng.standard_normal((3, 3))
     motion, turn = Odometry(np.array([0.3, -0.1, 0.2]), half @ half.T), Turn(0.35, 0.02**2, 0.4, 0.1**2)
@@ -179,14 +180,16 @@ def test_a_particles_motion_and_weight_are_those_of_its_own_gaussian() -> None:
     np.testing.assert_allclose(bias.mean, var * (means / P + turn.dt * (turn.turn - step) / turn.var), rtol=1e-9)
     assert bias.var == pytest.approx(var, rel=1e-9)
     weights = rng.dirichlet(np.ones(M))
-    whole = weights @ bias.mean
-    alike(bias.marginal(weights), whole, var + weights @ (bias.mean - whole) ** 2)
+    whole = float(weights @ bias.mean)
+    alike(bias.marginal(weights), whole, float(var + weights @ (bias.mean - whole) ** 2))
 
 
 @pytest.mark.parametrize("options", [{}, {"version": 1}], ids=str)
 def test_resampled_particles_take_their_bias_with_them(options: dict[str, int]) -> None:
     """With a prior of a wide bias, sightings choose those whose bias is right."""
-    dataset, biases = with_gyro(random_log(np.random.default_rng(3), 80, 8), np.random.default_rng(3), bias=0.3, walk=0.0)
+    dataset, biases = with_gyro(
+        random_log(np.random.default_rng(3), 80, 8), np.random.default_rng(3), bias=0.3, walk=0.0
+    )
     filter_ = make("fastslam", dataset.log.prior, particles=2000, **options)
     for step in dataset.log:
         filter_.step(step)
@@ -284,7 +287,7 @@ ASKED: dict[str, tuple[dict[str, Any], float]] = {
 
 @pytest.mark.parametrize("name", ASKED)
 def test_what_is_expected_by_a_turn_is_what_is_after_it(name: str) -> None:
-    """Asked before a step, and asked after its motion: the same, in deviations of what is expected; asking changes no bit."""
+    """Asked before a step and after its motion: the same, in deviations of what is expected; asking changes no bit."""
     log, (options, tolerance) = drive(steps=25, landmarks=6, bias=0.5, walk=0.05), ASKED[name]
     of = name.partition(" ")[0]
     plain, asked = make(of, log.prior, **options), make(of, log.prior, **options)

@@ -1,4 +1,4 @@
-"""The unscented and the invariant filter with a gyro's bias in their state: dense, conditioned as written in a textbook."""
+"""The unscented and the invariant filter with a gyro's bias in their state, dense and written out."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ NOBODY = -99
 
 
 def conditioned(mean: Array, cov: Array, turn: Turn, bias: int, step: int) -> tuple[Array, Array]:
-    """A Gaussian given a turn, which is the entry `step`, plus `bias` times dt, plus noise: its move, and covariance."""
+    """A Gaussian given a turn, the entry `step` plus `bias` times dt plus noise: its move, and covariance."""
     row = np.zeros(len(mean))
     row[bias], row[step] = turn.dt, 1.0
     gain = cov @ row / (row @ cov @ row + turn.var)
