@@ -68,6 +68,7 @@ def plain_joint(belief: int, slots: Ints, at: Array, cov: Array) -> None:
             cov[c + h, c + i] = value
 
 
+# The question comes as its numbers, as to `_vicinity.choose`.
 @compiled
 def ask(
     belief: int, places: int, landmarks: int, slots: Ints, follows: bool, moves: bool, motion: Array, z: Array,
