@@ -38,7 +38,7 @@ from ..core.signatures import Signatures
 
 __all__ = [
     "BEARING", "COMPILED_HERE", "GTSAM_WHEEL", "RANGE", "UNKNOWN", "Array", "Associates", "Backend", "Belief",
-    "Bias", "Builder", "Constant", "Diverged", "Expected", "Expects", "Fixes", "Ints", "Map", "NoOptions",
+    "Bias", "Builder", "Constant", "Diverged", "Expected", "Expects", "Fixes", "Foresees", "Ints", "Map", "NoOptions",
     "Odometry", "Partial", "Pose", "Prior", "RangeBearing", "RelativePoses", "Signatures", "Solution", "Step",
     "Systematic", "TakenOut", "TakesOut", "Truth", "TruthWanted", "Turn", "Unsuited", "WantsTruth", "act",
     "act_jacobians", "between", "compose", "compose_jacobians", "option", "wrap",
@@ -146,6 +146,19 @@ class Expects(Protocol):
 
         Compatible is a squared Mahalanobis distance below `gate`; the ids of `seen` are not to be used. Asking changes
         no later result, not even in the last bit.
+        """
+        ...
+
+
+@runtime_checkable
+class Foresees(Protocol):
+    """A backend with a gyro's bias in its state, and with the method of `Expects`, that expects by the turns too."""
+
+    def foresee(self, turn: Turn | None) -> None:
+        """Takes the next step's turn: until that step `expected` is to count with it beside the odometry.
+
+        It changes no later result otherwise, not even in the last bit. A backend without this method expects by the
+        odometry alone.
         """
         ...
 

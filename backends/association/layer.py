@@ -18,7 +18,7 @@ from ...core.se2 import Array, Ints, compose
 from .._expected import carried
 from .._joint_compatibility import Frame, Gates
 from .._rules import NEW, Decision, decide, decide_frame, decision_by
-from ..api import Backend, Belief, Expected, Pose, Solution, TakenOut, TakesOut, WantsTruth
+from ..api import Backend, Belief, Expected, Foresees, Pose, Solution, TakenOut, TakesOut, WantsTruth
 from ..expected import filled, fills, room_for
 from ..locating.locate import locate
 from ..locating.virtual import virtual
@@ -56,6 +56,7 @@ class Associating:
         self._waits = options.lookahead > 0 or options.confirm > 0
         self._plain = not self._waits and not options.retire and not prior.signatures
         self._into, self._arrays = fills(inner), room_for(ROOM)
+        self._foresees = prior.gyro is not None and isinstance(inner, Foresees)
         self._decision = self._decided_by(self._gates)
         self._line = deque[Step]()
         self._pose: Array | None = prior.pose.copy()
@@ -152,6 +153,8 @@ class Associating:
         if self._made:  # a known id may be of a landmark that was there without one
             named = [self._made.get(name, name) for name in named]
         start = time.process_time_ns() if self.timed else 0
+        if self._foresees:
+            self._inner.foresee(step.gyro)
         found = self._named_at_once(step) if self._plain and 0 < len(named) == named.count(UNKNOWN) else None
         decided = found is not None
         if found is not None:

@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, RangeBearing, Step, Truth
+from ...core.gyro import Turn
 from ...core.se2 import Array, Ints, compose, wrap
 from .._joint_compatibility import Gates
-from ..api import Backend, Belief, Expected, Pose, Solution, TakenOut, WantsTruth
+from ..api import Backend, Belief, Expected, Foresees, Pose, Solution, TakenOut, WantsTruth
 from ._standing import AGREES, FEW, FORGETS, MOVED, STOOD_ELSEWHERE, Records, Sightings, follow, judge
 from .quantiles import gates, quantile
 
@@ -57,6 +58,7 @@ class Standing:
 
     def __init__(self, inner: Backend, prior: Prior) -> None:
         self._inner: Any = inner
+        self._foresees = prior.gyro is not None and isinstance(inner, Foresees)
         self._pose: Array = prior.pose.copy()
         self._records, self._count = _records(SLOTS), 0
         self._slot: dict[int, int] = {}
@@ -79,6 +81,7 @@ class Standing:
         """Hands the step on without sightings that are off, or of landmarks that have moved."""
         ids, z, cov = step.sightings
         self._refused = 0
+        self.foresee(step.gyro)
         if len(ids):
             names = ids.tolist()
             keep = self._kept(step, names)
@@ -93,6 +96,11 @@ class Standing:
         if pose is not None:
             self._pose = pose.copy()
         return pose
+
+    def foresee(self, turn: Turn | None) -> None:
+        """Hands the next step's turn on to a backend that expects by it."""
+        if self._foresees:
+            self._inner.foresee(turn)
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """The backend's expectation, without landmarks that have moved."""

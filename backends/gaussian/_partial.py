@@ -14,7 +14,7 @@ from ...core.kernels._turns import conditioned
 from ...core.kernels.compiled import compiled
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
-from ._beliefs import JointArrays, belief_at, frame_at
+from ._beliefs import JointArrays, belief_at
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, advance, settle
 from ._triangle import put, take_row
 from ._triangle import row as row_at
@@ -284,16 +284,16 @@ def fixed(
 
 @compiled
 def turned(
-    belief: int, seen: int, n: int, entry: int, turn: float, var: float, dt: float, walk: float, where: int
-) -> None:
-    """Corrects a gyro's bias, the map's `entry`, and makes the motion of the frame at `seen` that by wheels and gyro.
+    belief: int, n: int, motion: Array, truth: Array, entry: int, turn: float, var: float, dt: float, walk: float,
+    where: int,
+) -> None:  # fmt: skip
+    """Corrects a gyro's bias, the map's `entry`, and makes a `motion` (4, 3) by the wheels that by wheels and gyro.
 
     It comes before the step's motion: see `core.gyro`. That motion depends on the bias, and so will the pose after it,
     by L = G slope: `frame` knows of no such motion. It moves the pose by F, so the pose before gets F^-1 L times the
     bias' error first.
     """
-    b, f = belief_at(belief), frame_at(seen)
-    motion, slope = f.motion, np.empty(3)
+    b, slope = belief_at(belief), np.empty(3)
     b.flat[row_at(entry) + entry] += walk
     told, told_var = conditioned(motion, turn, var, dt, slope)
     H, off, R, entries = np.full((1, 1), dt), np.empty(1), np.full((1, 1), told_var), np.full(1, entry)
@@ -302,7 +302,7 @@ def turned(
     bias = b.mean[3 + entry]
     for i in range(3):
         motion[0, i] += slope[i] * bias
-    gx, gy, heading = advance(b.mean[:3].copy(), b.points[:3].copy(), motion, f.truth, where)
+    gx, gy, heading = advance(b.mean[:3].copy(), b.points[:3].copy(), motion, truth, where)
     c, s = cos(heading), sin(heading)
     M, P, of = np.empty(3), np.empty(n), np.empty(3)
     M[0] = c * slope[0] - s * slope[1] - gx * slope[2]

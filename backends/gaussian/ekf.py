@@ -28,6 +28,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from ...core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, RelativePoses, Step, Truth
+from ...core.gyro import Turn
 from ...core.options import option
 from ...core.se2 import Array
 from .. import common_options
@@ -50,6 +51,8 @@ WHERE = {"standard": STANDARD, "first-estimates": FIRST, "ideal": IDEAL, "odomet
 
 LARGEST = 5000  # most landmarks of a map with joint covariance, which takes 0.8 GB at that size
 SIGHTINGS = 16  # sightings per frame that space is reserved for at first
+NOWHERE = np.zeros(3)
+"""In place of the true pose where none is linearised at."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +126,7 @@ class Ekf:
         self._bias = None if prior.gyro is None else self._parts.constant(prior.gyro.sd, 0.0)
         if self._bias is not None and prior.gyro is not None:
             self._whole.mean[3 + self._bias] = prior.gyro.mean
+        self._turn: Turn | None = None  # of the next step, where that has been told
         self._late: LateStarts | None = None
         if prior.partial or prior.fixes or prior.systematic.wheel_scale:
             self._late = LateStarts(self._parts, prior, self._slot, self._started)
@@ -148,6 +152,7 @@ class Ekf:
         """
         if self._where == IDEAL:
             self._frame.truth[:] = self._truth_at(step.t)
+        self._turn = None
         known, slot, part = self._whole.pairs, self._slot, self._whole
         landmarks, poses = len(slot), known - len(slot)
         if landmarks > self._options.compress_above and not self._mixed:
@@ -172,7 +177,7 @@ class Ekf:
         if odometry is not None:
             seen.motion[0], seen.motion[1:] = odometry
             if self._bias is not None and step.gyro is not None:
-                turned(part.address, seen.address, 2 * known, self._bias, *step.gyro, self._where)
+                turned(part.address, 2 * known, seen.motion, seen.truth, self._bias, *step.gyro, self._where)
         failed, why, self._nis, self._nis_dof, self._refused = frame(
             part.address, seen.address, 2 * (part.pairs - self._whole.pairs + known), part.columns, k,
             step.odometry is not None, self._where, self._options.update == "joint", self._gate, self._confirm,
@@ -192,6 +197,10 @@ class Ekf:
             self._close(part, loops)
             keep(part.address, 2 * part.pairs, part.columns, *loops.clone)
         return part.mean[:3].copy() if self._late is None else self._parts.pose()
+
+    def foresee(self, turn: Turn | None) -> None:
+        """Takes the next step's turn, by which sightings are expected."""
+        self._turn = turn
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief after the motion."""
@@ -215,6 +224,9 @@ class Ekf:
             part = self._compressed()
             part.bring_near(odometry, seen, gate)
             ids = ids[part.members()]
+        if odometry is not None and self._bias is not None and self._turn is not None:
+            part = part.copy()
+            turned(part.address, 2 * part.pairs, self._frame.motion, NOWHERE, self._bias, *self._turn, where)
         if self._gate > 0:
             part.bound.fill(np.inf)  # a landmark may have been started again
         address = part.address
@@ -243,7 +255,7 @@ class Ekf:
             return None
         whole = self._settled()
         path, cov = whole.poses(self._kept.entries)
-        return Solution(path, self._map_of(whole), cov)
+        return Solution(path, self._map_of(whole), cov, gyro_bias=self.gyro_bias)
 
     @property
     def range_errors(self) -> tuple[float, float] | None:
@@ -253,10 +265,7 @@ class Ekf:
     @property
     def gyro_bias(self) -> Bias | None:
         """The gyro's bias at present; None without one in the state."""
-        if self._bias is None:
-            return None
-        var = self._whole.cov_of(np.array([self._bias // 2]))[0, 0]
-        return Bias(float(self._whole.mean[3 + self._bias]), float(np.sqrt(var)))
+        return None if self._bias is None else Bias(*self._whole.one(self._bias))
 
     @property
     def pairs(self) -> int:

@@ -115,6 +115,10 @@ class Joint:
         _triangle.submatrix(self.flat, (2 * pairs[:, None] + [0, 1]).ravel(), out)
         return out
 
+    def one(self, entry: int) -> tuple[float, float]:
+        """The mean of an entry of the map, and its standard deviation."""
+        return float(self.mean[3 + entry]), float(np.sqrt(self.cov_of(np.array([entry // 2]))[entry % 2, entry % 2]))
+
     def poses(self, entries: Ints) -> tuple[Array, Array]:
         """The kept poses (k, 3) at these `entries` (k, 2), and the covariance (k, 3, 3) of each."""
         three = np.column_stack((entries[:, 0], entries[:, 0] + 1, entries[:, 1]))

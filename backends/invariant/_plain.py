@@ -68,22 +68,25 @@ def plain_joint(belief: int, slots: Ints, at: Array, cov: Array) -> None:
             cov[c + h, c + i] = value
 
 
+# The question comes as its numbers, as to `_vicinity.choose`.
 @compiled
 def ask(
-    belief: int, places: int, landmarks: int, slots: Ints, moves: bool, motion: Array, z: Array, R: Array, gate: float,
-    into: int,
+    belief: int, places: int, landmarks: int, slots: Ints, follows: bool, moves: bool, motion: Array, z: Array,
+    R: Array, gate: float, into: int,
 ) -> int:  # fmt: skip
     """Fills the `ExpectedArrays` at `into` with the landmarks within the gate after a motion, and decides.
 
-    See `_vicinity`; `belief` is the address of `GroupArrays`; `places` is the address of the `Places`, of which
-    the first `landmarks` rows are those of its landmarks `slots`. Returns the number of landmarks whose joint
-    covariance was computed; minus that, and nothing is filled, where there is no room for them.
+    See `_vicinity`, for `follows`, too; `belief` is the address of `GroupArrays`; `places` is the address of the
+    `Places`, of which the first `landmarks` rows are those of its landmarks `slots`. Returns the number of landmarks
+    whose joint covariance was computed; minus that, and nothing is filled, where there is no room for them.
     """
     origin = group_at(belief).origin
-    here, none = group_at(belief).pose.copy(), np.empty((3, 3))
+    here, own = group_at(belief).pose.copy(), np.empty((3, 3))
+    if not follows:
+        plain_joint(belief, slots[:0], np.empty((0, 2)), own)
     here[0] += origin[0]
     here[1] += origin[1]
-    n, out = choose(places, landmarks, here, none, True, moves, motion, z, R, gate), expected_at(into)
+    n, out = choose(places, landmarks, here, own, follows, moves, motion, z, R, gate), expected_at(into)
     if n > len(out.ids):
         return -n
     out.count[0] = 0

@@ -1,5 +1,7 @@
 """The belief of the invariant filter: a mean, and the covariance of the group's error, in arrays that grow."""
 
+from copy import copy
+
 import numpy as np
 
 from ...core.factors import Map
@@ -95,6 +97,21 @@ class Group:
         self.strip[:, 3 : n + 3] = -np.outer(self.strip[:, 2], around)
         block = known.cov + self.strip[2, 2] * np.outer(around, around)
         _triangle.store(self.flat, block)
+
+    def copy(self) -> "Group":
+        """A copy that shares nothing mutable."""
+        other = copy(self)
+        other.pose, other.mean, other.strip, other.flat, other.owed, other.owing = (
+            array.copy() for array in (self.pose, self.mean, self.strip, self.flat, self.owed, self.owing)
+        )
+        other._arrays = None
+        return other
+
+    def one(self, entry: int) -> tuple[float, float]:
+        """The mean of an entry of the state, and its standard deviation."""
+        row = np.empty(self.n)
+        _invariant.gather_row(self.arrays, self.n, entry, row)
+        return float(self.mean[entry]), float(np.sqrt(row[entry]))
 
     def fold(self) -> None:
         """Applies deferred updates."""

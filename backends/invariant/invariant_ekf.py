@@ -25,6 +25,9 @@ where p is the estimate's position. H = [1 -1] depends on nothing, N on the esti
 
 Positions, headings and sightings of a range or a bearing alone come after the whole sightings of their step, and
 landmarks that these leave open start late: see `late_starts`, and `_partial` for the Jacobians.
+
+A gyro's bias is a number beside the group, as other constant errors are. The joint of state and motion is conditioned
+on the turn before it moves: see `_turns`.
 """
 
 from dataclasses import dataclass
@@ -33,14 +36,16 @@ from itertools import islice
 import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from ...core.gyro import Turn
 from ...core.options import option
+from .. import common_options
 from .._expected_arrays import ExpectedArrays
-from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
+from ..api import COMPILED_HERE, Belief, Bias, Builder, Diverged, Expected, Pose, Solution
 from ..expected import as_expected, room_for, roomier
 from ..gaussian.kept_poses import SUMMARY, KeptPoses
 from ..gaussian.late_starts import NO_GATES, LateStarts
 from ..vicinity import Vicinity
-from . import _invariant, _invariant_loops, _plain
+from . import _invariant, _invariant_loops, _plain, _turns
 from .group import Group
 from .group_parts import GroupParts
 
@@ -49,9 +54,10 @@ SIGHTINGS = 16  # expected landmarks that there is room for at first
 
 @dataclass(frozen=True)
 class Options:
-    """Poses kept for loop closures."""
+    """Poses kept for loop closures, and what becomes of a gyro's bias."""
 
     poses: int = option(0, SUMMARY, minimum=0)
+    gyro: str = common_options.gyro()
 
 
 class InvariantEkf:
@@ -63,14 +69,20 @@ class InvariantEkf:
         self._slot: dict[int, int] = {}  # landmark id -> its number, or -2 minus its number among those held fixed
         self._nis = np.zeros(0)  # of each sighting of the last step, -1 for none
         self._others_nis, self._others_dof, self._left_out = 0.0, 0, 0  # of loop closures, partial sightings and fixes
-        self._vicinity, self._expected = Vicinity(follows=True), room_for(SIGHTINGS)
+        self._follows = prior.gyro is None  # the odometry, which is not how the robot moves by wheels and gyro
+        self._vicinity, self._expected = Vicinity(follows=self._follows), room_for(SIGHTINGS)
         self._near = np.zeros(0, np.int64)  # numbers of the landmarks in the vicinity, by its rows
         self._kept = KeptPoses(options.poses) if prior.loops else None
         if prior.map is not None:
             self._adopt(prior.map)
+        parts = GroupParts(self._group)
+        self._bias = None if prior.gyro is None else parts.constant(prior.gyro.sd, 0.0)
+        if self._bias is not None and prior.gyro is not None:
+            self._group.mean[self._bias] = prior.gyro.mean
+        self._turn: Turn | None = None  # of the next step, where that has been told
         self._late: LateStarts | None = None
         if prior.partial or prior.fixes or prior.systematic.wheel_scale:
-            self._late = LateStarts(GroupParts(self._group), prior, self._slot)
+            self._late = LateStarts(parts, prior, self._slot)
 
     def step(self, step: Step) -> Pose:
         """Predicts with the odometry, then corrects by sightings one by one, adding new landmarks.
@@ -78,10 +90,13 @@ class InvariantEkf:
         Loop closures are next, and the pose is kept, on logs that have some.
         """
         group = self._group
-        if self._vicinity.used:
+        if self._vicinity.used and self._follows:
             self._vicinity.move(step.odometry)
         odometry = step.odometry if self._late is None else self._late.moved(step.odometry)
+        self._turn = None
         if odometry is not None:
+            if self._bias is not None and step.gyro is not None:
+                odometry = _turned(group, odometry, self._bias, step.gyro)
             delta, cov = np.array(odometry.delta), np.array(odometry.cov)
             _invariant.move(group.arrays.address, group.n, group.kept, delta, cov)
         self._nis = np.empty(len(step.sightings.ids))
@@ -96,6 +111,10 @@ class InvariantEkf:
             self._close(self._kept, step.loops)
         return group.placed()
 
+    def foresee(self, turn: Turn | None) -> None:
+        """Takes the next step's turn, by which sightings are expected."""
+        self._turn = turn
+
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief in plain coordinates, to first order."""
         self._expected = self.expected_into(odometry, seen, gate, self._expected)
@@ -105,14 +124,17 @@ class InvariantEkf:
         self, odometry: Odometry | None, seen: RangeBearing, gate: float, into: ExpectedArrays
     ) -> ExpectedArrays:
         """The same, in compiled arrays."""
-        around = self._vicinity
+        around, group = self._vicinity, self._group
+        if odometry is not None and self._bias is not None and self._turn is not None:
+            group = group.copy()
+            odometry = _turned(group, odometry, self._bias, self._turn)
         new = list(islice(reversed(self._slot), len(self._slot) - around.count))[::-1]
         moves = around.ready(odometry, new)
         if len(self._near) < len(self._slot):
             self._near = np.fromiter(self._slot.values(), np.int64, len(self._slot))
         while (
             missing := _plain.ask(
-                self._group.arrays.address, around.address, around.count, self._near, moves, around.motion,
+                group.arrays.address, around.address, around.count, self._near, self._follows, moves, around.motion,
                 seen.z, seen.cov, gate, into.address,
             )
         ) < 0:  # fmt: skip
@@ -129,7 +151,7 @@ class InvariantEkf:
         """All landmarks with joint covariance in plain coordinates; fixed ones first, then in order of sighting."""
         group, ids = self._group, np.fromiter(self._slot, np.int64, len(self._slot))
         fixed = len(group.known)
-        if self._kept is None and self._late is None:
+        if self._kept is None and self._late is None and self._bias is None:
             places, block = group.mean[: group.n].reshape(-1, 2) + group.origin, group.landmarks_cov()
         else:  # some of the state's entries are of poses
             _, places, block = group.marginals(np.fromiter(self._slot.values(), np.int64, len(ids))[fixed:])
@@ -145,12 +167,17 @@ class InvariantEkf:
         path, cov = np.empty((self._kept.steps, 3)), np.empty((self._kept.steps, 3, 3))
         _invariant_loops.marginals(self._group.arrays.address, self._group.loops, path, cov)
         path[:, :2] += self._group.origin
-        return Solution(path, self.map(), cov)
+        return Solution(path, self.map(), cov, gyro_bias=self.gyro_bias)
 
     @property
     def range_errors(self) -> tuple[float, float] | None:
         """The scale and offset (m) of all ranges at present; None where they are not estimated."""
         return None if self._late is None else self._late.range_errors
+
+    @property
+    def gyro_bias(self) -> Bias | None:
+        """The gyro's bias at present; None without one in the state."""
+        return None if self._bias is None else Bias(*self._group.one(self._bias))
 
     @property
     def pairs(self) -> int:
@@ -197,6 +224,20 @@ class InvariantEkf:
         self._slot.update(zip(given.ids.tolist(), of, strict=True))
 
 
+def _turned(group: Group, odometry: Odometry, bias: int, turn: Turn) -> Odometry:
+    """The motion by wheels and gyro of one by the wheels; the belief gets what the turn tells of the bias, an entry."""
+    motion = np.vstack(odometry)
+    _turns.turned(group.arrays.address, group.n, group.kept, motion, bias, *turn)
+    return Odometry(motion[0], motion[1:])
+
+
 build = Builder(
-    InvariantEkf, options=Options, loops=True, partial=True, fixes=True, wheel_scale=True, implementation=COMPILED_HERE
+    InvariantEkf,
+    options=Options,
+    loops=True,
+    partial=True,
+    fixes=True,
+    gyro=True,
+    wheel_scale=True,
+    implementation=COMPILED_HERE,
 )

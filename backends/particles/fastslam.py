@@ -13,13 +13,17 @@ landmark that may still be in several places: the pose would be in several, too.
 On logs with ranges or bearings alone, without fixes or a given map, nothing measures the start: all particles are then
 at its mean, and its covariance, which turns and moves path and map together, is added to what they believe. Drawn, it
 would take particles from the hypotheses, and their mean would be no path.
+
+A gyro's bias is Gaussian in every particle, given its path: see `turns`.
 """
 
+from functools import partial
 from itertools import islice
 
 import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, RangeBearing, RelativePoses, Step
+from ...core.gyro import Turn
 from ...core.se2 import Array, Ints
 from ..api import COMPILED_HERE, Belief, Builder, Expected, Solution
 from ..vicinity import Vicinity
@@ -30,7 +34,8 @@ from ._proposal import Motion, propose
 from .associating import AssociatingFastSlam
 from .particle_maps import ParticleMaps
 from .parts import PartialSightings
-from .path_particles import Options, PathParticles, with_blocks
+from .path_particles import Cloud, Options, PathParticles, with_blocks
+from .turns import GyroBias
 
 
 class FastSlam(PathParticles):
@@ -55,12 +60,21 @@ class FastSlam(PathParticles):
         if prior.map is not None:
             self._adopt(prior.map)
         self._draws_start = self._parts is None or prior.fixes or prior.map is not None
+        self._turn: Turn | None = None  # of the next step, where that has been told
+
+    def foresee(self, turn: Turn | None) -> None:
+        """Takes the next step's turn, by which sightings are expected."""
+        self._turn = turn
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by mean and covariance of the weighted particles."""
         pose, cov = self._moments()
+        cloud = self._cloud()
+        if odometry is not None and self._bias is not None and self._turn is not None and self._started:
+            cloud, odometry = self._ahead(self._bias, odometry, self._turn), None
+            pose, cov = cloud.moments()
         new = list(islice(reversed(self._maps.row), len(self._maps) - len(self._vicinity)))
-        return self._vicinity.expected(pose, cov, odometry, seen, gate, new[::-1], self._marginals)
+        return self._vicinity.expected(pose, cov, odometry, seen, gate, new[::-1], partial(self._marginals, cloud))
 
     def map(self) -> Map:
         """Weighted mean of the particles' maps; the covariance is the mixture's, within and between particles."""
@@ -100,6 +114,7 @@ class FastSlam(PathParticles):
 
     def _see(self, step: Step) -> None:
         """Samples the poses, weights them by the sightings, corrects landmarks and adds new ones."""
+        self._turn = None
         ids, z, cov = step.sightings if self._parts is None else self._parts.take(step)
         rows = np.array([self._maps.row.get(landmark, -1) for landmark in ids.tolist()], np.int64)
         old, new = np.flatnonzero(rows >= 0), np.flatnonzero(rows < 0)
@@ -179,17 +194,33 @@ class FastSlam(PathParticles):
                 i, j = 2 * k, 2 * k + 1
                 filters[2:5] = np.array((known.cov[i, i], known.cov[i, j], known.cov[j, j]))[:, None]
 
-    def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
+    def _ahead(self, bias: GyroBias, odometry: Odometry, turn: Turn) -> Cloud:
+        """The particles after the next step's motion, by the wheels and its turn."""
+        poses, surprise, cov = bias.ahead(self._poses, odometry, turn)
+        likelier = self._log_weights - 0.5 * surprise
+        weights = np.exp(likelier - likelier.max())
+        weights /= weights.sum()
+        to_world = np.zeros((len(weights), 3, 3))
+        cos, sin = self._poses[3], self._poses[4]
+        to_world[:, 0, 0], to_world[:, 0, 1], to_world[:, 1, 0], to_world[:, 1, 1] = cos, -sin, sin, cos
+        to_world[:, 2, 2] = 1.0
+        within: Array = (weights[:, None, None] * (to_world @ cov @ to_world.swapaxes(1, 2))).sum(axis=0)
+        return Cloud(poses, weights, within)
+
+    def _marginals(self, cloud: Cloud, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The mean pose, the landmarks' mean places and the mixture's joint covariance, the pose last."""
-        n, w = 2 * len(landmarks), self._weights
+        n, w = 2 * len(landmarks), cloud.weights
         slots = self._maps.slots(np.array([self._maps.row[landmark] for landmark in landmarks], np.int64))
         filters = self._marginal(self._maps.filters[slots])
         xy = filters[:, :2] @ w
-        pose, error = self._scatter()
+        at_start = np.array(self._prior.pose), np.zeros((3, len(w)))
+        pose, error = cloud.scatter() if self._started else at_start
         apart = np.concatenate(((filters[:, :2] - xy[..., None]).reshape(n, len(w)), error))
         cov = (apart * w) @ apart.T
         if not self._started:  # nothing is drawn yet
             cov[-3:, -3:] = self._prior.cov
+        if cloud.within is not None:
+            cov[-3:, -3:] += cloud.within
         cov[:n, :n] = with_blocks(cov[:n, :n].copy(), filters[:, 2:] @ w)
         return pose, xy, (cov + cov.T) / 2
 
@@ -208,6 +239,7 @@ build = Builder(
     loops=True,
     partial=True,
     fixes=True,
+    gyro=True,
     implementation=COMPILED_HERE,
     rules={"particle": AssociatingFastSlam},
 )

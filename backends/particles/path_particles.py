@@ -2,17 +2,19 @@
 
 from dataclasses import dataclass
 from math import atan2, cos, isfinite, pi, sin
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, Step
 from ...core.options import option
 from ...core.se2 import Array, Ints, wrap
-from ..api import Belief, Diverged, Pose, Solution
+from .. import common_options
+from ..api import Belief, Bias, Diverged, Pose, Solution
 from ._particles import move
 from .particle_paths import ParticlePaths
 from .resampling import SCHEMES
+from .turns import GyroBias
 
 RANK = 4  # particles needed for a covariance of three coordinates
 ROUNDING = 1e-9  # relative difference of weights that counts as none
@@ -47,6 +49,35 @@ class Options:
         minimum=0,
         maximum=0.999999999,
     )
+    gyro: str = common_options.gyro()
+
+
+class Cloud(NamedTuple):
+    """Weighted poses of M particles, each with a covariance about it that is the same for all."""
+
+    poses: Array  # (5, M)
+    weights: Array  # (M,)
+    within: Array | None = None  # (3, 3) in the world frame; None: none
+
+    def mean(self) -> Pose:
+        """The weighted mean pose; headings are averaged as directions."""
+        x, y, _, c, s = (self.poses @ self.weights).tolist()
+        heading = atan2(s, c)
+        return np.array((x, y, pi if heading == -pi else heading))
+
+    def scatter(self) -> tuple[Pose, Array]:
+        """The weighted mean pose, and each particle's difference from it (3, M)."""
+        pose = self.mean()
+        error = self.poses[:3] - pose[:, None]
+        error[2] = wrap(error[2])
+        return pose, error
+
+    def moments(self) -> tuple[Pose, Array]:
+        """The weighted mean pose and covariance (3, 3)."""
+        pose, error = self.scatter()
+        cov = (error * self.weights) @ error.T
+        cov = cov if self.within is None else cov + self.within
+        return pose, (cov + cov.T) / 2
 
 
 class PathParticles:
@@ -69,6 +100,7 @@ class PathParticles:
         self._weights = np.full(M, 1 / M)
         self._origins = np.arange(M)  # initial particle that each descends from
         self._paths = ParticlePaths(M)
+        self._bias = None if prior.gyro is None else GyroBias(prior.gyro, M)
 
     def step(self, step: Step) -> Pose:
         """Resamples if the weights are too uneven, samples the motion, weights and corrects by the sightings.
@@ -79,8 +111,10 @@ class PathParticles:
         if self._n_eff() < self._options.resample_below * len(self._weights) * (1 - ROUNDING):
             self._resample()
         self._see(step)
+        if self._bias is not None:
+            self._bias.learn(self._poses)
         self._paths.add(self._poses)
-        pose = self._mean_pose()
+        pose = self._cloud().mean()
         if not isfinite(pose.sum()):
             raise Diverged("the particles' poses are no longer finite numbers")
         return pose
@@ -98,7 +132,12 @@ class PathParticles:
     def finish(self) -> Solution:
         """The path of the heaviest particle and its ancestors, and its map, with covariance given that path."""
         best = self._heaviest()
-        return Solution(self._paths.path(best), self._map_of(best))
+        return Solution(self._paths.path(best), self._map_of(best), gyro_bias=self.gyro_bias)
+
+    @property
+    def gyro_bias(self) -> Bias | None:
+        """The gyro's bias at present, by all particles; None without one in the state."""
+        return None if self._bias is None else self._bias.marginal(self._weights)
 
     def _see(self, step: Step) -> None:
         """Samples the poses, weights the particles by the sightings, and corrects their maps."""
@@ -113,6 +152,15 @@ class PathParticles:
         raise NotImplementedError
 
     def _motion(self, step: Step) -> Odometry | None:
+        """The distribution of the step's poses, given a gyro's turn, by which the particles are weighted."""
+        motion = self._by_wheels(step)
+        if motion is None or self._bias is None or step.odometry is None or step.gyro is None:
+            return motion
+        motion, surprise = self._bias.turned(self._poses, motion, step.gyro)
+        self._weigh(surprise)
+        return motion
+
+    def _by_wheels(self, step: Step) -> Odometry | None:
         """The distribution of the step's poses: at the first, the prior's covariance about its pose, if that is drawn.
 
         Copies: a log's arrays are read-only, and kernels would be compiled once for each kind.
@@ -146,6 +194,8 @@ class PathParticles:
         self._poses = np.take(self._poses, ancestors, axis=1)  # plain indexing would leave its columns contiguous
         self._origins = self._origins[ancestors]
         self._copy(ancestors)
+        if self._bias is not None:
+            self._bias.resampled(ancestors)
         self._paths.resampled(ancestors)
         self._log_weights = np.zeros(len(ancestors))
         self._weights = np.full(len(ancestors), 1 / len(ancestors))
@@ -154,24 +204,15 @@ class PathParticles:
         """(3, M) standard normal random numbers."""
         return self._rng.standard_normal((3, len(self._weights)))
 
-    def _mean_pose(self) -> Pose:
-        """The weighted mean pose; headings are averaged as directions."""
-        x, y, _, c, s = (self._poses @ self._weights).tolist()
-        heading = atan2(s, c)
-        return np.array((x, y, pi if heading == -pi else heading))
+    def _cloud(self) -> Cloud:
+        """The particles."""
+        return Cloud(self._poses, self._weights)
 
     def _moments(self) -> tuple[Pose, Array]:
         """The weighted mean pose and covariance (3, 3)."""
-        pose, error = self._scatter()
-        cov = (error * self._weights) @ error.T if self._started else np.array(self._prior.cov)
-        return pose, (cov + cov.T) / 2
-
-    def _scatter(self) -> tuple[Pose, Array]:
-        """The weighted mean pose, and each particle's difference from it (3, M)."""
-        pose = self._mean_pose() if self._started else np.array(self._prior.pose)
-        error = self._poses[:3] - pose[:, None]
-        error[2] = wrap(error[2])
-        return pose, error
+        if self._started:
+            return self._cloud().moments()
+        return np.array(self._prior.pose), (self._prior.cov + self._prior.cov.T) / 2
 
     def _heaviest(self) -> int:
         """The heaviest particle; of those that are equal up to rounding, the first."""

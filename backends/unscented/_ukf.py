@@ -15,15 +15,44 @@ import numpy as np
 
 from ...core.kernels._planar import moved, wrap
 from ...core.kernels._small import cholesky
+from ...core.kernels._turns import conditioned
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from .._models import placed, sighted
 from ..gaussian._beliefs import JointArrays, belief_at
-from ..gaussian._triangle import add_square_of, put, take_less
+from ..gaussian._partial import correct as measure
+from ..gaussian._triangle import add_square_of, put, row, take_less, take_row
 from ._transform import ROUNDING, add_outer, regress, unroot
 
 WRONG = ("nothing", "the predicted pose", "an innovation", "a new landmark")
 """The covariance that is not positive definite, by the number that `frame` returns."""
+
+
+@compiled
+def carry(b: JointArrays, delta: Array, root: Array, scaling: Array) -> Array:
+    """Moves the pose and its covariance by `delta` (3,), where root (6, 6) is of the joint covariance of both.
+
+    Returns the slope (3, 6) by the six coordinates of that root. `scaling` is as in `move`.
+    """
+    mean, pose = b.mean, b.pose
+    spread = scaling[0] * (6.0 + scaling[1])
+    x, y, heading = moved(mean[0], mean[1], mean[2], delta[0], delta[1], delta[2])
+    away, p, d = np.empty((2, 6, 3)), np.empty(3), np.empty(3)
+    for side in range(2):
+        far = sqrt(spread) if side == 0 else -sqrt(spread)
+        for k in range(6):
+            for i in range(3):
+                p[i] = mean[i] + far * root[i, k]
+                d[i] = delta[i] + far * root[3 + i, k]
+            u, v, turned = moved(p[0], p[1], p[2], d[0], d[1], d[2])
+            away[side, k, 0], away[side, k, 1], away[side, k, 2] = u - x, v - y, wrap(turned - heading)
+    slope, shift, rest = regress(away[0], away[1], 6, 3, spread, scaling[2])
+    mean[0], mean[1], mean[2] = x + shift[0], y + shift[1], wrap(heading + shift[2])
+    add_outer(slope, rest, 3, 0, 6)
+    for i in range(3):
+        for j in range(3):
+            pose[i, j] = rest[i, j]
+    return slope
 
 
 @compiled
@@ -32,33 +61,55 @@ def move(b: JointArrays, n: int, motion: Array, scaling: Array) -> bool:
 
     `scaling` holds alpha^2, kappa and beta - alpha^2.
     """
-    mean, pose, cross = b.mean, b.pose, b.cross
-    spread, delta = scaling[0] * (6.0 + scaling[1]), motion[0]
-    root, noise = np.zeros((3, 3)), np.zeros((3, 3))
-    if not (cholesky(pose, root, 3, 0.0, ROUNDING) and cholesky(motion[1:], noise, 3, 0.0, 0.0)):
+    cross, root, noise, both = b.cross, np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((6, 6))
+    if not (cholesky(b.pose, root, 3, 0.0, ROUNDING) and cholesky(motion[1:], noise, 3, 0.0, 0.0)):
         return False
-    x, y, heading = moved(mean[0], mean[1], mean[2], delta[0], delta[1], delta[2])
-    away, p, d = np.empty((2, 6, 3)), np.empty(3), np.empty(3)
-    for side in range(2):
-        far = sqrt(spread) if side == 0 else -sqrt(spread)
-        for k in range(6):
-            for i in range(3):
-                p[i] = mean[i] + (far * root[i, k] if k < 3 else 0.0)
-                d[i] = delta[i] + (far * noise[i, k - 3] if k >= 3 else 0.0)
-            u, v, turned = moved(p[0], p[1], p[2], d[0], d[1], d[2])
-            away[side, k, 0], away[side, k, 1], away[side, k, 2] = u - x, v - y, wrap(turned - heading)
-    slope, shift, rest = regress(away[0], away[1], 6, 3, spread, scaling[2])
-    mean[0], mean[1], mean[2] = x + shift[0], y + shift[1], wrap(heading + shift[2])
-    add_outer(slope, rest, 3, 0, 6)
-    unroot(slope, root, 3, 3)
     for i in range(3):
-        for j in range(3):
-            pose[i, j] = rest[i, j]
+        for j in range(i + 1):
+            both[i, j], both[3 + i, 3 + j] = root[i, j], noise[i, j]
+    slope = carry(b, motion[0], both, scaling)
+    unroot(slope, root, 3, 3)
     for j in range(n):
         x, y, turn = cross[0, j], cross[1, j], cross[2, j]
         for i in range(3):
             cross[i, j] = slope[i, 0] * x + slope[i, 1] * y + slope[i, 2] * turn
-    return cholesky(pose, root, 3, 0.0, ROUNDING)
+    return cholesky(b.pose, root, 3, 0.0, ROUNDING)
+
+
+@compiled
+def move_by_gyro(
+    belief: int, n: int, motion: Array, entry: int, turn: float, var: float, dt: float, walk: float, scaling: Array
+) -> bool:
+    """Predicts with a `motion` (4, 3) by the wheels and a gyro's turn, whose bias is the map's `entry`: `core.gyro`.
+
+    Given the bias the motion is `slope` times that, and noise, so that it depends on pose and map: the sigma points are
+    those of the joint of pose and motion. False as in `move`.
+    """
+    b, by = belief_at(belief), np.empty(3)
+    b.flat[row(entry) + entry] += walk
+    told, told_var = conditioned(motion, turn, var, dt, by)
+    H, off, R, entries = np.full((1, 1), dt), np.empty(1), np.full((1, 1), told_var), np.full(1, entry)
+    off[0] = wrap(told - dt * b.mean[3 + entry])
+    measure(b, n, entries, H, off, R, 0.0)
+    cov, root, bias = np.zeros((6, 6)), np.zeros((6, 6)), np.empty(n)
+    take_row(b.flat, entry, n, bias)
+    for i in range(3):
+        motion[0, i] += by[i] * b.mean[3 + entry]
+        for j in range(3):
+            cov[i, j] = b.pose[i, j]
+            cov[3 + i, j] = by[i] * b.cross[j, entry]
+            cov[3 + i, 3 + j] = motion[1 + i, j] + by[i] * by[j] * bias[entry]
+    if not cholesky(cov, root, 6, 0.0, ROUNDING):
+        return False
+    slope, cross = carry(b, motion[0], root, scaling), b.cross
+    unroot(slope, root, 3, 6)
+    for j in range(n):
+        before = cross[0, j], cross[1, j], cross[2, j]
+        for i in range(3):
+            cross[i, j] = (slope[i, 3] * by[0] + slope[i, 4] * by[1] + slope[i, 5] * by[2]) * bias[j]
+            for k in range(3):
+                cross[i, j] += slope[i, k] * before[k]
+    return cholesky(b.pose, root, 3, 0.0, ROUNDING)
 
 
 @compiled

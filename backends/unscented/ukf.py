@@ -21,6 +21,9 @@ The models are those of ArUco EKF SLAM: eq. (2) for a motion, (12) for a sightin
 
 Positions, headings and sightings of a range or a bearing alone come after the whole sightings of their step, and
 landmarks that these leave open start late: see `..gaussian.late_starts`, and `_partial` for the transform.
+
+A gyro's bias is an entry of the state. The joint of state and motion is conditioned on the turn before it moves, which
+is linear, so exact (see `core.gyro`); the motion then depends on the state, and sigma points are those of both.
 """
 
 from dataclasses import dataclass
@@ -28,12 +31,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step
+from ...core.gyro import Turn
 from ...core.options import option
+from .. import common_options
 from .._expected_arrays import ExpectedArrays
-from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose
+from ..api import COMPILED_HERE, Belief, Bias, Builder, Diverged, Expected, Pose
 from ..expected import as_expected, room_for, roomier
 from ..gaussian._ekf import STANDARD
 from ..gaussian._expected import expect
+from ..gaussian._partial import turned
 from ..gaussian.joint import Joint
 from ..gaussian.late_starts import NO_GATES, LateStarts
 from . import _ukf
@@ -47,6 +53,7 @@ class Options:
     alpha: float = option(1.0, "spread of the sigma points; 1 is sqrt(dimensions + kappa)", minimum=1e-3, maximum=2)
     beta: float = option(2.0, "extra weight of the central point; 2 suits a Gaussian", minimum=0, maximum=10)
     kappa: float = option(0.0, "added to the number of dimensions in the spread", minimum=0, maximum=10)
+    gyro: str = common_options.gyro()
 
 
 class Ukf:
@@ -64,9 +71,14 @@ class Ukf:
         self._nis, self._nis_dof = 0.0, 0
         if prior.map is not None:
             self._adopt(prior.map)
+        parts = UnscentedParts(self._joint, self._known, self._scaling)
+        self._bias = None if prior.gyro is None else parts.constant(prior.gyro.sd, 0.0)
+        if self._bias is not None and prior.gyro is not None:
+            self._joint.mean[3 + self._bias] = prior.gyro.mean
+        self._turn: Turn | None = None  # of the next step, where that has been told
         self._late: LateStarts | None = None
         if prior.partial or prior.fixes or prior.systematic.wheel_scale:
-            self._late = LateStarts(UnscentedParts(self._joint, self._known, self._scaling), prior, self._slot)
+            self._late = LateStarts(parts, prior, self._slot)
 
     def step(self, step: Step) -> Pose:
         """Predicts with the odometry, then corrects by sightings one by one, adding new landmarks."""
@@ -78,10 +90,15 @@ class Ukf:
         if others + len(slot) > count:
             joint.grow(others + len(slot))
         odometry = step.odometry if self._late is None else self._late.moved(step.odometry)
+        self._turn, moves = None, odometry is not None
         if odometry is not None:
             self._motion[0], self._motion[1:] = odometry
+            if self._bias is not None and step.gyro is not None:
+                moves = False
+                if not _ukf.move_by_gyro(joint.address, 2 * count, self._motion, self._bias, *step.gyro, self._scaling):
+                    raise Diverged("the covariance of the predicted pose is not positive definite")
         wrong, self._nis, self._nis_dof = _ukf.frame(
-            joint.address, 2 * count, self._known, step.odometry is not None, self._motion,
+            joint.address, 2 * count, self._known, moves, self._motion,
             np.array(slots, np.int64), np.array(z), np.array(R, order="C"), self._scaling,
         )  # fmt: skip
         if wrong:
@@ -92,6 +109,10 @@ class Ukf:
             if self._late.compacted():
                 self._ids = self._ids[:0]
         return joint.mean[:3].copy()
+
+    def foresee(self, turn: Turn | None) -> None:
+        """Takes the next step's turn, by which sightings are expected."""
+        self._turn = turn
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by the joint belief, to first order."""
@@ -109,6 +130,11 @@ class Ukf:
             self._ids = np.full(joint.pairs, UNKNOWN)
             pairs = np.fromiter(self._slot.values(), np.int64, len(self._slot))
             self._ids[pairs[pairs >= 0]] = np.fromiter(self._slot, np.int64, len(self._slot))[pairs >= 0]
+        if odometry is not None and self._bias is not None and self._turn is not None:
+            joint = joint.copy()
+            turned(
+                joint.address, 2 * joint.pairs, self._motion, np.zeros(3), self._bias, *self._turn, STANDARD
+            )  # fmt: skip
         while not expect(
             joint.address, self._ids, joint.pairs, odometry is not None, self._motion, STANDARD, seen.z, seen.cov, gate,
             into.address,
@@ -127,7 +153,8 @@ class Ukf:
         pairs = np.fromiter(self._slot.values(), np.int64, len(self._slot))[len(self._known) :]
         n = 2 * len(pairs)
         cov = np.zeros((fixed + n, fixed + n))
-        cov[fixed:, fixed:] = joint.cov() if self._late is None else joint.cov_of(pairs)
+        plain = self._late is None and self._bias is None
+        cov[fixed:, fixed:] = joint.cov() if plain else joint.cov_of(pairs)
         xy = np.concatenate((self._known, joint.xy()[pairs]))
         return Map(np.fromiter(self._slot, np.int64, len(self._slot)), xy, cov)
 
@@ -138,6 +165,11 @@ class Ukf:
     def range_errors(self) -> tuple[float, float] | None:
         """The scale and offset (m) of all ranges at present; None where they are not estimated."""
         return None if self._late is None else self._late.range_errors
+
+    @property
+    def gyro_bias(self) -> Bias | None:
+        """The gyro's bias at present; None without one in the state."""
+        return None if self._bias is None else Bias(*self._joint.one(self._bias))
 
     @property
     def pairs(self) -> int:
@@ -159,4 +191,6 @@ class Ukf:
         self._joint.adopt(given)
 
 
-build = Builder(Ukf, options=Options, partial=True, fixes=True, wheel_scale=True, implementation=COMPILED_HERE)
+build = Builder(
+    Ukf, options=Options, partial=True, fixes=True, gyro=True, wheel_scale=True, implementation=COMPILED_HERE
+)

@@ -110,4 +110,5 @@ def _counts(dataset: Dataset) -> str:
     sighted += "" if log.partial is None else f", {len(log.partial):,} of them of a range or a bearing alone"
     sighted += "" if log.signatures is None else ", the whole ones with signatures"
     sighted += "" if log.fixes is None else f", {len(log.fixes):,} positions or headings in the world"
+    sighted += "" if log.gyro is None else f", {counted(len(log.gyro), 'turn')} by a gyro"
     return f"{sighted}, {known}; digest {log.digest[:12]}"

@@ -88,6 +88,7 @@ def difficulty(dataset: Dataset) -> Difficulty | None:
         for step in log:
             if len(step.sightings.ids):
                 looks, single = looks + 1, single + (len(step.sightings.ids) == 1)
+                ekf.foresee(step.gyro)
                 count.add(step, ekf.expected(step.odometry, step.sightings, FAR), before)
                 before.update(step.sightings.ids.tolist())
             ekf.step(step)

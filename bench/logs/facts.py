@@ -9,7 +9,7 @@ from ..measure.landmark_places import Scattered
 from ..measure.stated_noise import Measured, NoiseCheck
 from ..words.numerals import counted, listed, number, plain
 from .difficulty import Difficulty
-from .numbers import FixCount, Known, Noise, Numbers, Parts, Sd, Sensor, SightingCount
+from .numbers import FixCount, Known, Noise, Numbers, Parts, Sd, Sensor, SightingCount, TurnCount
 
 TRUE_ENOUGH = (0.8, 1.25)  # typical error over the stated one that counts as stated correctly
 OUTLIERS = 0.01  # share of errors far out from which on they are called outliers: ten times that expected by chance
@@ -37,6 +37,8 @@ def headline(found: Numbers) -> str:
     if found.fixes is not None:
         fixes = zip(found.fixes[:2], ("position", "heading"), strict=False)
         parts += [f"{counted(n, what)} in the world" for n, what in fixes if n]
+    if found.turns is not None:
+        parts.append(f"{counted(found.turns.turns, 'turn')} by a gyro")
     if found.back.closures:
         parts.append(counted(found.back.closures, "loop closure"))
     return ", ".join([*parts, _comes_back(found)])
@@ -54,6 +56,8 @@ def facts(found: Numbers, path: str, *, mistaken: bool = False) -> Iterator[tupl
         yield "a part alone", _joined(_parts(found.parts))
     if found.fixes is not None:
         yield "in the world", _joined(_fixes(found.fixes))
+    if found.turns is not None:
+        yield "turns by a gyro", _joined(_turns(found.turns))
     if found.landmarks is not None:
         yield "landmarks", _joined(_landmarks(found))
     yield "returns", _joined(_back(found))
@@ -162,6 +166,17 @@ def _fixes(fixes: FixCount) -> Iterator[str]:
     if fixes.heading_sd is not None:
         yield f"{counted(fixes.headings, 'heading')}, stated to {_sd(fixes.heading_sd, DEGREE)}"
     yield f"at {counted(fixes.steps, 'step')}, at most {fixes.longest_without:,} without in a row"
+
+
+def _turns(turns: TurnCount) -> Iterator[str]:
+    noise = "" if turns.sd is None else f", stated to {_sd(turns.sd, DEGREE)}"
+    yield f"{counted(turns.turns, 'turn')} since the step before{noise}"
+    known = f"with a standard deviation of {number(degrees(turns.bias_sd))}" if turns.bias_sd else "and known"
+    yield f"bias {number(degrees(turns.bias))} degrees/s at first, {known}"
+    if turns.moves:
+        yield f"moving {counted(turns.moves, 'time')}, by {number(degrees(turns.moves_sd))} degrees/s in all"
+    if turns.longest_without:
+        yield f"at most {counted(turns.longest_without, 'step')} without in a row"
 
 
 def _landmarks(found: Numbers) -> Iterator[str]:

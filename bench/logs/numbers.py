@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.factors import UNKNOWN, Dataset, Log, Truth
 from ...core.fixes import FixTable
+from ...core.gyro import Gyro
 from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import Errors, driven_errors, sighting_errors
@@ -93,6 +94,18 @@ class FixCount(NamedTuple):
     heading_sd: Sd | None
     steps: int  # that have one
     longest_without: int  # steps in a row, between two or at the ends
+
+
+class TurnCount(NamedTuple):
+    """Turns by a gyro since the step before."""
+
+    turns: int
+    sd: Sd | None  # of their white noise, as stated, rad
+    bias: float  # rad/s, before the first
+    bias_sd: float
+    moves: int  # of the bias
+    moves_sd: float  # rad/s, of all moves together
+    longest_without: int  # steps in a row, after the first one of the log
 
 
 class Landmarks(NamedTuple):
@@ -182,6 +195,7 @@ class Numbers(NamedTuple):
     parts: Parts | None = None
     fixes: FixCount | None = None
     signature: Sd | None = None  # of signatures, as stated
+    turns: TurnCount | None = None
 
 
 class Subject(NamedTuple):
@@ -217,6 +231,7 @@ def numbers(dataset: Dataset, drawn: Shown, found: Returns, stays: Constant | No
         None if log.partial is None else _parts(log.partial),
         None if log.fixes is None else _fixes(log.fixes),
         None if log.signatures is None else _sd(log.signatures.var),
+        None if log.gyro is None else _turns(log.gyro, len(log)),
     )
 
 
@@ -292,6 +307,12 @@ def _fixes(found: FixTable) -> FixCount:
     measured = ~np.isnan(found.z)
     counts = int(measured[:, :2].any(axis=1).sum()), int(measured[:, 2].sum())
     return FixCount(*counts, _sd(position), _sd(heading), len(at), int(without.max()))
+
+
+def _turns(found: Gyro, steps: int) -> TurnCount:
+    without = np.diff(np.concatenate(([0], found.step, [steps]))) - 1
+    walked = float(np.sqrt(found.walk.sum()))
+    return TurnCount(len(found), _sd(found.var), *found.prior, int((found.walk > 0).sum()), walked, int(without.max()))
 
 
 def _back(log: Log, found: Returns) -> Back:

@@ -28,7 +28,7 @@ from slamduel.backends import registry
 from slamduel.backends.gaussian import compressed
 from slamduel.backends.locating.locating import begin
 from slamduel.bench.noise.measured import measured
-from slamduel.core.factors import Log
+from slamduel.core.factors import UNKNOWN, Log
 from slamduel.core.partial import BEARING, RANGE
 from slamduel.datasets.depth.registering import Registration
 from slamduel.datasets.rendering.cameras import CAMERAS
@@ -111,6 +111,10 @@ def turns() -> None:
     """A gyro's bias in the state."""
     rng = np.random.default_rng(3)
     made, _ = with_gyro(random_log(rng, 60, 8), rng)
+    hidden = replace(made.log, ids=np.full(len(made.log.ids), UNKNOWN))
+    for name in ("ekf", "fastslam", "invariant-ekf", "ukf"):
+        drive(name, hidden, association="jcbb")
+    drive("fastslam", hidden, association="particle", particles=20)
     for name, several in BACKENDS.items():
         for options in several:
             if registry.find(name).gyro:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import slamduel
+from gyro_logs import small_gyro_log
 from partial_logs import partial_log
 from slamduel.bench import cli
 from slamduel.bench.logs.facts import facts, headline
@@ -40,6 +41,28 @@ def test_parts_are_counted_among_all_sightings() -> None:
     assert "2 bearings" in words["a part alone"]
     assert words["in the world"].startswith("3 positions, stated to")
     assert words["in the world"].endswith("at 3 steps, at most 2 without in a row")
+
+
+def test_turns_of_a_gyro_are_counted() -> None:
+    """Two steps have none, one of them the first of the log; the bias moves once."""
+    found = slamduel.show(small_gyro_log(), solve=False)
+    turns = found.numbers.turns
+    assert turns is not None
+    assert (turns.turns, turns.moves, turns.longest_without) == (4, 1, 1)
+    assert (turns.bias, turns.bias_sd, turns.moves_sd) == (0.01, 0.1, pytest.approx(1e-3))
+    assert ", 4 turns by a gyro, " in headline(found.numbers)
+    words = said(found)["turns by a gyro"]
+    assert words.startswith("4 turns since the step before, stated to 0")
+    assert "bias 0.573 degrees/s at first, with a standard deviation of 5.73" in words
+    assert "moving 1 time, by 0.0573 degrees/s in all" in words
+    assert words.endswith("at most 1 step without in a row")
+    assert "turns by a gyro" not in said(slamduel.show(partial_log(), solve=False))
+
+
+def test_a_gyros_turns_are_counted_where_a_log_is_validated(capsys: pytest.CaptureFixture[str]) -> None:
+    for options, there in (("gyro=0.05", True), ("gps=20", False)):
+        assert cli.main(["validate", f"circle[steps=60,{options}]"]) == 0
+        assert (", 59 turns by a gyro, " in capsys.readouterr().out) == there
 
 
 @pytest.mark.parametrize(
