@@ -14,6 +14,13 @@ from ._turned import AWAY, add_bias, bias_of
 from .constants import HELD
 
 
+def together(motion: Array, turn: Turn, bias: float) -> Array:
+    """(3,) the motion by wheels and gyro together; `motion` (4, 3) is that by wheels and its covariance."""
+    both, slope = motion.copy(), np.empty(3)
+    conditioned(both, turn.turn, turn.var, turn.dt, slope)
+    return both[0] + slope * bias
+
+
 class Biases:
     """Creates them at their first turn. The last one is in the forest's root."""
 
@@ -38,9 +45,7 @@ class Biases:
             self._forest.room(0, 1, 1, 0, 0)
             self.variable = add_bias(self._forest.g, newest, self.variable, mean, 1 / var)
         self.turn[:] = turn.turn, turn.dt, 1 / turn.var
-        both, slope = motion.copy(), np.empty(3)
-        conditioned(both, turn.turn, turn.var, turn.dt, slope)
-        self.start[:] = both[0] + slope * mean
+        self.start[:] = together(motion, turn, mean)
 
     @property
     def row(self) -> Row:
