@@ -253,11 +253,11 @@ def ahead(pose: gtsam.Pose2, step: Step, bias: Bias | None) -> gtsam.Pose2:
     return pose.compose(pose2(delta))
 
 
-def parameters(options: Options, threshold: float, factorization: str, *, turns: bool) -> gtsam.ISAM2Params:
+def parameters(options: Options, threshold: float, factorization: str, *, turns: bool = False) -> gtsam.ISAM2Params:
     """GTSAM's parameters, with that relinearize threshold and factorization.
 
-    With a gyro's `turns` each step is a check: the bias moves all headings since the start. Every ten steps, iSAM2 lost
-    its way on `circle` with a bias of a degree a second.
+    With a gyro's `turns` each step is a check: the bias moves all headings since the start. With one in 50 steps, one
+    drive in ten was lost on `circle` with a bias of a degree a second.
     """
     params = gtsam.ISAM2Params()
     params.setRelinearizeThreshold(threshold)

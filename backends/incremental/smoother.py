@@ -83,7 +83,10 @@ class Options:
 
     relinearize_threshold: float = common_options.relinearize_threshold()
     relinearize_skip: int = option(
-        100, "steps between checks for variables to relinearize; a tenth if those near the robot are far off", minimum=1
+        100,
+        "steps between checks for variables to relinearize; a tenth if those near the robot are far off, "
+        "and fewer with a gyro's bias in the state",
+        minimum=1,
     )
     final_iterations: int = option(50, "most iterations at the end of the log", minimum=0)
     joint_up_to: int = common_options.joint_up_to()
@@ -221,11 +224,15 @@ class Smoother:
         return self._forest.joint(np.array([self._variable[i] for i in landmarks], np.int64))
 
     def _due(self) -> bool:
-        """Tells if a relinearisation check is due, by the steps since the last and the root's offsets."""
+        """Tells if a relinearisation check is due, by the steps since the last and the root's offsets.
+
+        With a gyro's bias, which moves all headings since the start, these are looked at at every step.
+        """
         skip, tenth = self._options.relinearize_skip, max(1, self._options.relinearize_skip // 10)
         if self._since >= skip:
             return True
-        if (threshold := self._threshold()) < self._options.relinearize_threshold:
+        threshold = self._threshold()
+        if self._turns or threshold < self._options.relinearize_threshold:
             return _step.root_offset(self._forest.g.address) > threshold
         early = EARLY * self._options.relinearize_threshold
         return self._since % tenth == 0 and _step.root_offset(self._forest.g.address) > early

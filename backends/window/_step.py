@@ -112,6 +112,7 @@ def parts_step(
     return advance(w, pose, cov)
 
 
+# One by one, as they come from Python objects at every step.
 @compiled
 def turned_step(
     w: Window, first: int, path: Array, covs: Array, motion: Array, slope: Array, bias: int, start: Array,

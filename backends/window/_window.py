@@ -15,13 +15,13 @@ class Window(Arrays):
     """All arrays of a window; each has spare rows."""
 
     state: Integers  # (STATE,) counts
-    poses: Table  # (P, 15) linearisation point (3), the motion into the pose (3), its covariance (6), slope by a bias (3)
+    poses: Table  # (P, 15) linearisation point (3), the motion into the pose (3), its covariance (6), its slope (3)
     rows: IntegerTable  # (P + 1, 3)
     sightings: Integers  # (S,) landmarks, or HELD
     parts: Integers  # (S,) as the PART of a smoother's sightings: see `smoothing/_graph.py`
     seen: Table  # (S, 5) range, bearing, and their information: rr, rb, bb
     fixed: Table  # (F, 11) fixes, as there
-    places: Table  # (V, 2) linearisation points of the landmarks, x, y (m), of pairs of constant errors, and of biases, whose second number is 0
+    places: Table  # (V, 2) linearisation points of landmarks, x, y (m), of constant errors, and of biases, (rad/s, 0)
     marks: IntegerTable  # (V, 4)
     slots: IntegerTable  # (N, 2) the landmarks of the front, and those of the prior
     front: Numbers  # 2 N + 3 rows of 2 N + 4 numbers

@@ -51,7 +51,9 @@ class Options:
 
     lag: float = option(20.0, "length of the window, s; a loop that takes longer is not closed", minimum=1e-3)
     relinearize_threshold: float = common_options.relinearize_threshold()
-    relinearize_skip: int = option(10, "steps between checks for variables to relinearize", minimum=1)
+    relinearize_skip: int = option(
+        10, "steps between checks for variables to relinearize; each step with a gyro's bias in the state", minimum=1
+    )
     final_checks: int = option(10, "checks for variables to relinearize at the end of the log", minimum=0)
     loss: str = common_options.loss("the sightings")
     loss_scale: float = common_options.loss_scale()
@@ -65,6 +67,7 @@ class FixedLag:
         del rng
         names = list(LOSSES)
         self._options = options
+        self._skip = 1 if prior.gyro is not None else options.relinearize_skip
         loss_scale = options.loss_scale or LOSSES[options.loss]
         self._tables = WindowTables(made(prior, names.index(options.loss), loss_scale))
         self._robust = options.loss != "none"
@@ -296,7 +299,7 @@ class FixedLag:
         state = self._tables.window.state
         inside, start = len(self._times), self._left - int(state[OLD_POSES])
         much = start - int(state[BOTTOM]) > max(OVER, inside)
-        if self._since >= self._options.relinearize_skip:
+        if self._since >= self._skip:
             self._since = 0
             self._relinearise(self._options.relinearize_threshold, anyway=much)
         elif much:

@@ -67,9 +67,7 @@ def agree(name: str, options: dict[str, Any], solver: str, log: Log, within: flo
 @pytest.mark.parametrize("walk", [1e-3, 0.0])
 @pytest.mark.parametrize("seed", first_quick(range(8)))
 @pytest.mark.parametrize(("name", "options", "solver"), ALL)
-def test_the_final_path_is_the_batchs(
-    name: str, options: dict[str, Any], solver: str, seed: int, walk: float
-) -> None:
+def test_the_final_path_is_the_batchs(name: str, options: dict[str, Any], solver: str, seed: int, walk: float) -> None:
     agree(name, options, solver, random_drive(seed, walk=walk).log)
 
 
@@ -146,7 +144,7 @@ def test_the_slope_of_a_motion_is_its_numerical_derivative() -> None:
     lag = FixedLag(log.prior, Options(lag=1e6), np.random.default_rng(0))
     for step in log:
         lag.step(step)
-    w = lag._tables.window
+    w: Any = lag._tables.window  # pyright: ignore[reportPrivateUsage]
     checked = 0
     for i in range(len(log) - 1):
         if w.rows[i + 1, BIAS] == 0:
@@ -203,3 +201,15 @@ def test_headings_are_much_better_than_with_the_bias_ignored(name: str, seeds: i
             errors.append(np.sqrt((wrap(path[:, 2] - made.truth.poses[:, 2]) ** 2).mean()))
         off[way] = float(np.mean(errors))
     assert 5 * off["state"] < off["ignored"]
+
+
+@pytest.mark.parametrize("seed", first_quick(range(1, 21), 3))
+@pytest.mark.parametrize("name", ["smoother", "fixed-lag", "isam2"])
+def test_no_drive_with_a_large_bias_is_lost(name: str, seed: int) -> None:
+    """Linearised too seldom, the first minutes of some lead to a bias of a radian a second."""
+    made = load("circle[steps=300,gyro=0.05,gyro_bias=3,gyro_walk=0.005,slip_share=0.1]", seed)
+    build = registry.find(name)
+    one = build.make(made.log.prior, build.options(), np.random.default_rng(0))
+    assert made.truth is not None
+    path = np.array([one.step(step) for step in made.log])
+    assert np.sqrt((wrap(path[:, 2] - made.truth.poses[:, 2]) ** 2).mean()) < 0.2
