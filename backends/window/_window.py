@@ -37,8 +37,8 @@ POSES, BOTTOM, SIGHTINGS, SLOTS, KNOWN, STAGES, REALS, DSYRK, OLD_POSES, OLD_SIG
 STATE = 12
 # poses
 POINT, MOTION, NOISE, SLOPE = 0, 3, 6, 12
-# rows: start of a pose's sightings; the stage in which it is eliminated; 0, or 1 plus the row of the bias of a gyro by
-# which the motion into it is, at a bias of zero
+# rows: start of a pose's sightings; the stage in which it is eliminated; 1 plus the row of the gyro's bias on which the
+# motion into it depends, which is then that of a bias of zero; 0 without one
 FIRST, AT, BIAS = range(3)
 # marks: a landmark's slot in the front, or one of the kinds below; the last pose that sighted it, or -1; one of the
 # presences below; 1 if its linearisation point is fixed
