@@ -12,6 +12,7 @@ import gtsam
 import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, Step
+from ...core.gyro import Bias
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, rotation
 from ..api import Expected
@@ -20,7 +21,7 @@ from ..late_places import LatePlaces, Seen
 from ..newcomers import Newcomers
 from ..smoothing._graph import NEAR_SDS
 from ..vicinity import with_held
-from .gtsam_parts import ConstantKeys, fix_factors, part_factor
+from .gtsam_parts import ConstantKeys, GyroBiases, fix_factors, part_factor
 
 FIXED_SD = 1e-6
 """m; standard deviation that holds a landmark given without covariance in place."""
@@ -91,6 +92,8 @@ class Factors:
         self._late = LatePlaces()
         self.constant = ConstantKeys(prior.systematic)
         """The constant errors' variables."""
+        self.biases = GyroBiases(prior.gyro or Bias())
+        """Those of a gyro's biases."""
 
     def prior(self) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
         """The prior at step 0, the given map included."""
@@ -109,17 +112,20 @@ class Factors:
         guess: gtsam.Pose2,
         since: int = 0,
         estimated: Callable[[Sequence[int]], Array] | None = None,
+        bias: Bias | None = None,
     ) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
         """The factors of step `k`, and initial values of the variables they introduce, seen from pose `guess`.
 
         A new landmark is initialised by ArUco EKF SLAM, eq. (17). A held-back sighting is used if its step is not
         before `since`. `estimated` has the present estimates (k, 3) of the poses of k steps from there on, for
-        landmarks that partial sightings place.
+        landmarks that partial sightings place, `bias` that of a gyro's.
         """
         graph, values, here = gtsam.NonlinearFactorGraph(), gtsam.Values(), FIRST_POSE + k
         if step.odometry is not None:
             values.insert(j=here, pose2=guess)  # by name: else GTSAM tries four conversions first
             graph.add(motion_factor(here - 1, here, step.odometry))
+        if step.gyro is not None:
+            self.biases.add(here, step.gyro, bias, graph, values)
         if len(step.loops.to):
             for to, delta, cov in zip(step.loops.to.tolist(), step.loops.delta, step.loops.cov, strict=True):
                 graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov), self.weighed))

@@ -32,5 +32,12 @@ def implementation(options: Options) -> str:
 
 
 build = Builder(
-    make, options=Options, forgets=True, partial=True, fixes=True, expects=True, implementation=implementation
+    make,
+    options=Options,
+    forgets=True,
+    partial=True,
+    fixes=True,
+    gyro=True,
+    expects=True,
+    implementation=implementation,
 )

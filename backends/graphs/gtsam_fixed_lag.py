@@ -10,10 +10,12 @@ import gtsam
 import numpy as np
 
 from ...core.factors import Map, Prior, Step
+from ...core.gyro import Bias
 from ...core.se2 import Array
 from ..api import Belief, Diverged, Pose, Solution
 from ..window.fixed_lag import Options
 from ._gtsam import FAILURES, Factors, array, failure, pose2, to_world
+from .isam2 import ahead
 
 
 class GtsamFixedLag:
@@ -23,7 +25,8 @@ class GtsamFixedLag:
         del rng
         params = gtsam.ISAM2Params()
         params.setRelinearizeThreshold(options.relinearize_threshold)
-        params.relinearizeSkip = options.relinearize_skip
+        self._skip = 1 if prior.gyro is not None else options.relinearize_skip  # as in `isam2.parameters`
+        params.relinearizeSkip = self._skip
         params.setFactorization("QR")
         params.setOptimizationParams(gtsam.ISAM2GaussNewtonParams(0.0))
         self._prior, self._options = prior, options
@@ -40,9 +43,10 @@ class GtsamFixedLag:
     def step(self, step: Step) -> Pose:
         """Adds the step's factors, drops variables older than the lag and returns the latest pose."""
         k = len(self._path) + len(self._window)
-        guess = self._pose if step.odometry is None else self._pose.compose(pose2(step.odometry.delta))
+        bias = None if step.gyro is None else Bias(self._bias())
+        guess = ahead(self._pose, step, bias)
         graph, values = self._factors.prior() if k == 0 else (gtsam.NonlinearFactorGraph(), gtsam.Values())
-        more, more_values = self._factors.step(k, step, guess, len(self._path), self._estimated)
+        more, more_values = self._factors.step(k, step, guess, len(self._path), self._estimated, bias)
         graph.push_back(more)
         values.insert(more_values)
         times = self._refreshed(k, step)
@@ -60,6 +64,14 @@ class GtsamFixedLag:
         key = self._factors.keys.pose(len(self._path) + len(self._window) - 1)
         return Belief(pose, to_world(pose, self._smoother.marginalCovariance(key)))
 
+    @property
+    def gyro_bias(self) -> Bias | None:
+        """The gyro's bias at the last step; None without a gyro."""
+        key = self._factors.biases.last
+        if key is None:
+            return self._prior.gyro
+        return Bias(self._bias(), float(np.sqrt(self._smoother.marginalCovariance(key)[0, 0])))
+
     def map(self) -> Map:
         """Landmarks in the window at the current estimate, the others at their position when they last left."""
         if not self._window:
@@ -70,7 +82,7 @@ class GtsamFixedLag:
 
     def finish(self) -> Solution:
         """Each pose as it left the window, the last ones at the final estimate, relinearized once more."""
-        for _ in range(self._options.final_checks * self._options.relinearize_skip):
+        for _ in range(self._options.final_checks * self._skip):
             self._update(gtsam.NonlinearFactorGraph(), gtsam.Values(), {})
         first = len(self._path)
         keys = [self._factors.keys.pose(first + i) for i in range(len(self._window))]
@@ -79,7 +91,14 @@ class GtsamFixedLag:
         landmarks = self._factors.with_newcomers(path, self.map())
         constant = self._factors.constant
         found = constant.read(landmarks.ids, self._smoother.calculateEstimate()) if constant.used else None
-        return Solution(path, landmarks, constant=found)
+        return Solution(path, landmarks, constant=found, gyro_bias=self.gyro_bias)
+
+    def _bias(self) -> float:
+        """The estimate of a gyro's bias at the last step, rad/s."""
+        key = self._factors.biases.last
+        if key is None:
+            return 0.0 if self._prior.gyro is None else self._prior.gyro.mean
+        return float(self._smoother.calculateEstimatePoint2(key)[0])
 
     def _estimated(self, steps: Sequence[int]) -> Array:
         """The estimates (k, 3) of the poses of k steps in the window."""
@@ -98,6 +117,8 @@ class GtsamFixedLag:
             self._seen.pop(landmark, None)
             self._seen[landmark] = step.t
         times = {keys.pose(k): step.t} | {keys.landmark(landmark): step.t for landmark in sighted}
+        if self._factors.biases.last is not None:
+            times[self._factors.biases.last] = step.t
         return times | dict.fromkeys(self._factors.constant.all, step.t)
 
     def _let_go(self, before: float) -> list[int]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...core.factors import Systematic
 from ...core.fixes import Fixes, residual
-from ...core.gyro import Gyro
+from ...core.gyro import Bias, Turn
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, rotation, wrap
 from ..api import Constant
@@ -123,34 +123,43 @@ def _fix_factor(pose: int, turn: int | None, z: Array, cov: Array, arm: Array) -
     return gtsam.CustomFactor(model, [pose] if constant is None else [pose, constant], off)
 
 
-def add_turns(gyro: Gyro, first: int, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
-    """Adds a gyro's turns between poses whose keys begin with `first`, its biases, their prior and their walk."""
-    mean, sd = gyro.prior
-    sds = gtsam.noiseModel.Diagonal.Sigmas(np.array((max(math.sqrt(sd**2 + gyro.walk[0]), HELD), 1.0)))
-    graph.add(gtsam.PriorFactorPoint2(FIRST_BIAS, np.array((mean, 0.0)), sds))
-    values.insert(FIRST_BIAS, np.array((mean, 0.0)))
-    last = FIRST_BIAS
-    columns = gyro.step, gyro.knot, gyro.turn, gyro.var, gyro.dt, gyro.walk
-    for step, knot, turn, var, dt, walk in zip(*(column.tolist() for column in columns), strict=True):
-        key = FIRST_BIAS + knot
-        if key > last:
-            moved = gtsam.noiseModel.Diagonal.Sigmas(np.array((math.sqrt(walk), 1.0)))
-            graph.add(gtsam.BetweenFactorPoint2(last, key, np.zeros(2), moved))
-            values.insert(key, np.array((mean, 0.0)))
-            last = key
-        graph.add(_turn_factor(first + step, key, turn, var, dt))
+class GyroBiases:
+    """The biases of a gyro, another one where the bias has moved, with their prior and their walk."""
+
+    def __init__(self, prior: Bias) -> None:
+        self._prior = prior
+        self.last: int | None = None
+        """The key of the last one; None before the first turn."""
+
+    def add(
+        self, pose: int, turn: Turn, now: Bias | None, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
+    ) -> None:
+        """Adds the turn to the pose of key `pose` from the one before; a new bias starts at what it is `now`."""
+        first, at = self.last is None, np.array(((now or self._prior).mean, 0.0))
+        if self.last is None:
+            self.last = FIRST_BIAS
+            sd = max(math.sqrt(self._prior.sd**2 + turn.walk), HELD)
+            model = gtsam.noiseModel.Diagonal.Sigmas(np.array((sd, 1.0)))
+            graph.add(gtsam.PriorFactorPoint2(self.last, np.array((self._prior.mean, 0.0)), model))
+        elif turn.walk > 0:
+            self.last += 1
+            model = gtsam.noiseModel.Diagonal.Sigmas(np.array((math.sqrt(turn.walk), 1.0)))
+            graph.add(gtsam.BetweenFactorPoint2(self.last - 1, self.last, np.zeros(2), model))
+        if first or turn.walk > 0:
+            values.insert(self.last, at)
+        graph.add(_turn_factor(pose, self.last, turn))
 
 
-def _turn_factor(pose: int, bias: int, turn: float, var: float, dt: float) -> gtsam.NonlinearFactor:
+def _turn_factor(pose: int, bias: int, turn: Turn) -> gtsam.NonlinearFactor:
     def off(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         del this
         before, after = values.atPose2(pose - 1).theta(), values.atPose2(pose).theta()
         if jacobians is not None:
             jacobians[0], jacobians[1] = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]])
-            jacobians[2] = np.array([[dt, 0.0]])
-        return wrap(np.array([after - before + dt * values.atPoint2(bias)[0] - turn]))
+            jacobians[2] = np.array([[turn.dt, 0.0]])
+        return wrap(np.array([after - before + turn.dt * values.atPoint2(bias)[0] - turn.turn]))
 
-    model = gtsam.noiseModel.Isotropic.Sigma(1, math.sqrt(var))
+    model = gtsam.noiseModel.Isotropic.Sigma(1, math.sqrt(turn.var))
     return gtsam.CustomFactor(model, [pose - 1, pose, bias], off)
 
 

@@ -11,7 +11,7 @@ from ..late_places import Seen
 from ..models import place
 from ._gtsam import BYTES, NEAREST, Factors, in_order, turned
 from .batch import chunks
-from .gtsam_parts import add_turns, fix_factors, part_factor
+from .gtsam_parts import fix_factors, part_factor
 from .parts import place_of
 
 
@@ -40,7 +40,8 @@ def whole(factors: Factors, log: Log, path: Array) -> tuple[gtsam.NonlinearFacto
         for one in fix_factors(first + k, factors.constant.heading(graph, values), fixes) if len(fixes.z) else ():
             graph.add(one)
     if log.gyro is not None:
-        add_turns(log.gyro, first, graph, values)
+        for step, turn in log.gyro.by_step().items():
+            factors.biases.add(first + step, turn, None, graph, values)
     if log.partial is not None:
         _add_parts(factors, log.partial, path, chunks(log), graph, values)
     return graph, values

@@ -112,7 +112,7 @@ def _started(log: Log, options: Options, steps: Sequence[Step], along: Array | N
 
 
 def _has_parts(log: Log) -> bool:
-    """True for a log that the incremental smoother does not take."""
+    """True for a log with other factors than motions, whole sightings and loops: chunks give its start."""
     return log.partial is not None or log.fixes is not None or log.gyro is not None
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...core.fixes import NO_FIXES
+from ...core.gyro import Bias
 from ...core.options import option
 from ...core.partial import NO_PARTIAL
 from ...core.se2 import Array, Ints
@@ -47,6 +48,8 @@ from ..smoothing.forest import INDEFINITE_J, NO_COVARIANCE, NOBODY, Forest
 from ..smoothing.maps import add_map, joint_map
 from ..smoothing.valleys import settled
 from ..vicinity import Vicinity, first_expected, with_held
+from ._turned import move, turned_step
+from .biases import Biases
 from .parts import NO_ROWS, Parts, Rows
 
 CAP, REACH, PATIENCE = 48, 2.0, 15.0
@@ -80,12 +83,16 @@ class Options:
 
     relinearize_threshold: float = common_options.relinearize_threshold()
     relinearize_skip: int = option(
-        100, "steps between checks for variables to relinearize; a tenth if those near the robot are far off", minimum=1
+        100,
+        "steps between checks for variables to relinearize; a tenth if those near the robot are far off, "
+        "and fewer with a gyro's bias in the state",
+        minimum=1,
     )
     final_iterations: int = option(50, "most iterations at the end of the log", minimum=0)
     joint_up_to: int = common_options.joint_up_to()
     loss: str = common_options.loss("sightings and loops")
     loss_scale: float = common_options.loss_scale()
+    gyro: str = common_options.gyro()
 
 
 class Smoother:
@@ -115,6 +122,8 @@ class Smoother:
         if prior.map is not None:
             self._variable = add_map(forest, prior.map)
         self._parts = Parts(forest, prior, self._variable, self._start, self._hold)
+        self._biases = None if prior.gyro is None else Biases(forest, prior.gyro)
+        self._turns = False  # the step's pose has a bias
         self._touched = list[int]()  # poses with sightings of landmarks that this step starts
 
     def step(self, step: Step) -> Pose:
@@ -129,8 +138,11 @@ class Smoother:
             self._motion[0], self._motion[1:] = step.odometry
         if looks:
             self._seen = as_rows(sightings, self._seen)
+        touched = [] if self._biases is None else self._turned(k, step, self._biases)
         found = [self._variable.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]
-        touched, rows = self._name(k, sightings, found) if NO_VARIABLE in found else [], NO_ROWS
+        if NO_VARIABLE in found:
+            touched += self._name(k, sightings, found)
+        rows = NO_ROWS
         if step.partial is not NO_PARTIAL or step.fixes is not NO_FIXES or self._parts.rows:
             rows = self._partly(k, step, touched)
             looks = looks or len(rows.parts) > 0
@@ -182,6 +194,11 @@ class Smoother:
         """The latest pose and its marginal covariance, from the root's last rows."""
         return Belief(self._forest.pose.copy(), self._forest.cov.copy())
 
+    @property
+    def gyro_bias(self) -> Bias | None:
+        """The gyro's bias at the last step; None without a gyro."""
+        return None if self._biases is None else self._biases.last
+
     def map(self) -> Map:
         """Landmarks at the current estimate with, up to `joint_up_to` of them, their joint covariance."""
         ids, variables = self._landmarks()
@@ -199,18 +216,23 @@ class Smoother:
             raise Diverged("the optimum is not finite")
         landmarks = self._newcomers.added_to(self._parts.added_to(self._map(values), path), path)
         constant = self._parts.constant(values, landmarks.ids)
-        return Solution(path, landmarks, forest.pose_covariances(), converged, constant=constant)
+        bias = self.gyro_bias
+        return Solution(path, landmarks, forest.pose_covariances(), converged, constant=constant, gyro_bias=bias)
 
     def joint(self, landmarks: list[int]) -> Array:
         """The joint covariance of landmarks with these ids and the last pose that is a variable."""
         return self._forest.joint(np.array([self._variable[i] for i in landmarks], np.int64))
 
     def _due(self) -> bool:
-        """Tells if a relinearisation check is due, by the steps since the last and the root's offsets."""
+        """Tells if a relinearisation check is due, by the steps since the last and the root's offsets.
+
+        With a gyro's bias, which moves all headings since the start, these are looked at at every step.
+        """
         skip, tenth = self._options.relinearize_skip, max(1, self._options.relinearize_skip // 10)
         if self._since >= skip:
             return True
-        if (threshold := self._threshold()) < self._options.relinearize_threshold:
+        threshold = self._threshold()
+        if self._turns or threshold < self._options.relinearize_threshold:
             return _step.root_offset(self._forest.g.address) > threshold
         early = EARLY * self._options.relinearize_threshold
         return self._since % tenth == 0 and _step.root_offset(self._forest.g.address) > early
@@ -224,7 +246,13 @@ class Smoother:
         forest, n = self._forest, len(landmarks) + 2 * len(rows.parts)
         ended, newest = FULL_ARRAYS, self._newest
         while ended == FULL_ARRAYS:
-            if len(rows.parts):
+            if self._turns and self._biases is not None:
+                biases = self._biases
+                ended, newest = turned_step(
+                    forest.g.address, self._newest, CAP, self._motion, biases.start, biases.turn, biases.variable,
+                    landmarks, self._seen, *rows, forest.pose, forest.cov,
+                )  # fmt: skip
+            elif len(rows.parts):
                 ended, newest = parts_step(
                     forest.g.address, self._newest, CAP, self._motion, landmarks, self._seen, *rows,
                     forest.pose, forest.cov,
@@ -234,7 +262,7 @@ class Smoother:
                     forest.g.address, self._newest, CAP, self._motion, landmarks, self._seen, forest.pose, forest.cov
                 )
             if ended == FULL_ARRAYS:
-                forest.room(1, 1, n, 1, n)
+                forest.room(1, 1, n, 2, n)
         self._newest = newest
         if ended == OUTSIDE:
             self._reorganise(self._seen_now(landmarks, rows), NOBODY)
@@ -245,13 +273,18 @@ class Smoother:
         """The first step, or one with factors of earlier poses: loops, or sightings that were held back."""
         forest, k, loops = self._forest, self._steps, len(step.loops.to)
         n = len(landmarks) + 2 * len(rows.parts)
-        forest.room(1, 1 + loops, n, 2 + 3 * loops, n)
+        forest.room(1, 1 + loops, n, 3 + 3 * loops, n)
         g = forest.g
-        if k > 0:
+        turned = self._biases if self._turns else None
+        if turned is not None:
+            move(g, self._motion, turned.start, forest.pose, forest.cov)
+        elif k > 0:
             _log.move(g, self._motion, forest.pose, forest.cov)
         ends = [self._pose_at(to, touched) for to in step.loops.to.tolist()]
         if k > 0:
-            self._newest = _checked(_log.add_pose_after(g, self._newest, k))
+            before, self._newest = self._newest, _checked(_log.add_pose_after(g, self._newest, k))
+            if turned is not None and turned.turn[2] > 0:
+                _log.add_turn(g, before, self._newest, turned.variable, *turned.turn.tolist())
         for a, delta, cov in zip(ends, step.loops.delta, step.loops.cov, strict=True):
             if not _log.add_loop(g, a, self._newest, np.array(delta), np.array(cov)):
                 raise Diverged(NO_COVARIANCE)
@@ -262,6 +295,21 @@ class Smoother:
             forest.start()
         else:
             self._reorganise(self._seen_now(landmarks, rows), np.array(touched, np.int64), everything=k == 0)
+
+    def _turned(self, k: int, step: Step, biases: Biases) -> list[int]:
+        """Takes a step's turn by the gyro, and has its pose name the bias; returns a pose made for this.
+
+        From the first turn on all poses are variables.
+        """
+        touched = list[int]()
+        if step.gyro is not None and int(self._forest.g.at[k - 1]) != self._newest:
+            self._forest.room(0, 1, 0, 1, 0)
+            self._pose_at(k - 1, touched)
+        biases.take(step.gyro, self._motion, self._newest)
+        self._turns = biases.variable != NO_VARIABLE
+        if self._turns:
+            self._parts.rows.append(biases.row)
+        return touched
 
     def _seen_now(self, landmarks: Ints, rows: Rows) -> Ints:
         """The variables of this step's sightings; those of whole ones alone are at hand."""
@@ -338,7 +386,8 @@ class Smoother:
         """The pose of step `k`, the next one, by its motion alone."""
         x, y, heading = self._forest.pose.tolist()
         if k > 0:
-            (dx, dy, turn), c, s = self._motion[0].tolist(), math.cos(heading), math.sin(heading)
+            by = self._biases.start if self._turns and self._biases is not None else self._motion[0]
+            (dx, dy, turn), c, s = by.tolist(), math.cos(heading), math.sin(heading)
             x, y, heading = x + c * dx - s * dy, y + s * dx + c * dy, heading + turn
         return x, y, heading
 
@@ -371,6 +420,7 @@ build = Builder(
     loops=True,
     partial=True,
     fixes=True,
+    gyro=True,
     minimises=without_loss,
     implementation=COMPILED_HERE,
 )

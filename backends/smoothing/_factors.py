@@ -299,7 +299,13 @@ def add_turn(g: Graph, k: int, F: Array, w: int, ia: int, ib: int, il: int) -> N
 @compiled
 def add_walk(g: Graph, s: int, F: Array, w: int, il: int, ie: int) -> None:
     """Adds row `s` of the sightings, the walk of a gyro's bias at row `il` since the one at row `ie`."""
-    W, e = g.seen[s, 4], g.values[g.sightings[s, LANDMARK], 0] - g.values[g.sightings[s, PART], 0]
+    e = g.values[g.sightings[s, LANDMARK], 0] - g.values[g.sightings[s, PART], 0]
+    add_walked(e, g.seen[s, 4], F, w, il, ie)
+
+
+@compiled
+def add_walked(e: float, W: float, F: Array, w: int, il: int, ie: int) -> None:
+    """Likewise of a walk by `e` so far, of information W."""
     F[il * w + il] += W
     F[ie * w + ie] += W
     F[min(il, ie) * w + max(il, ie)] -= W

@@ -74,7 +74,7 @@ def plain_step(
     if x == NO_VARIABLE:
         return INDEFINITE, newest
     outside, fresh = add_sightings_of(g, x, landmarks, seen)
-    return _solved(g, x, outside, fresh, cap, pose, cov), x
+    return solved(g, x, outside, fresh, cap, pose, cov), x
 
 
 # One by one, as they come from Python objects at every step.
@@ -102,11 +102,11 @@ def parts_step(
         return INDEFINITE, newest
     outside, fresh = add_sightings_of(g, x, landmarks, seen)
     more_outside, more_fresh = add_parts_of(g, x, of_parts, parts, part_seen)
-    return _solved(g, x, outside + more_outside, fresh + more_fresh, cap, pose, cov), x
+    return solved(g, x, outside + more_outside, fresh + more_fresh, cap, pose, cov), x
 
 
 @compiled
-def _solved(g: Graph, x: int, outside: int, fresh: int, cap: int, pose: Array, cov: Array) -> int:
+def solved(g: Graph, x: int, outside: int, fresh: int, cap: int, pose: Array, cov: Array) -> int:
     """Ends a step at pose `x`, of whose landmarks so many are eliminated or new; returns the outcome."""
     if outside > 0 or (fresh > 0 and g.state[ROOT] + fresh > cap):
         return OUTSIDE

@@ -24,10 +24,12 @@ from ._graph import (
     LAST,
     LINK,
     LISTED,
+    LOOP,
     MARK,
     MEMBERS,
     NEAR,
     NEXT,
+    NEXT_B,
     PARENT,
     PART,
     REALS,
@@ -38,6 +40,7 @@ from ._graph import (
     SPARE,
     STAMP,
     TODO,
+    TURN,
     UPDATE,
     WIDEST,
     WIDTH,
@@ -116,7 +119,9 @@ def advance(g: Graph, x: int) -> None:
     for t in range(g.state[ROOT]):
         if g.variables[g.root[t], MARK] == stamp:
             n += 1
-    c = new_clique(g, 1, n + 2, 1, 3, 2 * n + 6)
+    k = g.variables[x, LINK]
+    bound = 2 if g.links[k, LOOP] == TURN else 1  # a gyro's turn is linked after the motion
+    c = new_clique(g, 1, n + 2, bound, 3, 2 * n + 6)
     g.state[WIDEST] = max(g.state[WIDEST], 2 * n + 6)
     q = g.cliques[c]
     o = q[LISTED]
@@ -126,7 +131,9 @@ def advance(g: Graph, x: int) -> None:
         if g.variables[g.root[t], MARK] == stamp:
             g.ints[o] = g.root[t]
             o += 1
-    g.ints[o], g.ints[o + 1] = x, g.variables[x, LINK]
+    g.ints[o], g.ints[o + 1] = x, k
+    if bound == 2:
+        g.ints[o + 2] = g.links[k, NEXT_B]
     q[CHILD] = g.state[NEAR]
     child = q[CHILD]
     while child > 0:

@@ -6,12 +6,14 @@ own W. With S = H + W, H being the information about u and B that between u and 
 
     x': W S^-1 H    x' and landmarks: W S^-1 B    landmarks: L - B' S^-1 B
 
+Of a gyro, u also depends on its bias b, which is a landmark's row: u = G x + h b + e.
+
 W S^-1 H is the information of the sum of both covariances. W - W S^-1 W is the same in exact arithmetic, but the
 difference of two nearly equal matrices wherever odometry is much better known than the pose, as on a long way without
 sightings.
 """
 
-from math import sqrt
+from math import cos, sin, sqrt
 
 import numpy as np
 
@@ -20,13 +22,14 @@ from ...core.kernels._planar import add_turned, information
 from ...core.kernels._small import factored
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ..smoothing._factors import add_fixed, add_known, add_ranged, add_seen
+from ..smoothing._factors import add_fixed, add_known, add_ranged, add_seen, add_walked
 from ..smoothing._graph import ALONE, FIX, PRIOR, WHOLE
 from ..smoothing._links import motion_offset
 from ._window import (
     AT,
     BEFORE,
     BEGIN,
+    BIAS,
     BOTTOM,
     FIRST,
     FIXED,
@@ -46,6 +49,7 @@ from ._window import (
     PRESENCE,
     REALS,
     RETIRED,
+    SLOPE,
     SLOT,
     SLOTS,
     STAGES,
@@ -79,7 +83,10 @@ def slot_of(w: Window, v: int) -> int:
 
 @compiled
 def add_part(w: Window, i: int, s: int, il: int) -> int:
-    """Adds row `s` of pose `i`, a range with constant errors, their prior or a fix; the landmark is at row `il`."""
+    """Adds row `s` of pose `i`, not a sighting without constant errors; the landmark is at row `il`.
+
+    It is a range with them, their prior, a fix, or the walk of a gyro's bias.
+    """
     x, v, part, r = w.poses[i], w.sightings[s], w.parts[s], row(w)
     if part <= FIX:
         add_fixed(
@@ -89,6 +96,8 @@ def add_part(w: Window, i: int, s: int, il: int) -> int:
         add_known(w.places[v, 0], w.places[v, 1], w.seen, s, w.front, r, il)
     elif w.marks[part, SLOT] == RETIRED:
         return RETURNS
+    elif w.seen[s, 4] > 0.0:
+        add_walked(w.places[v, 0] - w.places[part, 0], w.seen[s, 4], w.front, r, il, slot_of(w, part))
     else:
         add_ranged(
             x[0], x[1], w.places[v, 0], w.places[v, 1], w.places[part, 0], w.places[part, 1],
@@ -157,7 +166,11 @@ def turned(w: Window, i: int, o: int, c: int) -> tuple[bool, float, float, float
     """
     n, F, R, r = 2 * w.state[SLOTS], w.front, w.reals, row(w)
     p, q = w.poses[i], w.poses[i + 1]
-    e0, e1, e2, co, si = motion_offset(p[0], p[1], p[2], q[0], q[1], q[2], q[MOTION], q[MOTION + 1], q[MOTION + 2])
+    dx, dy, turn = q[MOTION], q[MOTION + 1], q[MOTION + 2]
+    if w.rows[i + 1, BIAS]:
+        bias = w.places[w.rows[i + 1, BIAS] - 1, 0]
+        dx, dy, turn = dx + q[SLOPE] * bias, dy + q[SLOPE + 1] * bias, turn + q[SLOPE + 2] * bias
+    e0, e1, e2, co, si = motion_offset(p[0], p[1], p[2], q[0], q[1], q[2], dx, dy, turn)
     gx, gy = p[1] - q[1], q[0] - p[0]
     noise, W = np.zeros(6), np.empty(6)
     add_turned(noise, co, si, q, NOISE)
@@ -184,14 +197,44 @@ def turned(w: Window, i: int, o: int, c: int) -> tuple[bool, float, float, float
 
 
 @compiled
+def slope(w: Window, i: int) -> tuple[float, float, float]:
+    """The derivative h of the offset e between poses `i` and i + 1 by the bias of a gyro."""
+    c, s, q = cos(w.poses[i, 2]), sin(w.poses[i, 2]), w.poses[i + 1]
+    return c * q[SLOPE] - s * q[SLOPE + 1], s * q[SLOPE] + c * q[SLOPE + 1], q[SLOPE + 2]
+
+
+@compiled
+def lean(w: Window, k: int, o: int, c: int, h: tuple[float, float, float]) -> None:
+    """Makes u = G x + e + h b of u = G x + e, b being the offset of the bias in slot `k`: u - h b replaces u.
+
+    The rows of a stage at `o` are as `turned` has written them.
+    """
+    F, R, r, m, b = w.front, w.reals, row(w), 2 * w.state[SLOTS], 2 * k
+    for j in range(m):
+        by = h[0] * R[o + 6 + j] + h[1] * R[o + c + 6 + j] + h[2] * R[o + 2 * c + 6 + j]
+        F[(3 + min(b, j)) * r + 3 + max(b, j)] -= 2 * by if j == b else by
+    for a in range(3):
+        q = o + a * c
+        more = R[q] * h[0] + R[q + 1] * h[1] + R[q + 2] * h[2]
+        F[(3 + b) * r + 3 + b] += h[a] * more
+        F[(3 + b) * r + r - 1] -= h[a] * R[q + c - 1]
+        R[q + 6 + b] -= more
+
+
+@compiled
 def eliminate(w: Window, i: int) -> int:
     """Eliminates pose `i` from the front in favour of pose i + 1."""
+    bias = w.rows[i + 1, BIAS] - 1
+    if bias >= 0:
+        slot_of(w, bias)
     c = 2 * int(w.state[SLOTS]) + 7
     o = stage(w, POSE, i)
     w.rows[i, AT] = w.state[STAGES] - 1
     known, e0, e1, e2, gx, gy = turned(w, i, o, c)
     if not known:
         return INDEFINITE
+    if bias >= 0:
+        lean(w, w.marks[bias, SLOT], o, c, slope(w, i))
     F, R, r, o1, o2 = w.front, w.reals, row(w), o + c, o + 2 * c
     r00, r01, r11, r02, r12, r22 = factored(
         R[o] + R[o + 3], R[o + 1] + R[o + 4], R[o1 + 1] + R[o1 + 4],
@@ -224,6 +267,10 @@ def eliminate(w: Window, i: int) -> int:
         for j in range(3, 6):
             R[k + j] = -R[k + j]
         R[k + c - 1] -= R[k] * (e0 - gx * e2) + R[k + 1] * (e1 - gy * e2) + R[k + 2] * e2
+    if bias >= 0:
+        (h0, h1, h2), at = slope(w, i), 6 + 2 * w.marks[bias, SLOT]
+        for k in range(o, o + 3 * c, c):
+            R[k + at] += R[k] * (h0 - gx * h2) + R[k + 1] * (h1 - gy * h2) + R[k + 2] * h2
     return DONE
 
 

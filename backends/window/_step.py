@@ -7,7 +7,7 @@ from ..smoothing._graph import WHOLE
 from ..smoothing._log import six
 from ._chain import DONE, RETURNS, eliminate, sight
 from ._estimates import factor_front, last_pose, look_at_pose
-from ._window import FIRST, HELD, LAST, MOTION, NOISE, POSES, SIGHTINGS, Window
+from ._window import BIAS, FIRST, HELD, LAST, MOTION, NOISE, POSES, SIGHTINGS, SLOPE, Window
 
 
 @compiled
@@ -107,6 +107,29 @@ def parts_step(
     """The same with partial sightings, fixes and priors of constant errors, as `add_parts` has them."""
     look_at_poses(w, first, path, covs)
     add_pose(w, motion, pose)
+    add_sightings(w, landmarks, seen)
+    add_parts(w, of_parts, parts, part_seen)
+    return advance(w, pose, cov)
+
+
+# One by one, as they come from Python objects at every step.
+@compiled
+def turned_step(
+    w: Window, first: int, path: Array, covs: Array, motion: Array, slope: Array, bias: int, start: Array,
+    landmarks: Ints, seen: Array, of_parts: Ints, parts: Ints, part_seen: Array, pose: Array, cov: Array,
+) -> int:  # fmt: skip
+    """The same with a motion that depends on a gyro's bias, by its `slope` (3,) at any, and is `start` (3,) at present.
+
+    `bias` is its row, -1 where the motion has none.
+    """
+    look_at_poses(w, first, path, covs)
+    add_pose(w, motion, pose)
+    i = w.state[POSES] - 1
+    p = w.poses[i]
+    p[0], p[1], p[2] = moved(pose[0], pose[1], pose[2], start[0], start[1], start[2])
+    for a in range(3):
+        p[SLOPE + a] = slope[a]
+    w.rows[i, BIAS] = bias + 1
     add_sightings(w, landmarks, seen)
     add_parts(w, of_parts, parts, part_seen)
     return advance(w, pose, cov)

@@ -15,13 +15,13 @@ class Window(Arrays):
     """All arrays of a window; each has spare rows."""
 
     state: Integers  # (STATE,) counts
-    poses: Table  # (P, 12) linearisation point (3), the motion into the pose (3) and its covariance (6)
-    rows: IntegerTable  # (P + 1, 2)
+    poses: Table  # (P, 15) linearisation point (3), the motion into the pose (3), its covariance (6), its slope (3)
+    rows: IntegerTable  # (P + 1, 3)
     sightings: Integers  # (S,) landmarks, or HELD
     parts: Integers  # (S,) as the PART of a smoother's sightings: see `smoothing/_graph.py`
     seen: Table  # (S, 5) range, bearing, and their information: rr, rb, bb
     fixed: Table  # (F, 11) fixes, as there
-    places: Table  # (V, 2) linearisation points of the landmarks, x, y (m), and of pairs of constant errors
+    places: Table  # (V, 2) linearisation points of landmarks, x, y (m), of constant errors, and of biases, (rad/s, 0)
     marks: IntegerTable  # (V, 4)
     slots: IntegerTable  # (N, 2) the landmarks of the front, and those of the prior
     front: Numbers  # 2 N + 3 rows of 2 N + 4 numbers
@@ -36,9 +36,10 @@ class Window(Arrays):
 POSES, BOTTOM, SIGHTINGS, SLOTS, KNOWN, STAGES, REALS, DSYRK, OLD_POSES, OLD_SIGHTINGS, FIXES, OLD_FIXES = range(12)
 STATE = 12
 # poses
-POINT, MOTION, NOISE = 0, 3, 6
-# rows: start of a pose's sightings; the stage in which it is eliminated
-FIRST, AT = range(2)
+POINT, MOTION, NOISE, SLOPE = 0, 3, 6, 12
+# rows: start of a pose's sightings; the stage in which it is eliminated; 1 plus the row of the gyro's bias on which the
+# motion into it depends, which is then that of a bias of zero; 0 without one
+FIRST, AT, BIAS = range(3)
 # marks: a landmark's slot in the front, or one of the kinds below; the last pose that sighted it, or -1; one of the
 # presences below; 1 if its linearisation point is fixed
 SLOT, LAST, PRESENCE, STAYS = range(4)

@@ -48,8 +48,8 @@ def made(prior: Prior, loss: int, scale: float) -> Window:
     n = 0 if known is None else len(known.ids)
     w = Window(
         state=np.zeros(STATE, np.int64),
-        poses=np.zeros((64, 12)),
-        rows=np.zeros((65, 2), np.int64),
+        poses=np.zeros((64, 15)),
+        rows=np.zeros((65, 3), np.int64),
         sightings=np.zeros(256, np.int64),
         parts=np.zeros(256, np.int64),
         seen=np.zeros((256, 5)),
@@ -130,14 +130,19 @@ def offsets(w: Window) -> tuple[Array, Array]:
 
 def look_at_landmark(w: Window, v: int) -> Array:
     """(2,) m; the estimated position of landmark `v`."""
+    return look_at_pair(w, v)[0]
+
+
+def look_at_pair(w: Window, v: int) -> tuple[Array, Array]:
+    """The estimate (2,) of landmark `v`, or of a pair of other numbers, and its covariance (2, 2)."""
     t, slot = int(w.state[STAGES]), int(w.marks[v, SLOT])
     if slot == RETIRED:
         stages = w.stages[:t]
         t = int(np.flatnonzero((stages[:, NAME] == v) & (stages[:, OWN] != POSE))[0])
         slot = int(stages[t, OWN])
-    off = np.zeros(3)
-    _estimates.look(w, t, 3 + 2 * slot, off, np.zeros((3, 3)))
-    return w.places[v] + off[:2]
+    off, cov = np.zeros(3), np.zeros((3, 3))
+    _estimates.look(w, t, 3 + 2 * slot, off, cov)
+    return w.places[v] + off[:2], cov[:2, :2]
 
 
 def solve(w: Window, pose: Array, cov: Array) -> int:

@@ -18,6 +18,7 @@ import numpy as np
 
 from ...core.factors import Map, Odometry, Prior, RangeBearing, Step
 from ...core.fixes import NO_FIXES
+from ...core.gyro import Bias
 from ...core.options import option
 from ...core.partial import NO_PARTIAL
 from ...core.se2 import Array
@@ -35,6 +36,7 @@ from ._chain import DONE, RETURNS
 from ._renewal import renew
 from ._window import BOTTOM, HELD, LEFT, OLD_POSES, POINT, PRESENCE
 from .arrays import look_at_landmark, made, offsets, row_of_new, solve, with_all, with_steps
+from .biases import WindowBiases
 from .tables import WindowTables
 
 OVER = 32
@@ -49,10 +51,13 @@ class Options:
 
     lag: float = option(20.0, "length of the window, s; a loop that takes longer is not closed", minimum=1e-3)
     relinearize_threshold: float = common_options.relinearize_threshold()
-    relinearize_skip: int = option(10, "steps between checks for variables to relinearize", minimum=1)
+    relinearize_skip: int = option(
+        10, "steps between checks for variables to relinearize; each step with a gyro's bias in the state", minimum=1
+    )
     final_checks: int = option(10, "checks for variables to relinearize at the end of the log", minimum=0)
     loss: str = common_options.loss("the sightings")
     loss_scale: float = common_options.loss_scale()
+    gyro: str = common_options.gyro()
 
 
 class FixedLag:
@@ -62,6 +67,7 @@ class FixedLag:
         del rng
         names = list(LOSSES)
         self._options = options
+        self._skip = 1 if prior.gyro is not None else options.relinearize_skip
         loss_scale = options.loss_scale or LOSSES[options.loss]
         self._tables = WindowTables(made(prior, names.index(options.loss), loss_scale))
         self._robust = options.loss != "none"
@@ -79,6 +85,7 @@ class FixedLag:
         self._pose, self._cov = prior.pose.copy(), prior.cov.copy()
         self._prior, self._vicinity = prior, Vicinity(follows=True)
         self._parts = Parts(self._tables, prior, self._row, self._start, self._hold)
+        self._biases = None if prior.gyro is None else WindowBiases(self._tables, prior.gyro)
         self._anew = False  # everything must be eliminated again
 
     def step(self, step: Step) -> Pose:
@@ -92,6 +99,8 @@ class FixedLag:
             self._motion[0], self._motion[1:] = step.odometry
         if ids:
             self._seen = as_rows(step.sightings, self._seen)
+        if self._biases is not None:
+            self._parts.rows += self._biases.take(step.gyro, self._motion, step.t)
         rows = [self._row.get(i, HELD) for i in ids]
         tables, more, self._anew = self._tables, NO_ROWS, k == 0
         if HELD in rows:
@@ -106,7 +115,13 @@ class FixedLag:
         self._times.append(step.t)
         a, b, first = self._left, self._left + leaving, self._left - int(window.state[OLD_POSES])
         path, covs, landmarks = self._path[a:b], self._covs[a:b], np.array(rows, np.int64)
-        if more is NO_ROWS:
+        if self._biases is not None:
+            by = self._biases
+            ended = _step.turned_step(
+                window, first, path, covs, by.motion, by.slope, by.turning, by.start, landmarks, self._seen, *more,
+                self._pose, self._cov,
+            )  # fmt: skip
+        elif more is NO_ROWS:
             ended = _step.step(window, first, path, covs, self._motion, landmarks, self._seen, self._pose, self._cov)
         else:
             ended = _step.parts_step(
@@ -141,6 +156,11 @@ class FixedLag:
         """The latest pose and its marginal covariance."""
         return Belief(self._pose.copy(), self._cov.copy())
 
+    @property
+    def gyro_bias(self) -> Bias | None:
+        """The gyro's bias at the last step; None without a gyro."""
+        return None if self._biases is None else self._biases.last
+
     def map(self) -> Map:
         """Landmarks in the window at the current estimate, the others at their position when they last left."""
         at = self._places()
@@ -170,7 +190,7 @@ class FixedLag:
             raise Diverged("the optimum is not finite")
         landmarks = self._newcomers.added_to(self._parts.added_to(landmarks, path), path)
         constant = self._parts.constant(self._places(), landmarks.ids)
-        return Solution(path, landmarks, covs, converged, constant=constant)
+        return Solution(path, landmarks, covs, converged, constant=constant, gyro_bias=self.gyro_bias)
 
     def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The last pose, the landmarks' places and their joint covariance, the pose last."""
@@ -188,7 +208,8 @@ class FixedLag:
     def _ahead(self) -> tuple[float, float, float]:
         """The pose of the next step by its motion alone."""
         x, y, heading = self._pose.tolist()
-        (dx, dy, turn), c, s = self._motion[0].tolist(), math.cos(heading), math.sin(heading)
+        by = self._motion[0] if self._biases is None else self._biases.start
+        (dx, dy, turn), c, s = by.tolist(), math.cos(heading), math.sin(heading)
         return x + c * dx - s * dy, y + s * dx + c * dy, heading + turn
 
     def _poses(self, steps: Sequence[int]) -> Array:
@@ -255,6 +276,8 @@ class FixedLag:
             self._covs = np.concatenate((self._covs, np.zeros_like(self._covs)))
         for landmark in self._old(before):
             self._forget(landmark)
+        if self._biases is not None:
+            self._biases.let_go(before)
         return leaving
 
     def _old(self, before: float) -> list[int]:
@@ -281,7 +304,7 @@ class FixedLag:
         state = self._tables.window.state
         inside, start = len(self._times), self._left - int(state[OLD_POSES])
         much = start - int(state[BOTTOM]) > max(OVER, inside)
-        if self._since >= self._options.relinearize_skip:
+        if self._since >= self._skip:
             self._since = 0
             self._relinearise(self._options.relinearize_threshold, anyway=much)
         elif much:

@@ -163,7 +163,7 @@ def test_one_that_has_the_turns_in_its_odometry_is_judged_by_those_factors(name:
     slipping = log.delta + np.where(np.arange(len(log)) % 10 == 0, 30.0, 0.0)[:, None] * [0.0, 0.0, 0.001]
     log = replace(log, delta=slipping)
     build = registry.find(name)
-    job = Job(name, name, build.options(), 0, 4000)
+    job = Job(name, name, build.options(gyro="front"), 0, 4000)
     done = run_on(job, lambda: log, lambda: None)
     assert done.status == "done", done.reason
     assert "in the odometry" in done.reason
