@@ -20,6 +20,7 @@ from ...core.factors import Truth
 from ...frontend.camera.camera import Camera
 from ...frontend.inertial.imu import Imu
 from ...frontend.laser.recording import LaserRecording
+from ...frontend.laser.settings import Settings
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Recording
 from ...frontend.wheels.motion import Drift
@@ -55,6 +56,7 @@ class Beside(NamedTuple):
 
     inertial: Imu | None = None
     scans: LaserRecording | None = None
+    settings: Settings | None = None  # of the scanner's front end
 
 
 def write(
@@ -63,13 +65,16 @@ def write(
     truth: Truth | None,
     inertial: Imu | None = None,
     scans: LaserRecording | None = None,
+    settings: Settings | None = None,
 ) -> None:
     """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`, with IMU and scans.
+
+    `settings` are those of the scanner's front end.
 
     A folder must not exist or be empty, and appears complete or not at all. InputError if one cannot be written, or the
     recording has no image.
     """
-    readings = Beside(inertial, scans)
+    readings = Beside(inertial, scans, settings)
     with new_folders(places) as beside, ExitStack() as stack:
         writers = [
             stack.enter_context(_writer(beside[folder], kind, recording, readings)) for folder, kind in places.items()
@@ -225,9 +230,9 @@ def imu_table(imu: Imu, *, bag: bool) -> ImuTable:
 
 def _write_words(folder: Path, recording: Recording, truth: Truth | None, kind: str, readings: Beside) -> None:
     """robot.toml, calibration.yaml, the ground truth if known, imu.csv and scans.csv where readings are in files."""
-    robot, (inertial, scans) = _robot(recording), readings
+    robot, (inertial, scans, settings) = _robot(recording), readings
     if scans is not None:
-        robot = replace(robot, laser=LaserRobot(pose=scans.scanner.pose))
+        robot = replace(robot, laser=LaserRobot(pose=scans.scanner.pose, settings=settings or Settings()))
         if kind not in NAMES:
             write_scans_csv(folder / SCANS, scans.t, scans.scanner, scans.ranges)
     if inertial is not None:

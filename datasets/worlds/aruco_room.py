@@ -67,6 +67,9 @@ PROPORTIONAL = ProportionalNoise(k_range=0.002, k_bearing=0.002, floor_range=0.0
 AROUND = {"front": 0.0, "back": 180.0, "left": 90.0, "right": -90.0}
 """Names of several cameras, and by how many degrees they are turned about the robot's axis from the one ahead."""
 
+MATCHING = Settings(stamp_sd=0.0)
+"""Of the scanner's front end: its scans are taken at once, and at the times that they say."""
+
 BERTH = 0.3  # m, least distance of the robot's middle from a box
 
 
@@ -134,7 +137,7 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
             "expected one of them: a marker without an id has none to be wrong."
         )
     recording, truth, scans = recorded(options, rng)
-    log = build_log(recording) if scans is None else build_several(Several(recording, scans, Settings()))
+    log = build_log(recording) if scans is None else build_several(Several(recording, scans, MATCHING))
     truth = truth if scans is None else _at(log.t, truth, options)
     if options.unreadable:
         truth = truth._replace(assigned=_nearest(log, truth))

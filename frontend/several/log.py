@@ -50,8 +50,8 @@ class Built(NamedTuple):
     """A log of several sensors, and how its laser's front end came to its part."""
 
     log: Log
-    front_end: FrontEnd
-    path: Array  # (n, 3) the front end's own estimate of the log's steps, from the prior's pose on
+    scans: LaserRecording  # those that were taken
+    path: Array  # (n, 3) the front end's own estimate of the log's steps, by scans and wheels
 
 
 def build_log(recording: Several, observe: Callable[[FrameSightings], None] | None = None) -> Log:
@@ -115,7 +115,7 @@ def joined(recording: Several, seen: Log, alone: Log, front_end: FrontEnd, motio
     scans = scans_of(recording.scans, front_end)
     estimate = _along(front_end, _bent(front_end), t, delta)
     found = replace(log, scans=_placed(scans, path, front_end, t, scan))
-    return Built(found, front_end, compose(log.prior.pose, between(estimate[0], estimate)))
+    return Built(found, recording.scans, estimate)
 
 
 def _steps(frames: Array, scans: Array) -> tuple[Array, Ints, Ints]:
