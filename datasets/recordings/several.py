@@ -48,7 +48,7 @@ def sensors_in(text: str, flag: str) -> tuple[str, ...]:
     names = [name.strip() for name in text.split(",")]
     for name in names:
         if name not in SENSORS:
-            raise InputError(f"{flag} {text}: found {name!r}; {nearest(name, SENSORS)}.")
+            raise InputError(f"{flag} {text}: found {name!r}; {nearest(name, SENSORS)}")
     if len(set(names)) < len(names):
         raise InputError(f"{flag} {text}: a sensor is named twice, expected once.")
     return tuple(names)
