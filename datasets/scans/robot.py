@@ -54,7 +54,9 @@ class LaserRobot:
         """The table [laser], beside others: the scanner's place and limits where they are not the defaults, and steps."""
         given = {name: getattr(self, name) for name in ("topic", "source", "min_range", "max_range", "odometry")}
         given |= {name: getattr(self.settings, name) for name in names_of(Settings)}
-        default = {name: getattr(LaserRobot, name) for name in ("min_range", "max_range", "odometry")} | asdict(Settings())
+        default = {name: getattr(LaserRobot, name) for name in ("min_range", "max_range", "odometry")} | asdict(
+            Settings()
+        )
         own = {name: value for name, value in given.items() if value is not None and value != default.get(name)}
         return {"pose": [0.0, 0.0, 0.0] if self.pose is None else self.pose.tolist(), **own}
 

@@ -118,4 +118,3 @@ def _range(path: Path, line: int, name: str, cell: str) -> float:
     if value is None:
         raise InputError(f"{path}, line {line}: {name} {no_number(cell)}.")
     return value
-
