@@ -19,8 +19,6 @@ from .folder import Request, written
 from .laser import LaserFindings
 from .markers import MarkerFindings, Observe, gathered
 
-MOTIONS = "motions by the scans alone"
-
 
 @dataclass(frozen=True, eq=False)
 class SeveralFindings(MarkerFindings):
@@ -32,11 +30,11 @@ class SeveralFindings(MarkerFindings):
 
     def headline(self) -> list[str]:
         """Summarises in sentences: the log, then what the camera saw, then how scans matched."""
-        c, n = self.laser.counts, len(self.log)
-        loops = counted(self.laser.loops, "loop closure")
+        steps, loops = counted(len(self.log), "step"), counted(self.laser.loops, "loop closure")
+        motions = f"{counted(self.laser.counts['motions'], 'motion')} by the scans alone"
         said = (
-            f"Frames and {self.laser.scans} in {number(self.seconds)} s: {counted(n, 'step')} over {number(self.way)} m, "
-            f"{c['motions']:,} {MOTIONS if c['motions'] != 1 else MOTIONS.replace('motions', 'motion')}, {loops}."
+            f"Frames and {self.laser.scans} in {number(self.seconds)} s: {steps} over {number(self.way)} m, {motions}, "
+            f"{loops}."
         )
         return [said, *super().headline(), *self.laser.matched()]
 
@@ -58,16 +56,18 @@ class SeveralFindings(MarkerFindings):
         """Draws the paths by wheels and by the laser's front end with its loop closures, and what the camera saw."""
         from .figures import Path as Drawn
         from .figures import path_figure
+        from .marker_figures import BY_ODOMETRY
 
         wheels = Drawn(self.log.dead_reckoned(), "wheels", COLOURS[1], 0.8, (0, (1, 1.5)))
         scans = Drawn(self.laser.path, "scans", COLOURS[2], 1.4)
         again = self.log.loop_step - self.log.loop_to > 1
         loops = np.column_stack((self.log.loop_step, self.log.loop_to))[again]
         caption = (
-            "From the prior's pose (dot). The front end of the laser scanner goes by scans together with wheels; a thin "
-            "line is a motion by the scans alone, or a loop closure."
+            "From the prior's pose (dot). The laser's front end goes by scans together with wheels; a thin line is a "
+            "motion by the scans alone, or a loop closure."
         )
-        return [path_figure(self, "Paths", caption, wheels, scans, loops=loops), *super().figures()]
+        seen = [one for one in super().figures() if one.title != BY_ODOMETRY]
+        return [path_figure(self, "Paths", caption, wheels, scans, loops=loops), *seen]
 
     def shown(self, folder: Path) -> Mapping[str, Any]:
         """Writes the camera's own files, and the map along the path of the laser's front end."""
@@ -75,9 +75,9 @@ class SeveralFindings(MarkerFindings):
 
 
 def detect(opened: OpenedSeveral, request: Request, advance: Callable[[int], None]) -> SeveralFindings:
-    """Makes the log of a recording's frames and scans, and its report; InputError as of either, and for a remark if strict.
+    """Makes the log of a recording's frames and scans, and its report; `advance` is called at every frame.
 
-    `advance` is called at every frame with the number of markers so far.
+    InputError as of the front ends for either, where something cannot be written, and for a remark if strict.
     """
     recording, frames, made = opened.recording, opened.frames, list[Built]()
 

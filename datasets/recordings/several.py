@@ -63,8 +63,8 @@ def open_several(
 ) -> OpenedSeveral | Opened | OpenedScans | None:
     """Opens the recording at `path` whose robot.toml has markers and a scanner, with all of `sensors`, or one of them.
 
-    None for a recording with another robot.toml, or without one, and no `sensors` named. InputError as of the readers of
-    each, for sensors that robot.toml does not have, and for scans at other times than the frames.
+    None for a recording with another robot.toml, or without one, and no `sensors` named. InputError as of the readers
+    of each, for sensors that robot.toml does not have, and for scans at other times than the motion.
     """
     file = robot_file or (None if is_live(path) else robot_beside(path))
     tables = () if file is None or is_settings(file) else tuple(TomlTable.read(file).entries)
@@ -76,16 +76,16 @@ def open_several(
             raise InputError(f"{where}: {found}, expected [{name}] for the sensor {name} that is named.")
     if file is None or not set(SENSORS) <= set(tables):
         return None
-    robot = read_robot(file)
-    assert robot.laser is not None  # the table is there
-    given = topics or ScanTopics()
+    robot, given = read_robot(file), topics or ScanTopics()
+    described = robot.laser
+    assert described is not None  # the table is there
     robot = replace(robot, topics=robot.topics._replace(odometry=given.odometry or robot.topics.odometry))
     frames = open_recording(path, robot, seconds)
     if sensors == (MARKERS,):
         return frames
     if is_live(path):
         raise InputError(f"{path}: is a camera, which has no scans; expected --sensors markers.")
-    laser = replace(robot.laser, topic=given.scan or robot.laser.topic)
+    laser = replace(described, topic=given.scan or described.topic)
     scans = _scans(path, robot, laser, frames)
     if sensors == (LASER,):
         return scans

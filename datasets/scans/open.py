@@ -1,4 +1,4 @@
-"""Opens a recording of laser scans: a ROS bag, a CARMEN log, scans.csv, or a folder of one with the robot's robot.toml."""
+"""Opens a recording of laser scans: a ROS bag, a CARMEN log, scans.csv, or a folder of one with its robot.toml."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -84,7 +84,7 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
 
 
 def read_source(found: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
-    """The scans of a bag, a CARMEN log or scans.csv as the robot wants them, and remarks; InputError for another file."""
+    """The scans of a bag, a CARMEN log or scans.csv as the robot wants them, and remarks; InputError for others."""
     check_regular(found)
     if is_bag(found):
         recording, remarks = read_bag(found, robot)

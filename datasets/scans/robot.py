@@ -51,7 +51,7 @@ class LaserRobot:
 
     @property
     def words(self) -> dict[str, Any]:
-        """The table [laser], beside others: the scanner's place and limits where they are not the defaults, and steps."""
+        """The table [laser], beside others: the scanner's place, and what is not by default."""
         given = {name: getattr(self, name) for name in ("topic", "source", "min_range", "max_range", "odometry")}
         given |= {name: getattr(self.settings, name) for name in names_of(Settings)}
         default = {name: getattr(LaserRobot, name) for name in ("min_range", "max_range", "odometry")} | asdict(

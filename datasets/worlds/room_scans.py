@@ -46,7 +46,7 @@ class RoomScans:
 def scanned(room: Room, drive: Callable[[Array], Array], t: Array, rng: np.random.Generator) -> LaserRecording:
     """The scans at `t` (n,), s, without odometry, of a robot whose true poses `drive` gives."""
     walls, poses = _walls(room), drive(t)
-    angles = STEP * (np.arange(BEAMS) - BEAMS // 2)
+    angles = STEP * (np.arange(BEAMS, dtype=np.float64) - BEAMS // 2)
     ranges = np.empty((len(t), BEAMS))
     for k, (x, y, heading) in enumerate(compose(poses, PLACE).tolist()):
         s, c = sincos(heading + angles)

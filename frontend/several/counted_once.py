@@ -29,7 +29,7 @@ def check_counted_once(name: str, motion: Motion, motions: Motions, t: Array) ->
     squares = np.einsum("ni,nij,nj->n", off, inverse(motions.cov), off) / 3
     if np.median(squares) < SAME**2:
         raise InputError(
-            f"{name}: the {motion.readings} differ from the motions that the scans tell by {np.sqrt(np.median(squares)):.2g} "
-            f"of the scans' own noise (median), expected more than {SAME:g}: they are made of these scans, which would "
-            "count twice; expected those of wheels, or the laser alone (sensors laser)."
+            f"{name}: by {np.sqrt(np.median(squares)):.2g} of the scans' own noise (median) the {motion.readings} "
+            f"differ from the motions that the scans tell, expected more than {SAME:g}: they are made of these scans, "
+            "which would count twice; expected those of wheels, or one of the two sensors alone."
         )

@@ -1,4 +1,4 @@
-"""Drives of the rendered room whose sightings are simulated, not rendered: with a scanner, and the truth of all steps."""
+"""Drives of the rendered room with a scanner, whose sightings are simulated, not rendered."""
 
 from functools import cache
 from typing import NamedTuple

@@ -3,6 +3,7 @@
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ def drive(folders: dict[str, Path], tmp_path: Path) -> Path:
     return shutil.copytree(folders["frames"], tmp_path / "drive")
 
 
-def of(folder: Path, **options: object) -> Log:
+def of(folder: Path, **options: Any) -> Log:
     return make(Chosen(path=str(folder), **options), np.random.default_rng(0)).log
 
 

@@ -1,6 +1,7 @@
 """What scans tell without the wheels: the wheels' information is out of it, and its own errors are as stated."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ def test_the_wheels_are_taken_out_exactly_where_matching_is_linear(seed: int) ->
     rng = np.random.default_rng(seed)
     points, wheels = spread(rng, 1e5), spread(rng, 1e3)
     place, held = rng.normal(0, 0.02, 3), rng.normal(0, 0.02, 3)
-    pose = np.linalg.solve(points + wheels, points @ place + wheels @ held)
+    pose = np.linalg.solve(points + wheels, points @ place + wheels @ held).astype(np.float64)
     key = KeyScan(pose, points, Hold(held, wheels), 0, True, NOTHING, NOTHING)
     found, s = place_by_points(key, Settings()), Settings()
     # WEAK is all that is left of the wheels: it pulls by its share of the information.
@@ -70,7 +71,7 @@ def test_wheels_that_are_off_move_the_matches_and_not_what_the_scans_tell(seed: 
 
 
 def of_room(seed: int) -> float:
-    """The mean normalised squared error of the motions of a drive, which share the error of the step that they go from."""
+    """The mean normalised squared error of the motions of a drive; several share the step that they go from."""
     made = driven(seed)
     poses, m = true_poses(made.alone.t), made.motions
     assert len(m.at) == len(made.alone) - 1
@@ -107,9 +108,10 @@ def test_the_covariance_is_that_of_both_places() -> None:
     for row in range(3, len(m.at), 7):
         k, base = int(m.at[row]), int(m.to[row])
         expected = floors + keys[k].stale + keys[base].stale
-        for of in (base, k):
-            by = central(lambda place, of=of: between(*(place if one == of else m.places[one] for one in (base, k))),
-                          m.places[of])  # fmt: skip
+        first, second = m.places[base], m.places[k]
+        by_first = central(partial(lambda other, place: between(place, other), second), first)
+        by_second = central(partial(between, first), second)
+        for by, of in ((by_first, base), (by_second, k)):
             expected = expected + by @ cov_by_points(keys[of] if of else keys[1], s) @ by.T
         np.testing.assert_allclose(m.cov[row], expected, rtol=1e-5, atol=1e-12)
 
