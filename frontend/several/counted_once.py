@@ -27,9 +27,10 @@ def check_counted_once(name: str, motion: Motion, motions: Motions, t: Array) ->
     off = motions.delta - between(path[motions.to], path[motions.at])
     off[:, 2] = wrap(off[:, 2])
     squares = np.einsum("ni,nij,nj->n", off, inverse(motions.cov), off) / 3
-    if np.median(squares) < SAME**2:
+    share = float(np.sqrt(np.median(squares)))
+    if share < SAME:
         raise InputError(
-            f"{name}: by {np.sqrt(np.median(squares)):.2g} of the scans' own noise (median) the {motion.readings} "
-            f"differ from the motions that the scans tell, expected more than {SAME:g}: they are made of these scans, "
-            "which would count twice; expected those of wheels, or one of the two sensors alone."
+            f"{name}: motions by {motion.readings} differ from those that the scans tell by {share:.2g} of the scans' "
+            f"own noise (median), expected more than {SAME:g}: they are made of these scans, which would count twice; "
+            "expected those of wheels, or one sensor alone."
         )

@@ -14,8 +14,8 @@ corridor H has next to nothing. There, m is held to h by WEAK, hundreds of times
 
 A step relates to the first one within NEAR that the submap has in which it was matched. Both are measured on that
 submap, each with the covariance of its own match: while the robot stays near, as in a room, the error does not grow
-from one step to the next, as it would in a chain. Farther apart the submap's own bend would be larger than the error of a
-match: on a made-up floor the normalised error of motions to the submap's first step is 1.7, within 2.5 m 1.1.
+from one step to the next, as it would in a chain. Farther apart the submap's own bend would be larger than the error of
+a match: on a made-up floor the normalised error of motions to the submap's first step is 1.7, within 2.5 m 1.1.
 """
 
 from collections.abc import Sequence
