@@ -37,12 +37,12 @@ from ..rendering.cameras import CAMERAS
 from ..rendering.disturbances import Disturbances, raised, take
 from ..rendering.render import Renderer
 from ..rendering.room import furnish, furnish_with_boxes
+from ..rendering.room_scans import RoomScans, scanned
 from ..rendering.scrambled import scrambled
 from ..rendering.surfaces import paint
 from ..wheel_faults import WheelFaults, faulty_clock, faulty_wheels
 from .camera_options import CameraOptions
 from .outliers import swapped
-from .room_scans import RoomScans, scanned
 from .wheeled_robot import ClosedPath, count, drive
 
 DICTIONARY = "4X4_50"

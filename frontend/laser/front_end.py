@@ -29,7 +29,7 @@ OFTEN = 0.1
 
 
 class KeyScan(NamedTuple):
-    """How the scan of a step was placed on the matcher's path."""
+    """The match of a step's scan on the matcher's path."""
 
     pose: Array  # (3,) by its points and by what it was held to
     information: Array  # (3, 3) of its points alone, in the axes of the path

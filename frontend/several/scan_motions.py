@@ -1,4 +1,4 @@
-"""What scans tell of a robot's motion by themselves, as relative poses between the steps of a laser front end.
+"""A robot's motion by its scans alone, as relative poses between the steps of a laser front end.
 
 The front end holds each scan to the motion of the wheels while it matches it: its pose p minimises
 

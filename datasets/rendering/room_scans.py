@@ -15,8 +15,8 @@ from ...core.options import option
 from ...core.se2 import Array, compose
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.scanner import Scanner
-from ..rendering.room import Room
 from ._casting import cast
+from .room import Room
 
 PLACE = np.array([0.125, 0.0, 0.0])  # m, m, rad, of the scanner on the robot
 BEAMS, STEP = 201, 1 / 64  # over 179 degrees; rad
