@@ -97,7 +97,7 @@ BUILTIN = {
     "mrclam-all": ".published.mrclam:all_sets",
     "plaza": ".beacons.plaza:source",
     "pyfg": ".graphs.pyfg:source",
-    "recording": ".recordings.recording:source",
+    "recording": ".recordings.any_recording:source",
     "toro": ".formats.toro:source",
     "tum-pioneer-360": ".published.tum_pioneer:pioneer_360",
     "tum-pioneer-slam": ".published.tum_pioneer:pioneer_slam",

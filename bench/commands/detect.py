@@ -12,10 +12,13 @@ from rich.table import Table
 
 from ...core.errors import InputError
 from ...datasets.depth.open import open_depth
+from ...datasets.recordings.recording import Opened as Frames
 from ...datasets.recordings.recording import open_recording
 from ...datasets.recordings.settings import read_described
-from ...datasets.scans.open import ScanTopics, open_scans
+from ...datasets.recordings.several import OpenedSeveral, open_several, sensors_in
+from ...datasets.scans.open import OpenedScans, ScanTopics, open_scans
 from ..detect import depth, laser, markers
+from ..detect import several as both
 from ..detect.findings import Findings
 from ..detect.folder import Request, check_place
 from ..detect.noise_calibration import RangeBin, toml
@@ -48,6 +51,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("recording", help="the recording's folder, video or bag, or camera:0")
     add("--out", type=Path, required=True, metavar="LOG", help="the folder the log goes to")
     add("--robot", type=Path, metavar="FILE", help="the robot.toml, if not the one beside the recording")
+    add("--sensors", metavar="NAMES", help="markers, laser or markers,laser, of a recording of both (default: both)")
     add("--scan", metavar="TOPIC", help="the topic of the laser scans, in a bag with several")
     add("--odometry", metavar="TOPIC", help="the topic of their odometry, in a bag with several")
     add("--preview", type=Path, metavar="FILE", help="also write an annotated video (.mp4 .avi .mkv .webm)")
@@ -96,14 +100,22 @@ def main(namespace: argparse.Namespace) -> int:
 def _opened(namespace: argparse.Namespace) -> Opened:
     """Opens the recording; InputError for options that those of its sensor do not have."""
     name, path = namespace.recording, Path(namespace.recording)
-    scans = open_scans(path, namespace.robot, ScanTopics(namespace.scan, namespace.odometry))
+    topics = ScanTopics(namespace.scan, namespace.odometry)
+    sensors = None if namespace.sensors is None else sensors_in(namespace.sensors, "--sensors")
+    several = open_several(path, namespace.robot, topics, sensors, namespace.seconds)
+    if isinstance(several, OpenedSeveral):
+        _check_pictures(namespace, several.frames)
+        return Opened(partial(both.detect, several), several.frames.length, "frames", "markers")
+    scans = several if isinstance(several, OpenedScans) else None
+    if several is None:
+        scans = open_scans(path, namespace.robot, topics)
     if scans is not None:
         of_cameras = ("--preview", namespace.preview), ("--poses", namespace.poses)
         for flag, given in (*of_cameras, ("--calibrate-noise", namespace.calibrate_noise)):
             if given:
                 raise InputError(f"{flag}: {name} has laser scans, expected a camera's recording.")
         return Opened(partial(laser.detect, scans), len(scans.recording.t), "scans", "loops")
-    images = open_depth(path, namespace.robot)
+    images = open_depth(path, namespace.robot) if several is None else None
     if images is not None:
         if namespace.calibrate_noise:
             raise InputError(
@@ -118,10 +130,11 @@ def _opened(namespace: argparse.Namespace) -> Opened:
                     f"{flag}: {name} is of a depth camera, expected [topics] in robot.toml for its topics."
                 )
         return Opened(partial(depth.detect, images), images.length, "frames", "steps")
-    robot = None if namespace.robot is None else read_described(namespace.robot)
-    frames = open_recording(path, robot, namespace.seconds)
-    if namespace.preview is not None and not frames.pictures:
-        raise InputError(f"--preview: {name} has tags that were found before, and no images; expected it without.")
+    frames = several if isinstance(several, Frames) else None
+    if frames is None:
+        robot = None if namespace.robot is None else read_described(namespace.robot)
+        frames = open_recording(path, robot, namespace.seconds)
+    _check_pictures(namespace, frames)
     return Opened(
         partial(
             markers.detect,
@@ -134,6 +147,14 @@ def _opened(namespace: argparse.Namespace) -> Opened:
         "frames",
         "markers",
     )
+
+
+def _check_pictures(namespace: argparse.Namespace, frames: Frames) -> None:
+    """InputError for a film of a recording without images."""
+    if namespace.preview is not None and not frames.pictures:
+        raise InputError(
+            f"--preview: {namespace.recording} has tags that were found before, and no images; expected it without."
+        )
 
 
 def _noise_table(bins: list[RangeBin]) -> Table:

@@ -75,12 +75,12 @@ def _markers(variant: DatasetVariant, number: int, places: Mapping[Path, str], c
         raise InputError(f"bench render: found {variant.label}: outliers are added to a log, not to frames.")
 
     from ...datasets.recordings.write import write
-    from ...datasets.worlds.aruco_room import record
+    from ...datasets.worlds.aruco_room import MATCHING, recorded
 
-    recording, truth = record(variant.options, generator(variant.name, number))
+    recording, truth, scans = recorded(variant.options, generator(variant.name, number))
     inertial = _inertial(variant, number, float(truth.t[-1]))
-    with ProgressBar(console, "rendering", len(truth.t) * len(recording.detectors)) as bar:
-        write(places, replace(recording, frames=_watched(recording.frames, bar)), truth, inertial)
+    with ProgressBar(console, "rendering", variant.options.frames * len(recording.detectors)) as bar:
+        write(places, replace(recording, frames=_watched(recording.frames, bar)), truth, inertial, scans, MATCHING)
 
 
 def _depth(variant: DatasetVariant, number: int, places: Mapping[Path, str], console: Console) -> None:

@@ -42,20 +42,33 @@ class LaserFindings(Findings):
         return self.log.notes["laser"]
 
     @property
+    def loops(self) -> int:
+        """The number of loop closures."""
+        return self.counts.get("loops", len(self.log.loop_to))
+
+    @property
     def turned_down(self) -> list[tuple[str, int]]:
         """Lists why searches gave no loop, and how often."""
         return by_count(self.counts["turned_down"])
 
     def headline(self) -> list[str]:
         """Summarises in sentences: scans and steps, lost scans, loops."""
-        n, c = len(self.recording.t), self.counts
+        wheels = "with wheels" if self.counts["wheels"] else "without wheels"
+        steps, loops = counted(len(self.log), "step"), counted(self.loops, "loop closure")
+        said = f"{self.scans} in {number(self.seconds)} s, {wheels}: {steps} over {number(self.way)} m, {loops}."
+        return [said, *self.matched()]
+
+    @property
+    def scans(self) -> str:
+        """Counts scans and beams."""
         least, most = self.recording.beams
-        scans, beams = counted(n, "scan"), f"{least:,} to " * (least < most) + counted(most, "beam")
-        wheels = "with wheels" if c["wheels"] else "without wheels"
-        steps, loops = counted(len(self.log), "step"), counted(len(self.log.loop_to), "loop closure")
-        said = [
-            f"{scans} of {beams} in {number(self.seconds)} s, {wheels}: {steps} over {number(self.way)} m, {loops}."
-        ]
+        beams = f"{least:,} to " * (least < most) + counted(most, "beam")
+        return f"{counted(len(self.recording.t), 'scan')} of {beams}"
+
+    def matched(self) -> list[str]:
+        """Says in sentences how scans matched, and what became of searches for loops."""
+        n, c, said = len(self.recording.t), self.counts, list[str]()
+        loops = counted(self.loops, "loop closure")
         if c["lost"]:
             said.append(
                 f"{counted(c['lost'], 'scan')} did not match the last metres ({100 * c['lost'] / n:.2g} %); the search "
@@ -105,7 +118,7 @@ class LaserFindings(Findings):
             "seconds": self.seconds,
             "wheels": self.counts["wheels"],
             "steps": len(self.log),
-            "loops": len(self.log.loop_to),
+            "loops": self.loops,
             **{
                 name: self.counts[name]
                 for name in (

@@ -16,6 +16,7 @@ from .markers import MarkerFindings
 from .noise_calibration import range_bins
 from .sightings import AMBIGUOUS, Sightings, TrueErrors, in_log
 
+BY_ODOMETRY = "Path by odometry"
 HEIGHT = 180  # points
 LEAST_BIN = 5  # sightings; a range bin with fewer shows no mean
 
@@ -32,7 +33,7 @@ def figures(f: MarkerFindings) -> list[ReportFigure]:
         made += _true_figures(f.sightings, f.true)
     caption = "The odometry alone, from the prior's pose (dot): the markers correct its drift."
     path = Path(f.log.dead_reckoned(), "dead reckoning", COLOURS[0], 1.2, (0, (4, 1.5)))
-    return [*made, path_figure(f, "Path by odometry", caption, path)]
+    return [*made, path_figure(f, BY_ODOMETRY, caption, path)]
 
 
 def _ranges(f: MarkerFindings) -> ReportFigure:

@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.factors import Truth
+from ...core.factors import Log, Truth
 from ...core.se2 import Array
 from ...core.truth.doubts import headings_known
 from ...datasets.inertial.open import OpenedImu, beside
@@ -159,6 +159,16 @@ class MarkerFindings(Findings):
         return {"pictures": pictures, "noise": noise, "consistent": CONSISTENT}
 
 
+Observe = Callable[[FrameSightings], None]
+
+
+class Gathered(NamedTuple):
+    """The findings in a recording, and the file of the tags' poses that is still to be written, if one is wanted."""
+
+    findings: MarkerFindings
+    write_poses: Callable[[], Sequence[Path]]
+
+
 def detect(
     recording: Recording,
     truth: Truth | None,
@@ -173,6 +183,24 @@ def detect(
     markers found so far. InputError where no frame can be used, where the noise is to be calibrated without a truth,
     where something cannot be written, and for a remark if strict.
     """
+
+    def make(frames: Recording, observe: Observe) -> Log:
+        return beside(build_log(frames, observe), inertial)
+
+    found = gathered(recording, truth, request, advance, make, start_given)
+    written(request, found.findings)
+    return replace(found.findings, poses=found.write_poses())
+
+
+def gathered(
+    recording: Recording,
+    truth: Truth | None,
+    request: Request,
+    advance: Callable[[int], None],
+    make: Callable[[Recording, Observe], Log],
+    start_given: bool = True,
+) -> Gathered:
+    """Detects the markers of a recording while `make` makes its log; InputError as in `detect`."""
     if request.calibrate_noise and (truth is None or truth.map is None or not len(truth.t)):
         raise InputError(
             f"{request.source}: has no truth for --calibrate-noise, expected the robot's poses (truth.tum) and the "
@@ -202,7 +230,7 @@ def detect(
             advance(detection.found)
 
     with request.preview or nullcontext():
-        made = beside(build_log(replace(recording, frames=frames()), observe), inertial)
+        made = make(replace(recording, frames=frames()), observe)
         log, known = with_truth(made, truth, 0, start_given)
     sightings = detection.sightings()
     causes = [plausible_length(first, markers)]
@@ -227,10 +255,11 @@ def detect(
         causes=[one for one in causes if one is not None],
         pictures=contact.pictures(),
     )
-    written(request, findings)
-    if tags is None:
-        return findings
-    return replace(findings, poses=tags.write(log, {name: one.mounting for name, one in cameras.items()}))
+
+    def write_poses() -> Sequence[Path]:
+        return [] if tags is None else tags.write(log, {name: one.mounting for name, one in cameras.items()})
+
+    return Gathered(findings, write_poses)
 
 
 def _numbers(camera: OfCamera) -> dict[str, int]:

@@ -13,16 +13,12 @@ is the first camera of this machine. Recordings of laser scans are opened by `sc
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ...core.errors import InputError
 from ...core.factors import Dataset, Truth
-from ...core.options import option
 from ...frontend.markers.pipeline import Recording, build_log
 from ...frontend.wheels.commands import Commanded, Commands, Speeds
 from ...frontend.wheels.motion import Motion
@@ -31,16 +27,11 @@ from ...frontend.wheels.track import Track
 from ..bags.bag import Bag, is_bag
 from ..bags.topics import found as found_topics
 from ..bags.topics import plain
-from ..depth.open import build as build_depth
-from ..depth.open import open_depth
 from ..inertial.open import OpenedImu, beside, open_imu
 from ..prior import assumed
 from ..readings import COMMANDS, ODOMETRY, TICKS, Readings
-from ..registry import Named, Source
 from ..robot_files import ROBOT, robot_beside, settings_beside
 from ..scans.bag_scans import SCAN
-from ..scans.open import ScanTopics, open_scans
-from ..scans.open import build as build_scans
 from ..truth import with_truth
 from .camera_frames import of_camera
 from .in_order import InOrder
@@ -58,37 +49,6 @@ class Opened(NamedTuple):
     start_given: bool = True  # by [prior] in robot.toml
     inertial: OpenedImu | None = None
     pictures: bool = True  # False: only tags that another program found, without the images
-
-
-@dataclass(frozen=True)
-class Options(Named):
-    """The recording's path and robot."""
-
-    path: str | None = option(None, "the folder of the recording, with its robot.toml; or a bag or video beside one")
-    robot: str | None = option(None, "another robot.toml to use")
-    scan: str | None = option(None, "topic of the laser scans in a bag with several")
-    odometry: str | None = option(None, "topic of the odometry in a bag of laser scans with several")
-    imu: bool = option(True, "the turns of a gyro that the recording has are in the log, beside its odometry")
-
-
-def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
-    """A recording of your own, of a camera, with or without depth, or a laser scanner: recording[path=FOLDER]."""
-    if options.path is None:
-        raise InputError("option path of dataset recording is not given, expected its folder: recording[path=FOLDER].")
-    if is_live(Path(options.path)):
-        raise InputError(f"option path of dataset recording: found {options.path}, expected a recording, not a camera.")
-    file = None if options.robot is None else Path(options.robot)
-    scans = open_scans(Path(options.path), file, ScanTopics(options.scan, options.odometry))
-    if scans is not None:
-        return build_scans(scans if options.imu else scans._replace(inertial=None))
-    depth = open_depth(Path(options.path), file)
-    if depth is not None:
-        return build_depth(depth if options.imu else depth._replace(inertial=None))
-    frames = open_recording(Path(options.path), None if file is None else read_described(file))
-    return build(frames if options.imu else frames._replace(inertial=None))
-
-
-source = Source(make, Options, portable=False)  # OpenCV's arithmetic
 
 
 def build(opened: Opened) -> Dataset:

@@ -14,10 +14,11 @@
     [topics]     image, encoder, odometry, commands, camera_info, tags
     [frames]     source, fps, start
     [imu]        as `inertial.robot` reads it
+    [laser]      as `scans.robot` reads it, of a robot with a scanner as well
 
 Only [markers] dictionary and side are required, and not of tags whose poses another program found. With several
-cameras, each named in a table of its own, [frames] and the topics of frames are in these. [laser] in its place is read
-by `scans`, [depth] by `depth`. Lengths are in m, angles in rad, times in s.
+cameras, each named in a table of its own, [frames] and the topics of frames are in these. [laser] in place of [markers]
+is read by `scans`, [depth] by `depth`. Lengths are in m, angles in rad, times in s.
 """
 
 import shutil
@@ -49,6 +50,7 @@ from ..prior import read_prior
 from ..robot_files import CALIBRATION, file_of
 from ..robot_limits import check_limits
 from ..robot_tables import TRACK, cameras_in, floors_in, names_of, numbers_in, track_noise, without_none
+from ..scans.robot import LaserRobot, laser_robot_in
 from .robot_camera import CAMERA, TOPICS, FrameSource, frames_in, of_camera
 from .rosbag import Topics
 
@@ -93,6 +95,7 @@ class Robot:
     noise: Noise = field(default_factory=ProportionalNoise)
     prior: Prior | None = None  # None: nobody gave the start
     imu: ImuTable | None = None
+    laser: LaserRobot | None = None  # of a robot with a scanner as well
     topics: Topics = field(default_factory=Topics)
     frames: FrameSource = field(default_factory=FrameSource)
     views: Mapping[str, "Robot"] = field(default_factory=dict[str, "Robot"])  # name of a camera -> with that one alone
@@ -119,7 +122,7 @@ def read_robot(path: Path) -> Robot:
         "imu",
     )
     file = TomlTable.read(path).only(("name", *tables, "laser", "depth"))
-    if file.has("laser"):
+    if file.has("laser") and not file.has("markers"):
         raise file.refused("laser", "is of a robot with a scanner, expected [markers], for one with a camera.")
     if file.has("depth"):
         raise file.refused("depth", "is of a robot with a depth camera, expected [markers], for one with a camera.")
@@ -150,6 +153,7 @@ def read_robot(path: Path) -> Robot:
         noise=_noise(file.table("noise")),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
         imu=imu_in(file),
+        laser=laser_robot_in(file) if file.has("laser") else None,
         topics=Topics(**{key: topics.text(key) for key in topics.entries}),
         frames=frames_in(frames),
         lacks={
@@ -234,6 +238,7 @@ def write_robot(path: Path, robot: Robot) -> None:
         "prior": {} if robot.prior is None else _prior(robot.prior),
         "topics": robot.topics._asdict(),
         "imu": {} if robot.imu is None else robot.imu.words,
+        "laser": {} if robot.laser is None else robot.laser.words,
         "frames": {} if robot.frames == FrameSource() else asdict(robot.frames),
     }
     try:

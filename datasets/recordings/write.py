@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -19,6 +19,8 @@ from ...core.errors import InputError
 from ...core.factors import Truth
 from ...frontend.camera.camera import Camera
 from ...frontend.inertial.imu import Imu
+from ...frontend.laser.recording import LaserRecording
+from ...frontend.laser.settings import Settings
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Recording
 from ...frontend.wheels.motion import Drift
@@ -27,6 +29,8 @@ from ...frontend.wheels.track import Track
 from ..inertial.imu_csv import AXES, IMU
 from ..inertial.robot import ImuTable
 from ..robot_files import ROBOT
+from ..scans.robot import LaserRobot
+from ..scans.scans_csv import SCANS, write_scans_csv
 from ..truth import write_truth
 from .new_folders import new_folders
 from .robot import Robot, write_robot
@@ -47,15 +51,33 @@ FORMATS = {
 _Add = Callable[[float, Image, str], None]  # writes the next frame, at its time (s), of the camera of that name
 
 
-def write(places: Mapping[Path, str], recording: Recording, truth: Truth | None, inertial: Imu | None = None) -> None:
-    """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`, with its IMU.
+class Beside(NamedTuple):
+    """Readings of sensors beside the cameras."""
+
+    inertial: Imu | None = None
+    scans: LaserRecording | None = None
+    settings: Settings | None = None  # of the scanner's front end
+
+
+def write(
+    places: Mapping[Path, str],
+    recording: Recording,
+    truth: Truth | None,
+    inertial: Imu | None = None,
+    scans: LaserRecording | None = None,
+    settings: Settings | None = None,
+) -> None:
+    """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`, with IMU and scans.
+
+    `settings` are those of the scanner's front end.
 
     A folder must not exist or be empty, and appears complete or not at all. InputError if one cannot be written, or the
     recording has no image.
     """
+    readings = Beside(inertial, scans, settings)
     with new_folders(places) as beside, ExitStack() as stack:
         writers = [
-            stack.enter_context(_writer(beside[folder], kind, recording, inertial)) for folder, kind in places.items()
+            stack.enter_context(_writer(beside[folder], kind, recording, readings)) for folder, kind in places.items()
         ]
         latest = dict.fromkeys(recording.detectors, -np.inf)
         for number, frame in enumerate(recording.frames):
@@ -71,10 +93,10 @@ def write(places: Mapping[Path, str], recording: Recording, truth: Truth | None,
             raise InputError(f"{recording.name}: found no frame with an image, expected at least one.")
         stack.close()
         for place in places:
-            _write_words(beside[place], recording, truth, places[place], inertial)
+            _write_words(beside[place], recording, truth, places[place], readings)
 
 
-def _writer(folder: Path, kind: str, recording: Recording, inertial: Imu | None) -> AbstractContextManager[_Add]:
+def _writer(folder: Path, kind: str, recording: Recording, readings: Beside) -> AbstractContextManager[_Add]:
     match kind:
         case "frames":
             return _of_cameras(folder, recording, _files)
@@ -83,7 +105,7 @@ def _writer(folder: Path, kind: str, recording: Recording, inertial: Imu | None)
         case "mp4":
             return _of_cameras(folder, recording, partial(_video, name="drive.mp4", codec="mp4v"))
         case "ros1" | "ros2" | "mcap":
-            return _bag(folder, recording, kind, inertial)
+            return _bag(folder, recording, kind, readings)
         case _:
             raise InputError(f"format: found {kind!r}, expected one of {', '.join(FORMATS)}.")
 
@@ -156,10 +178,10 @@ def _video(folder: Path, name: str, codec: str) -> Generator[_Next]:
 
 
 @contextmanager
-def _bag(folder: Path, recording: Recording, kind: Kind, inertial: Imu | None) -> Generator[_Add]:
+def _bag(folder: Path, recording: Recording, kind: Kind, readings: Beside) -> Generator[_Add]:
     """A bag, with readings and frames in order of time."""
     topics = {name: topics_of(name) for name in recording.detectors}
-    with BagWriter(folder, kind, recording.motion, inertial) as bag:
+    with BagWriter(folder, kind, recording.motion, readings.inertial, readings.scans) as bag:
 
         def add(t: float, image: Image, camera: str) -> None:
             bag.readings(t)
@@ -206,9 +228,13 @@ def imu_table(imu: Imu, *, bag: bool) -> ImuTable:
     return ImuTable(gyro="rad/s", accelerometer=None if imu.accel is None else "m/s^2")
 
 
-def _write_words(folder: Path, recording: Recording, truth: Truth | None, kind: str, inertial: Imu | None) -> None:
-    """robot.toml, calibration.yaml, the ground truth if known, and imu.csv where readings are in files."""
-    robot = _robot(recording)
+def _write_words(folder: Path, recording: Recording, truth: Truth | None, kind: str, readings: Beside) -> None:
+    """robot.toml, calibration.yaml, the ground truth if known, imu.csv and scans.csv where readings are in files."""
+    robot, (inertial, scans, settings) = _robot(recording), readings
+    if scans is not None:
+        robot = replace(robot, laser=LaserRobot(pose=scans.scanner.pose, settings=settings or Settings()))
+        if kind not in NAMES:
+            write_scans_csv(folder / SCANS, scans.t, scans.scanner, scans.ranges)
     if inertial is not None:
         robot = replace(robot, imu=imu_table(inertial, bag=kind in NAMES))
         if kind not in NAMES:

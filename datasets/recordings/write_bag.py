@@ -1,4 +1,4 @@
-"""Writes a drive as a ROS bag: raw images, the camera's calibration with each, counters or poses, and an IMU.
+"""Writes a drive as a ROS bag: raw images, the camera's calibration with each, counters or poses, an IMU and a scanner.
 
 The topics and types are those that `rosbag` reads; headers have the same times as the bag.
 """
@@ -16,6 +16,7 @@ from ...core.errors import InputError
 from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
 from ...frontend.inertial.imu import Imu
+from ...frontend.laser.recording import LaserRecording
 from ...frontend.markers.aruco import Image
 from ...frontend.wheels.motion import Motion
 from ...frontend.wheels.ticks import Wheels
@@ -23,6 +24,7 @@ from ...frontend.wheels.track import Track
 from ..bags.cameras import CAMERA_INFO, COMPRESSED, IMAGE
 from ..bags.odometry import ODOMETRY
 from ..inertial.imu_messages import IMU, NOT_GIVEN
+from ..scans.scan_messages import SCAN
 from .rosbag import ENCODER, Topics
 
 Kind = Literal["ros1", "ros2", "mcap"]
@@ -40,7 +42,7 @@ def topics_of(camera: str) -> Topics:
     return TOPICS._replace(image=f"/{camera}/image_raw", camera_info=f"/{camera}/camera_info")
 
 
-IMU_TOPIC = "/imu"
+IMU_TOPIC, SCAN_TOPIC = "/imu", "/scan"
 
 DEPTH, DEPTH_INFO = "/camera/depth_registered/image_raw", "/camera/depth_registered/camera_info"
 """Topics of depth images and their camera."""
@@ -51,16 +53,25 @@ Encoding = Literal["16UC1", "32FC1", "compressedDepth"]
 class BagWriter:
     """Writes one bag; a context manager. Times are s; messages must be written in order."""
 
-    def __init__(self, folder: Path, kind: Kind, motion: Motion | None, imu: Imu | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        kind: Kind,
+        motion: Motion | None,
+        imu: Imu | None = None,
+        scans: LaserRecording | None = None,
+    ) -> None:
         from rosbags.rosbag1 import Writer as Writer1
         from rosbags.rosbag2 import StoragePlugin
         from rosbags.rosbag2 import Writer as Writer2
         from rosbags.typesys import Stores, get_typestore
 
-        self._folder, self._kind, self._motion, self._imu = folder, kind, motion, imu
+        self._folder, self._kind, self._motion, self._imu, self._scans = folder, kind, motion, imu, scans
         moved = motion.t if isinstance(motion, Wheels | Track) else np.zeros(0)
-        self._moved = len(moved)  # readings of the motion, before those of the IMU
-        times = np.concatenate((moved, np.zeros(0) if imu is None else imu.t))
+        self._moved = len(moved)  # readings of the motion, before those of the IMU and the scans
+        inertial, scanned = (np.zeros(0) if one is None else one.t for one in (imu, scans))
+        self._felt = len(moved) + len(inertial)
+        times = np.concatenate((moved, inertial, scanned))
         self._order = np.argsort(times, kind="stable")
         self._times = times[self._order]
         self._written = 0  # readings
@@ -126,13 +137,15 @@ class BagWriter:
         )  # fmt: skip
 
     def readings(self, t: float) -> None:
-        """The readings of wheel counters or integrated poses, and of an IMU, up to `t`, from those written before."""
+        """The readings of counters or integrated poses, of an IMU and a scanner, up to `t`, from those before on."""
         upto = int(np.searchsorted(self._times, t, "right"))
         for row in self._order[self._written : upto].tolist():
             if row < self._moved:
                 self._reading(row)
-            else:
+            elif row < self._felt:
                 self._inertial(row - self._moved)
+            else:
+                self._scan(row - self._felt)
         self._written = upto
 
     def _inertial(self, row: int) -> None:
@@ -145,6 +158,16 @@ class BagWriter:
             imu.t[row], IMU_TOPIC, IMU, orientation=self._message("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
             orientation_covariance=nothing, angular_velocity=rate, angular_velocity_covariance=unknown,
             linear_acceleration=force, linear_acceleration_covariance=nothing if imu.accel is None else unknown,
+        )  # fmt: skip
+
+    def _scan(self, row: int) -> None:
+        assert self._scans is not None
+        scanner, ranges = self._scans.scanner, self._scans.ranges[row].astype(np.float32)
+        angles = scanner.angles
+        self._write(
+            self._scans.t[row], SCAN_TOPIC, SCAN, angle_min=float(angles[0]), angle_max=float(angles[-1]),
+            angle_increment=float(angles[1] - angles[0]), time_increment=0.0, scan_time=0.0, range_min=0.0,
+            range_max=scanner.most, ranges=ranges, intensities=np.zeros(0, np.float32),
         )  # fmt: skip
 
     def _reading(self, row: int) -> None:
@@ -185,6 +208,8 @@ class BagWriter:
             if type_name == ODOMETRY
             else "camera"
             if type_name in (IMAGE, COMPRESSED, CAMERA_INFO)
+            else "laser"
+            if type_name == SCAN
             else "base_link"
         )
         header = self._types.types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame, **count)

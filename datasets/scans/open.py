@@ -1,4 +1,4 @@
-"""Opens a recording of laser scans: a ROS bag, a CARMEN log, or a folder of either with the robot's robot.toml."""
+"""Opens a recording of laser scans: a ROS bag, a CARMEN log, scans.csv, or a folder of one with its robot.toml."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -25,8 +25,9 @@ from ..truth import read_truth, with_truth
 from .bag_scans import read_bag
 from .robot import LaserRobot, read_laser_robot
 from .scan_messages import ECHOES, SCAN
+from .scans_csv import SCANS, read_scans_csv
 
-_KINDS = "a ROS bag (.bag, .mcap, or a folder with metadata.yaml) or a CARMEN log (.clf)"
+_KINDS = f"a ROS bag (.bag, .mcap, or a folder with metadata.yaml), a CARMEN log (.clf) or {SCANS}"
 
 
 class OpenedScans(NamedTuple):
@@ -71,15 +72,8 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
         robot = replace(robot, topic=topics.scan or robot.topic, odometry_topic=topics.odometry or robot.odometry_topic)
     if not path.exists():
         raise InputError(f"{path}: there is no such file or folder, expected a recording.")
-    found = _source(path, robot)
-    check_regular(found)
-    if is_bag(found):
-        recording, remarks = read_bag(found, robot)
-        remarks += read_alone(found)
-    elif is_carmen(found):
-        recording, remarks = _carmen(found, robot)
-    else:
-        raise InputError(f"{found}: found a file of an unknown kind, expected {_KINDS}.")
+    found = source_of(path, robot)
+    recording, remarks = read_source(found, robot)
     home = path if path.is_dir() and (path != found or (path / ROBOT).is_file()) else found.absolute().parent
     truth = None if file is None else read_truth(home)
     notes, wheels = dict(recording.notes), recording.odometry
@@ -87,6 +81,19 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
     inertial = open_imu(found, home, robot.imu, odometry, notes, remarks)
     recording = replace(recording, notes=notes)
     return OpenedScans(recording, robot.settings, truth, found, remarks, robot.prior is not None, inertial)
+
+
+def read_source(found: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
+    """The scans of a bag, a CARMEN log or scans.csv as the robot wants them, and remarks; InputError for others."""
+    check_regular(found)
+    if is_bag(found):
+        recording, remarks = read_bag(found, robot)
+        return recording, remarks + read_alone(found)
+    if is_carmen(found):
+        return _carmen(found, robot)
+    if found.suffix.lower() == ".csv":
+        return _table(found, robot)
+    raise InputError(f"{found}: found a file of an unknown kind, expected {_KINDS}.")
 
 
 def build(opened: OpenedScans) -> Dataset:
@@ -111,13 +118,24 @@ def _carmen(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     return recording, remarks
 
 
+def _table(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
+    """The scans of a CSV file, which has no odometry of its own."""
+    for setting, given in (("topic", robot.topic), ("odometry", robot.odometry_topic)):
+        if given is not None:
+            raise InputError(f"{path}: {setting} is given, {given!r}, and a CSV file has no topics; expected a bag.")
+    if robot.odometry == "wheels":
+        raise InputError(f'{path}: a CSV file of scans has no odometry, expected [laser] odometry = "none" or "auto".')
+    recording, remarks = read_scans_csv(path, robot)
+    return recording, remarks
+
+
 def _has_scans(path: Path) -> bool:
     return any(one.type in (SCAN, ECHOES) and one.messages for one in Bag(path).listed())
 
 
-def _source(path: Path, robot: LaserRobot) -> Path:
-    """The bag or log that `path` is or contains; of several the one that robot.toml names."""
+def source_of(path: Path, robot: LaserRobot) -> Path:
+    """The bag, log or table that `path` is or contains; of several the one that robot.toml names."""
     if not path.is_dir() or is_whole(path, robot.source):
         return path
-    inside = sorted(one for one in path.iterdir() if is_bag(one) or is_carmen(one))
+    inside = sorted(one for one in path.iterdir() if is_bag(one) or is_carmen(one) or one.name == SCANS)
     return recording_in(path, "laser", robot.source, inside, _KINDS)

@@ -10,13 +10,15 @@
 Only [laser] is required. Lengths are in m, angles in rad, times in s.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...core.factors import Prior
 from ...core.se2 import Array
+from ...core.toml.table import TomlTable
 from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
 from ..inertial.robot import ImuTable, imu_in
@@ -47,14 +49,31 @@ class LaserRobot:
     prior: Prior | None = None  # None: the first pose of the odometry
     imu: ImuTable | None = None
 
+    @property
+    def words(self) -> dict[str, Any]:
+        """The table [laser], beside others: the scanner's place, and what is not by default."""
+        given = {name: getattr(self, name) for name in ("topic", "source", "min_range", "max_range", "odometry")}
+        given |= {name: getattr(self.settings, name) for name in names_of(Settings)}
+        default = {name: getattr(LaserRobot, name) for name in ("min_range", "max_range", "odometry")} | asdict(
+            Settings()
+        )
+        own = {name: value for name, value in given.items() if value is not None and value != default.get(name)}
+        return {"pose": [0.0, 0.0, 0.0] if self.pose is None else self.pose.tolist(), **own}
+
 
 def read_laser_robot(path: Path) -> LaserRobot | None:
     """Reads the robot in `path`, a robot.toml; None if it has no [laser]. InputError names a fault's line and key."""
     file = robot_of(path, "laser", ("topics",))
     if file is None:
         return None
+    file.table("topics").only(("odometry",))
+    return laser_robot_in(file)
+
+
+def laser_robot_in(file: TomlTable) -> LaserRobot:
+    """The robot with a laser scanner of a robot.toml, which may have other sensors, too."""
     laser = file.table("laser").only((*_OWN, *names_of(Settings)))
-    topics = file.table("topics").only(("odometry",))
+    topics = file.table("topics")
     least = laser.number("min_range", Scanner.least, least=0)
     most = laser.number("max_range", Scanner.most, above=0)
     pose = laser.numbers("pose", 3) if laser.has("pose") else None
@@ -78,7 +97,7 @@ def read_laser_robot(path: Path) -> LaserRobot | None:
         odometry=laser.choice("odometry", "auto", ("auto", "wheels", "none")),
         max_gap=laser.number("max_gap", LaserRobot.max_gap, above=0),
         odom_frame=laser.text_or_none("odom_frame") or LaserRobot.odom_frame,
-        settings=settings_in(laser, Settings, path.parent),
+        settings=settings_in(laser, Settings, Path(laser.file).parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
         imu=imu_in(file),
     )

@@ -4,6 +4,7 @@ The world is simulated, but its frames are images, processed by the same front e
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,12 +12,17 @@ from ...core.elementary import hypot, sincos
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Dataset, Log, Prior, Truth
 from ...core.options import option
-from ...core.se2 import Ints
+from ...core.se2 import Array, Ints
 from ...frontend.camera.camera import Camera
+from ...frontend.laser.recording import LaserRecording
+from ...frontend.laser.settings import Settings
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.markers import Markers, find
 from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
 from ...frontend.markers.pipeline import Recording, build_log
+from ...frontend.several.log import Several
+from ...frontend.several.log import build_log as build_several
+from ...frontend.several.wheels_path import walked
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.ticks import Ticks, Wheels
 from ..hidden_ids import HiddenIds
@@ -31,6 +37,7 @@ from ..rendering.cameras import CAMERAS
 from ..rendering.disturbances import Disturbances, raised, take
 from ..rendering.render import Renderer
 from ..rendering.room import furnish, furnish_with_boxes
+from ..rendering.room_scans import RoomScans, scanned
 from ..rendering.scrambled import scrambled
 from ..rendering.surfaces import paint
 from ..wheel_faults import WheelFaults, faulty_clock, faulty_wheels
@@ -60,11 +67,16 @@ PROPORTIONAL = ProportionalNoise(k_range=0.002, k_bearing=0.002, floor_range=0.0
 AROUND = {"front": 0.0, "back": 180.0, "left": 90.0, "right": -90.0}
 """Names of several cameras, and by how many degrees they are turned about the robot's axis from the one ahead."""
 
+MATCHING = Settings(stamp_sd=0.0)
+"""Of the scanner's front end: its scans are taken at once, and at the times that they say."""
+
 BERTH = 0.3  # m, least distance of the robot's middle from a box
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSignatures, WheelFaults, CameraOptions):
+class Options(
+    HiddenIds, OnMap, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSignatures, WheelFaults, RoomScans, CameraOptions
+):
     """The drive and the room."""
 
     markers: int = option(24, "markers in the room, half of them on the floor", minimum=2, maximum=50)
@@ -110,6 +122,12 @@ class Options(HiddenIds, OnMap, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSi
     )
     outliers: float = option(0.0, "share of sightings with another marker's id", minimum=0.0, maximum=0.5)
 
+    @property
+    def frames(self) -> int:
+        """The number of frames of a camera."""
+        # A little more, so that 2.3 s at 10 Hz are 23 frames after the first and not 22.
+        return int(self.seconds * self.frame_rate + 1e-9) + 1
+
 
 def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
     """Rendered camera frames of a room with ArUco markers, and wheel encoders; one room per seed."""
@@ -118,8 +136,9 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
             f"dataset aruco-room: found options unreadable={options.unreadable:g} and outliers={options.outliers:g}, "
             "expected one of them: a marker without an id has none to be wrong."
         )
-    recording, truth = record(options, rng)
-    log = build_log(recording)
+    recording, truth, scans = recorded(options, rng)
+    log = build_log(recording) if scans is None else build_several(Several(recording, scans, MATCHING))
+    truth = truth if scans is None else _at(log.t, truth, options)
     if options.unreadable:
         truth = truth._replace(assigned=_nearest(log, truth))
     if options.outliers == 0:
@@ -128,7 +147,21 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
     return swapped(log, truth, options.outliers, rng.spawn(1)[0])
 
 
+class Recorded(NamedTuple):
+    """A drive."""
+
+    recording: Recording
+    truth: Truth  # at the times of frames and scans
+    scans: LaserRecording | None  # with the wheels' motion
+
+
 def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth]:
+    """The camera's part of `recorded`, and the ground truth."""
+    recording, truth, _ = recorded(options, rng)
+    return recording, truth
+
+
+def recorded(options: Options, rng: np.random.Generator) -> Recorded:
     """Simulates the robot's sensors, with frames rendered on demand, and the ground truth.
 
     InputError for exposures that overlap the next frame's, a shutter slower than the frames, boxes without room, and
@@ -145,8 +178,7 @@ def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth
     room = furnish(*ROOM, SIDE, options.markers, layout)
     path, _ = LOOP.at(np.linspace(0, 2 * np.pi, 200))
     room = furnish_with_boxes(room, options.boxes, path, BERTH, layout)
-    # A little more, so that 2.3 s at 10 Hz are 23 frames after the first and not 22.
-    frame_times = np.arange(int(options.seconds * options.frame_rate + 1e-9) + 1) / options.frame_rate
+    frame_times = np.arange(options.frames) / options.frame_rate
     tick_times = TICK * np.arange(int(np.ceil(frame_times[-1] / TICK)) + 2.0)
     poses, _ = drive(LOOP, options.speed, frame_times)
     (chance,) = layout.spawn(1)
@@ -184,7 +216,19 @@ def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth
         prior=Prior(poses[0], START_SD**2 * np.eye(3)),
         notes={"source": SOURCE},
     )
-    return recording, Truth(frame_times, poses, room.landmarks, None, "truth")
+    truth = Truth(frame_times, poses, room.landmarks, None, "truth")
+    t = options.scan_times(float(frame_times[-1]))
+    if not len(t):
+        return Recorded(recording, truth, None)
+    (beams,) = rng.spawn(1)
+    scans = scanned(room, lambda t: drive(LOOP, options.speed, t)[0], t, beams)
+    scans = replace(scans, odometry=walked(recording.motion, t), prior=recording.prior)
+    return Recorded(recording, _at(np.union1d(frame_times, t), truth, options), scans)
+
+
+def _at(t: Array, truth: Truth, options: Options) -> Truth:
+    """The truth at the times `t`, s."""
+    return truth._replace(t=t, poses=drive(LOOP, options.speed, t)[0])
 
 
 def _cameras(ahead: Camera, count: int) -> list[Camera]:

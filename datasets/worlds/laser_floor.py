@@ -21,8 +21,8 @@ from ..on_demand.fixes import WorldFixes
 from ..on_demand.gyro import WorldGyro
 from ..on_demand.slip import WorldSlip
 from ..registry import Source
+from ..rendering._casting import cast
 from ..wheel_faults import WheelFaults, faulty_clock, faulty_poses
-from ._casting import cast
 from .floor_plan import CORRIDOR, Plan, floor_plan
 
 SIZE, DEPTH = (36.0, 22.0), 5.0  # m: the floor, and the rooms outside of the corridor

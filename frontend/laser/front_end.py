@@ -6,11 +6,13 @@ only says where to look for loops.
 """
 
 from collections import Counter, deque
+from typing import NamedTuple
 
 import numpy as np
 
 from ...core.se2 import Array, between, compose, rotation
 from ...core.small_matrices import inverse
+from ._matching import Hold
 from .estimate import ScanStep, StepPoses
 from .finished import Finished
 from .guesses import beyond, wheels_cov
@@ -26,6 +28,18 @@ OFTEN = 0.1
 """s; scans in a burst are taken to be that far apart where a speed is computed."""
 
 
+class KeyScan(NamedTuple):
+    """The match of a step's scan on the matcher's path."""
+
+    pose: Array  # (3,) by its points and by what it was held to
+    information: Array  # (3, 3) of its points alone, in the axes of the path
+    hold: Hold | None  # None: it was not matched
+    base: int  # an earlier step, the first one that the submap has in which it was matched
+    counts: bool  # it was placed by its points, and so were all scans since the step before
+    doubt: Array  # (3, 3) in the axes of the step before: other places that the scans did not tell from theirs
+    stale: Array  # (3, 3) the covariance by its age
+
+
 class FrontEnd:
     """Takes scans in the order of time."""
 
@@ -36,6 +50,7 @@ class FrontEnd:
         self.scanner, self.settings, self.wheels, self.localiser = scanner, settings, wheels, localiser
         self.steps: list[ScanStep] = []
         self.loops: list[ScanLoop] = []
+        self.keys: list[KeyScan] = []  # of the steps
         self.t: list[float] = []
         self.finished = Finished(settings)
         self.turned_down: Counter[str] = Counter()
@@ -63,7 +78,7 @@ class FrontEnd:
             first = self.tracker.start(t, scan)
             self._record(t, first.pose)
             self._draw(first.pose, scan)
-            self._new_step(first, np.zeros(2))
+            self._new_step(first, np.zeros(2), 0)
             return
         for placed in self.tracker.take(t, motion, scan, self._active[0]):
             self._place(placed)
@@ -110,12 +125,13 @@ class FrontEnd:
         moved = between(self.path[-1], pose) / max(placed.t - self.t[-1], OFTEN)
         if not (placed.wheels and placed.points) or placed.off is not None:
             self._doubts.append(placed)
+        base = self._active[0].steps[0]
         if beyond(between(self._drawn[-1][0], pose), s.insert_step, s.insert_turn):
             self._draw(pose, placed.scan)
         new = beyond(between(self._poses.array[-1], pose), s.step, s.turn)
         self._record(placed.t, pose)
         if new:
-            self._new_step(placed, np.array([np.hypot(moved[0], moved[1]), abs(moved[2])]))
+            self._new_step(placed, np.array([np.hypot(moved[0], moved[1]), abs(moved[2])]), base)
 
     def _draw(self, pose: Array, scan: Scan) -> None:
         """Draws a scan into the active submaps, and starts and ends them."""
@@ -134,10 +150,11 @@ class FrontEnd:
             done.finish(self._way)
             self.finished.add(done, self.estimate)
 
-    def _new_step(self, placed: Placed, rate: Array) -> None:
-        """Ends a step: its odometry factor, and its loops."""
+    def _new_step(self, placed: Placed, rate: Array, base: int) -> None:
+        """Ends a step: its odometry factor, and its loops; `base` is the first step of the submap it was matched in."""
         s, k, pose, scan = self.settings, len(self.steps), placed.pose, placed.scan
         self._rates.append(rate)
+        doubt, counts = np.zeros((3, 3)), all(one.points for one in self._doubts)
         if k == 0:
             self.steps.append(ScanStep(placed.t, 0, pose, np.zeros(3), np.zeros((3, 3))))
             self._estimate.append(pose, 0)
@@ -149,10 +166,13 @@ class FrontEnd:
             fused = fused + (R.T @ placed.information @ R if points else 0)
             cov = s.explained * inverse(fused) + np.diag([s.floor**2, s.floor**2, s.turn_floor**2])
             cov += self._stale(k) + self._stale(k - 1)
-            cov += sum(np.outer(one.off, one.off) for one in self._doubts if one.off is not None)
+            doubt += sum(np.outer(one.off, one.off) for one in self._doubts if one.off is not None)
+            cov += doubt
             self._doubts = []
             self.steps.append(ScanStep(placed.t, len(self.t) - 1, pose, delta, (cov + cov.T) / 2))
             self._estimate.append(compose(self.estimate[-1], delta), len(self.loops))
+        key = KeyScan(pose, placed.information, placed.hold, base, counts, doubt, self._stale(k))
+        self.keys.append(key)
         self._poses.append(pose)
         for submap in self._active:
             if not submap.steps or submap.steps[-1] != k:

@@ -25,6 +25,9 @@ class Settings:
         "known", "unknown: the robot may be anywhere on the grid, and is found by its scans", choices=STARTS
     )
     loop_every: int = option(1, "steps from one search for loops to the next", minimum=1)
+    stamp_sd: float = option(
+        0.005, "sd of a scan's time, s: it is swept on the move, and stamps are off", minimum=0.0, maximum=0.1
+    )
 
     # submaps
     insert_step, insert_turn = 0.15, 0.12  # between scans that are drawn
@@ -42,7 +45,6 @@ class Settings:
     lost = 0.8  # share of points explained below which the scan is searched for
     explained = 0.21  # part of the stated covariance of a match that holds: points err by 14 mm
     floor, turn_floor = 0.0016, 0.00045  # sd of a step that the information of the points does not know
-    stamp_sd = 0.005  # s; what a scan swept on the move, or a stamp that is off, adds by the speed
 
     # odometry: sd of a motion
     still, by_way = 0.03, 0.15  # m, and m a metre

@@ -101,6 +101,7 @@ class Placed(NamedTuple):
     anchor: Anchor | None = None  # None: wheels and scans agree
     lost: bool = False  # from where it was expected it did not match
     searched: bool = False  # a search found it
+    hold: Hold | None = None  # to which it was held while it was matched; None: it was not matched
 
 
 class Tracker:
@@ -181,9 +182,9 @@ class Tracker:
             if matched:
                 pose, information, explained = match(grid, scan.few, start, hold, s.sd, reach, ITERATIONS)
                 explained += UNKNOWN * (1 - max(known(grid, pose, scan.few), explained))
-            score = explained - COST * min(guess.surprise(last.pose, pose), JERK)
+            score, by = explained - COST * min(guess.surprise(last.pose, pose), JERK), hold if matched else None
             if motion is None:
-                return Placed(t, scan, pose, information, explained, score, 0.0, True)
+                return Placed(t, scan, pose, information, explained, score, 0.0, True, hold=by)
             anchor, agrees = None, distance(pose, first) < APART
             if guess.odd or not agrees:
                 then = last.anchor or Anchor(last.t, last.pose, np.zeros(3))
@@ -193,7 +194,7 @@ class Tracker:
             most = min(max(late, SUM), FARTHEST) if doubtful else FARTHEST
             off = min(distance(pose, guess.since or first), most)
             score -= COST * off * (anchor is None)
-            return Placed(t, scan, pose, information, explained, score, off, agrees, anchor=anchor)
+            return Placed(t, scan, pose, information, explained, score, off, agrees, anchor=anchor, hold=by)
 
         if not len(scan.few):
             return [placed(first.pose, first, AT_FIRST, False)._replace(lost=True)]

@@ -42,6 +42,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "boards": {TOP, "camera", "markers"},
         "maps": {TOP, "camera"},
         "laser": {TOP, "maps"},
+        "several": {TOP, "wheels", "markers", "laser"},
         "depth": {TOP, "wheels", "camera", "maps"},
     },
     "backends": {

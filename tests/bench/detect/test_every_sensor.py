@@ -33,6 +33,12 @@ def markers(folder: Path) -> None:
     write({folder: "frames"}, *aruco_room.record(aruco_room.Options(seconds=3.0), np.random.default_rng(1)))
 
 
+def several(folder: Path) -> None:
+    options = aruco_room.Options(seconds=5.0, frame_rate=2.0, scan_rate=5.0)
+    recording, truth, scans = aruco_room.recorded(options, np.random.default_rng(1))
+    write({folder: "frames"}, recording, truth, None, scans, aruco_room.MATCHING)
+
+
 def laser(folder: Path) -> None:
     recording = floor.floor_drive()
     floor.carmen(folder / "floor.clf", recording)
@@ -60,6 +66,13 @@ SENSORS = {
         r"^\d+ sightings of \d+ markers in 16 frames, \d\.\d\d a frame; \d+ saw none\. Corners fit to .* px\. "
         r"Against the truth, ranges are .*\. Left out: \d+ sightings beyond 3 m\. report",
         "landmarks.csv contact.png", 7, 1.0,
+    ),
+    "several": Sensor(
+        several,
+        r"^Frames and 25 scans of 201 beams in 5\.00 s: \d+ steps over 1\.\d+ m, \d motions by the scans alone, "
+        r"0 loop closures\. \d+ sightings of \d+ markers in 11 frames, .* Every scan matched the last metres\. .*"
+        r"Left out: .* Turned down: nothing\. report",
+        "landmarks.csv loops.csv scans.npz contact.png map.png", 8, 2.5,
     ),
     "laser": Sensor(
         laser,

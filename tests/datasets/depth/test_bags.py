@@ -17,7 +17,7 @@ from fuzzing import survivors
 from refusals import refusal
 from slamduel.datasets.depth.open import OpenedDepth, open_depth
 from slamduel.datasets.depth.registering import Registration
-from slamduel.datasets.recordings.recording import Options, make
+from slamduel.datasets.recordings.any_recording import Options, make
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import from_rpy, mounting
 from slamduel.frontend.depth.recording import DepthFrame

@@ -7,8 +7,9 @@ import pytest
 
 import bags
 from refusals import refused
-from slamduel.datasets.recordings.recording import Options as RecordingOptions
-from slamduel.datasets.recordings.recording import build, make, open_recording
+from slamduel.datasets.recordings.any_recording import Options as RecordingOptions
+from slamduel.datasets.recordings.any_recording import make
+from slamduel.datasets.recordings.recording import build, open_recording
 from slamduel.datasets.recordings.settings import read_described, read_settings
 from slamduel.frontend.markers.aruco import Image
 from slamduel.frontend.markers.markers import find

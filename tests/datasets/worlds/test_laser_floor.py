@@ -5,7 +5,7 @@ import pytest
 
 from slamduel.bench.plan.load import load
 from slamduel.core.se2 import Array, between
-from slamduel.datasets.worlds._casting import cast
+from slamduel.datasets.rendering._casting import cast
 from slamduel.datasets.worlds.floor_plan import DOOR, floor_plan
 from slamduel.datasets.worlds.laser_floor import NO_RETURN, Options, record
 from tiers import first_quick

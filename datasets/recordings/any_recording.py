@@ -1,0 +1,61 @@
+"""The dataset `recording`: a recording of any kind, by the sensors that its robot.toml describes."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...core.errors import InputError
+from ...core.factors import Dataset
+from ...core.options import option
+from ..depth.open import build as build_depth
+from ..depth.open import open_depth
+from ..registry import Named, Source
+from ..scans.open import OpenedScans, ScanTopics, open_scans
+from ..scans.open import build as build_scans
+from .open import is_live
+from .recording import Opened, build, open_recording
+from .settings import read_described
+from .several import SENSORS, OpenedSeveral, open_several
+from .several import build as build_several
+
+ALL = "all"
+
+
+@dataclass(frozen=True)
+class Options(Named):
+    """The recording's path and robot."""
+
+    path: str | None = option(None, "the folder of the recording, with its robot.toml; or a bag or video beside one")
+    robot: str | None = option(None, "another robot.toml to use")
+    scan: str | None = option(None, "topic of the laser scans in a bag with several")
+    odometry: str | None = option(None, "topic of the odometry in a bag of laser scans with several")
+    imu: bool = option(True, "the turns of a gyro that the recording has are in the log, beside its odometry")
+    sensors: str = option(
+        ALL, "of a recording with markers and a scanner: one log of both, or of one alone", choices=(ALL, *SENSORS)
+    )
+
+
+def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001 - files are not random
+    """A recording of your own, of cameras, with or without depth, and laser scanners: recording[path=FOLDER]."""
+    if options.path is None:
+        raise InputError("option path of dataset recording is not given, expected its folder: recording[path=FOLDER].")
+    if is_live(Path(options.path)):
+        raise InputError(f"option path of dataset recording: found {options.path}, expected a recording, not a camera.")
+    path, file = Path(options.path), None if options.robot is None else Path(options.robot)
+    topics = ScanTopics(options.scan, options.odometry)
+    several = open_several(path, file, topics, None if options.sensors == ALL else (options.sensors,))
+    scans = open_scans(path, file, topics) if several is None else several
+    if isinstance(scans, OpenedSeveral):
+        kept = scans if options.imu else scans._replace(frames=scans.frames._replace(inertial=None))
+        return build_several(kept)
+    if isinstance(scans, OpenedScans):
+        return build_scans(scans if options.imu else scans._replace(inertial=None))
+    depth = None if isinstance(scans, Opened) else open_depth(path, file)
+    if depth is not None:
+        return build_depth(depth if options.imu else depth._replace(inertial=None))
+    frames = scans or open_recording(path, None if file is None else read_described(file))
+    return build(frames if options.imu else frames._replace(inertial=None))
+
+
+source = Source(make, Options, portable=False)  # OpenCV's arithmetic
