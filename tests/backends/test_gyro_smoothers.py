@@ -75,12 +75,15 @@ CIRCLE = "circle[steps=150,gyro=0.05,gyro_bias=1,gyro_start=given,gyro_walk=0.00
 FLOOR = "laser-floor[gyro=0.05,gyro_bias=1,gyro_start=given,gyro_walk=0.005,slip_share=0.1]"
 
 
-@pytest.mark.parametrize("world", [CIRCLE, pytest.param(FLOOR, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("name", "options", "solver"), ALL)
-def test_it_is_in_worlds_whose_wheels_slip(name: str, options: dict[str, Any], solver: str, world: str) -> None:
-    log = load(world, 1).log
-    if registry.find(name).loops or not len(log.loop_to):
-        agree(name, options, solver, log)
+def test_it_is_where_wheels_slip(name: str, options: dict[str, Any], solver: str) -> None:
+    agree(name, options, solver, load(CIRCLE, 1).log)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "options", "solver"), [(*OWN[0], "own"), (*GTSAM[0], "gtsam")])
+def test_it_is_with_motions_and_loops_by_a_laser(name: str, options: dict[str, Any], solver: str) -> None:
+    agree(name, options, solver, load(FLOOR, 1).log)
 
 
 @pytest.mark.parametrize("seed", first_quick(range(4)))
