@@ -1,10 +1,10 @@
 """Partial sightings and fixes in a filter, and the late start of landmarks that one sighting leaves open: one layer.
 
 Of a landmark on the map, a range or a bearing corrects the belief as a whole sighting does. Of another one it is held
-back, and the pose is kept in the state (a clone, see `kept_poses`): when the held ones together place the landmark (see
-`..placing`), it enters the map without prior information, and all of them correct the belief at once, about the kept
-poses. So nothing is used twice, all cross-covariances are those of the measurements, and no earlier linearisation is at
-a place that may be wrong. Poses that nothing waits for leave the state, which is exact.
+back, and the pose is kept in the state (a clone, see `kept_poses`): when the held ones together place the landmark
+(see `..starting.placing`), it enters the map without prior information, and all of them correct the belief at once,
+about the kept poses. So nothing is used twice, all cross-covariances are those of the measurements, and no earlier
+linearisation is at a place that may be wrong. Poses that nothing waits for leave the state, which is exact.
 
 At most `MOST` sightings of a landmark wait; of more, the one is dropped whose neighbours along the way are closest.
 
@@ -24,7 +24,7 @@ from ...core.factors import Odometry, Prior, Step, Systematic
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ..api import Diverged
-from ..placing import placed
+from ..starting.placing import placed
 from ._ekf import AT_ROBOT
 from ._partial import NO_ENTRY, REFUSED, USED
 

@@ -16,9 +16,9 @@ from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, rotation
 from ..api import Expected
 from ..common_options import LOSSES
-from ..late_places import LatePlaces, Seen
 from ..newcomers import Newcomers
 from ..smoothing._graph import NEAR_SDS
+from ..starting.late_places import LatePlaces, Seen
 from ..vicinity import with_held
 from .gtsam_parts import ConstantKeys, fix_factors, part_factor
 

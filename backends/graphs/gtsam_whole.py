@@ -7,8 +7,8 @@ from ...core.factors import Log
 from ...core.partial import RANGE, PartialTable
 from ...core.se2 import Array
 from ...core.truth.errors import rows_of
-from ..late_places import Seen
 from ..models import place
+from ..starting.late_places import Seen
 from ._gtsam import BYTES, NEAREST, Factors, in_order, turned
 from .batch import chunks
 from .gtsam_parts import add_turns, fix_factors, part_factor

@@ -9,13 +9,13 @@ from ...core.partial import NO_PARTIAL, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import rows_of
 from ..api import Constant
-from ..late_places import somewhere
-from ..placing import placed
 from ..smoothing import _log
 from ..smoothing._graph import ALONE, FIX, LANDMARK, NO_VARIABLE, POSE, PRIOR
 from ..smoothing.arrays import with_rows
 from ..smoothing.forest import Forest
 from ..smoothing.maps import add_map, joint_map
+from ..starting.late_places import somewhere
+from ..starting.placing import placed
 
 HELD = 1e-9
 """Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""

@@ -10,9 +10,9 @@ from ...core.fixes import information
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ..api import Constant
-from ..late_places import LatePlaces, Seen
 from ..smoothing._graph import ALONE, NO_VARIABLE
 from ..smoothing.tables import Row, Tables
+from ..starting.late_places import LatePlaces, Seen
 from .constants import ConstantVariables
 
 SIX = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)
@@ -31,7 +31,7 @@ NO_ROWS = Rows(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 5)))
 
 
 class Parts:
-    """Converts them step by step. A landmark starts late, when partial sightings place it: see `..placing`."""
+    """Converts them step by step. A landmark starts late, when partial sightings place it: see `..starting.placing`."""
 
     def __init__(
         self,

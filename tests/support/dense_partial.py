@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slamduel.backends.gaussian.late_starts import FURTHER, MOST
-from slamduel.backends.placing import Place, placed
+from slamduel.backends.starting.placing import Place, placed
 from slamduel.core.factors import Log
 from slamduel.core.partial import RANGE
 from slamduel.core.se2 import Array, wrap

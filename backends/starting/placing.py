@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.partial import RANGE
-from ..core.se2 import Array, Ints
+from ...core.partial import RANGE
+from ...core.se2 import Array, Ints
 from ._placing import STARTS, best, minima
 
 CLEAR = 13.8

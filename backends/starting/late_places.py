@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.factors import Map
-from ..core.partial import RANGE
-from ..core.se2 import Array, Ints
+from ...core.factors import Map
+from ...core.partial import RANGE
+from ...core.se2 import Array, Ints
 from .placing import placed
 
 MORE = 1.1  # growth of a landmark's sightings after which it is placed again
