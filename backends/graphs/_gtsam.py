@@ -125,6 +125,8 @@ class Factors:
                 graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov), self.weighed))
         if self._robust and self._newcomers is not None:
             self._newcomers.move(step.odometry)
+        if self._late.waits:
+            self._late.move(step.odometry)
         if len(step.fixes.z):
             for one in fix_factors(here, self.constant.heading(graph, values), step.fixes):
                 graph.add(one)

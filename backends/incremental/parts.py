@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.factors import Map, Prior, Step
+from ...core.factors import Map, Odometry, Prior, Step
 from ...core.fixes import information
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
@@ -52,6 +52,15 @@ class Parts:
         self._first = 0  # of the step's rows, in the tables
         self.rows = list[Row]()
         """Those of the step so far; one that starts by a whole sighting may add errors of ranges held back."""
+
+    @property
+    def waits(self) -> bool:
+        """True while something is held back: then `move` needs every motion."""
+        return self._late.waits
+
+    def move(self, odometry: Odometry | None) -> None:
+        """Adds the motion to the next step."""
+        self._late.move(odometry)
 
     def add(self, k: int, step: Step, poses: Callable[[Sequence[int]], Array], since: int = 0) -> None:
         """Takes step `k`, after its whole sightings; `poses` gives (n, 3) those of n steps so far.

@@ -68,6 +68,9 @@ EARLY = 7.0  # offset of a root variable, in thresholds, that triggers a check e
 ENOUGH = 0.3
 """Share of the relinearize threshold by which the last pose may be off when it is eliminated."""
 
+SETTLING = 10
+"""Most relinearisations where a landmark of partial sightings starts."""
+
 LEAST = 1e6  # least work (multiplications) between full orderings
 
 NEAREST = 1e-3
@@ -115,6 +118,7 @@ class Smoother:
         if prior.map is not None:
             self._variable = add_map(forest, prior.map)
         self._parts = Parts(forest, prior, self._variable, self._start, self._hold)
+        self._late = False  # a landmark of partial sightings starts at this step
         self._touched = list[int]()  # poses with sightings of landmarks that this step starts
 
     def step(self, step: Step) -> Pose:
@@ -125,6 +129,8 @@ class Smoother:
             self._newcomers.move(step.odometry)
         if self._vicinity.used:
             self._vicinity.move(step.odometry)
+        if self._parts.waits:
+            self._parts.move(step.odometry)
         if step.odometry is not None:
             self._motion[0], self._motion[1:] = step.odometry
         if looks:
@@ -141,6 +147,9 @@ class Smoother:
             self._plain_step(np.array(found, np.int64), rows)
         self._steps += 1
         self._since += 1
+        if self._late:
+            self._late, self._since = False, 0
+            self._settle()
         if (looks or closes) and self._due():
             self._since = 0
             forest.relinearise(self._threshold())
@@ -214,6 +223,12 @@ class Smoother:
             return _step.root_offset(self._forest.g.address) > threshold
         early = EARLY * self._options.relinearize_threshold
         return self._since % tenth == 0 and _step.root_offset(self._forest.g.address) > early
+
+    def _settle(self) -> None:
+        """Relinearises what a start has moved: its sightings were held back, from poses that may be far off by them."""
+        for _ in range(SETTLING):
+            if self._forest.relinearise(0.0).furthest <= self._threshold():
+                break
 
     def _threshold(self) -> float:
         """The relinearize threshold (m, rad), lower where landmarks are near."""
@@ -329,6 +344,7 @@ class Smoother:
         self._parts.release(landmark, held)
         g = self._forest.g
         last, rows = int(g.state[LAST]), g.sightings[[row for row in held if row < g.state[SIGHTINGS]]]
+        self._late = self._late or bool((rows[:, PART] != WHOLE).any())
         self._touched += rows[(rows[:, POSE] != last) | (rows[:, PART] != WHOLE), POSE].tolist()
 
     def _hold(self, landmark: int, row: int) -> None:

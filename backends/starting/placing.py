@@ -1,12 +1,20 @@
-"""The late start of landmarks that one sighting does not place: the same choice behind every backend."""
+"""The late start of landmarks that one sighting does not place: the same choice behind every backend.
+
+The sightings are from poses that are not known exactly: they have drifted, one against the other, since the first. Two
+bearings from poses whose headings are off by as much as the bearings differ place nothing. So a place is that of least
+squares by the sightings' noise and that drift together, seen from the last pose, and it is good enough if it is so with
+both.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from ...core.partial import RANGE
-from ...core.se2 import Array, Ints
-from ._placing import STARTS, best, minima
+from ...core.se2 import Array, Ints, wrap
+from ._placing import APART as ELSEWHERE
+from ._placing import SCALE, STARTS, best, minima
 
 CLEAR = 13.8
 """Twice the loss by which the place must be better than any elsewhere: odds of a thousand to one."""
@@ -33,28 +41,115 @@ FLATTEST = 1e-9
 """Least determinant of a minimum's information, in its squared trace: between two mirrored places there is none."""
 
 
+REFINED = 3
+"""Gauss-Newton steps of a place with drift, from one without correlations."""
+
+CANDIDATES = 3
+"""Most places that are compared with drift."""
+
+
 class Place(NamedTuple):
     """The place of a landmark from its partial sightings."""
 
     xy: Array  # (2,) m
-    cov: Array  # (2, 2), of the sightings' noise alone
+    cov: Array  # (2, 2), of the sightings' noise and the drift, as seen from the last pose
     clear: float  # twice the loss by which it is better than any other place
     sure: bool  # False while there may be another place, or it is not precise enough to linearise at
 
 
-def placed(poses: Array, kind: Ints, z: Array, var: Array) -> Place | None:
+def placed(poses: Array, kind: Ints, z: Array, var: Array, drift: Array | None = None) -> Place | None:
     """Places a landmark by k sightings, each of a range or a bearing: poses (k, 3), z (k,) and variances (k,).
 
-    None where they determine no place at all.
+    `drift` (3k, 3k) is the covariance of the poses as seen from the last of them (see `drift.relative`); without, they
+    are taken for exact. None where the sightings determine no place at all.
     """
-    xy, cov = np.empty(2), np.empty((2, 2))
-    found, clear = best(poses, kind, z, var, xy, cov)
-    if not found:
+    if drift is None:
+        xy, cov = np.empty(2), np.empty((2, 2))
+        found, clear = best(poses, kind, z, var, xy, cov)
+        return _judged(xy, cov, clear, poses, kind, var) if found else None
+    own = np.einsum("iaia->ia", drift.reshape(len(z), 3, len(z), 3))
+    loose = var + np.where(kind == RANGE, own[:, :2].mean(axis=1), own[:, 2])
+    candidates = [_refined(xy, poses, kind, z, var, drift) for xy in _candidates(poses, kind, z, loose)]
+    curved = [one for one in candidates if one.cov is not None]
+    if not curved:
         return None
+    first = min(curved, key=lambda one: one.loss)
+    assert first.cov is not None
+    other = [one.loss for one in candidates if _distance(one.xy - first.xy, first.cov) > ELSEWHERE]
+    return _judged(first.xy, first.cov, min(other, default=np.inf) - first.loss, poses, kind, var)
+
+
+def _judged(xy: Array, cov: Array, clear: float, poses: Array, kind: Ints, var: Array) -> Place:
     near = np.hypot(*(poses[:, :2] - xy).T).min()
     spread = np.sqrt(np.linalg.eigvalsh(cov)[-1])
     most = min(SPREAD * near, np.sqrt(2 * near * FLAT * _least_sd(kind, var)))
     return Place(xy, cov, float(clear), bool(clear > CLEAR and spread < most))
+
+
+def _distance(off: Array, cov: Array) -> float:
+    """The squared Mahalanobis distance."""
+    return float(off @ np.linalg.solve(cov, off))
+
+
+class _Candidate(NamedTuple):
+    """A place with drift."""
+
+    xy: Array  # (2,)
+    cov: Array | None  # (2, 2); None where J is flat
+    loss: float  # twice
+
+
+def _candidates(poses: Array, kind: Ints, z: Array, var: Array) -> list[Array]:
+    """Minima (2,) of the robust loss that are different places, the least first."""
+    points, losses, J = np.empty((2 * STARTS, 2)), np.empty(2 * STARTS), np.empty((2 * STARTS, 5))
+    n = minima(poses, kind, z, var, points, losses, J)
+    found, metric = list[Array](), list[Array]()
+    for k in np.argsort(losses[:n], kind="stable"):
+        xx, xy, yy = J[k, :3]
+        offs = [points[k] - one for one in found]
+        if all(float(off @ M @ off) > ELSEWHERE for off, M in zip(offs, metric, strict=True)):
+            found.append(points[k].copy())
+            metric.append(np.array([[xx, xy], [xy, yy]]))
+    return found[:CANDIDATES]
+
+
+def _refined(xy: Array, poses: Array, kind: Ints, z: Array, var: Array, drift: Array) -> _Candidate:
+    """The place near `xy` by sightings whose errors are correlated by the drift; far ones have the robust weight."""
+    k = len(z)
+    spread = drift.reshape(k, 3, k, 3)
+    best_so_far = _Candidate(xy, None, np.inf)
+    for _ in range(REFINED + 1):
+        H, by_pose, off = _residual(xy, poses, kind, z)
+        noise = np.einsum("ia,iajb,jb->ij", by_pose, spread, by_pose)
+        total = noise.diagonal() + var
+        noise[np.arange(k), np.arange(k)] += var + off * off / (SCALE * SCALE) * (var / total)
+        try:
+            root = np.linalg.cholesky(noise)
+        except np.linalg.LinAlgError:
+            break
+        white = solve_triangular(root, np.column_stack((H, off)), lower=True)
+        loss = float(white[:, 2] @ white[:, 2]) + float(2 * np.log(np.diagonal(root)).sum())
+        if not loss < best_so_far.loss:
+            break
+        information = white[:, :2].T @ white[:, :2]
+        if not np.linalg.det(information) > FLATTEST * np.trace(information) ** 2:
+            best_so_far = _Candidate(xy, None, loss)
+            break
+        cov = np.linalg.inv(information)
+        best_so_far = _Candidate(xy, cov, loss)
+        xy = xy + cov @ (white[:, :2].T @ white[:, 2])
+    return best_so_far
+
+
+def _residual(xy: Array, poses: Array, kind: Ints, z: Array) -> tuple[Array, Array, Array]:
+    """Jacobians (k, 2) by the place and (k, 3) by the poses, and what is measured beyond what is expected (k,)."""
+    away = xy - poses[:, :2]
+    q = np.maximum((away**2).sum(axis=1), 1e-18)
+    r, ranges = np.sqrt(q), kind == RANGE
+    H = np.where(ranges[:, None], away / r[:, None], np.column_stack((-away[:, 1], away[:, 0])) / q[:, None])
+    expected = np.where(ranges, r, np.arctan2(away[:, 1], away[:, 0]) - poses[:, 2])
+    off = np.where(ranges, z - expected, wrap(z - expected))
+    return H, np.column_stack((-H, np.where(ranges, 0.0, -1.0))), off
 
 
 def _least_sd(kind: Ints, var: Array) -> float:

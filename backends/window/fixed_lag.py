@@ -25,8 +25,9 @@ from .. import common_options
 from ..api import Belief, Diverged, Expected, Pose, Solution
 from ..common_options import LOSSES
 from ..incremental.parts import NO_ROWS, Parts, Rows
-from ..incremental.smoother import NEAREST
+from ..incremental.smoother import NEAREST, SETTLING
 from ..newcomers import Newcomers
+from ..smoothing._graph import ALONE
 from ..smoothing.arrays import as_rows
 from ..smoothing.forest import INDEFINITE_J, TOLERANCE
 from ..vicinity import Vicinity, first_expected, with_held
@@ -79,6 +80,7 @@ class FixedLag:
         self._pose, self._cov = prior.pose.copy(), prior.cov.copy()
         self._prior, self._vicinity = prior, Vicinity(follows=True)
         self._parts = Parts(self._tables, prior, self._row, self._start, self._hold)
+        self._late = False  # a landmark of partial sightings starts at this step
         self._anew = False  # everything must be eliminated again
 
     def step(self, step: Step) -> Pose:
@@ -88,6 +90,8 @@ class FixedLag:
             self._newcomers.move(step.odometry)
         if self._vicinity.used:
             self._vicinity.move(step.odometry)
+        if self._parts.waits:
+            self._parts.move(step.odometry)
         if step.odometry is not None:
             self._motion[0], self._motion[1:] = step.odometry
         if ids:
@@ -120,6 +124,8 @@ class FixedLag:
                 ended = solve(window, self._pose, self._cov)
         if ended != DONE:
             raise Diverged(INDEFINITE_J)
+        if self._late:
+            self._settle()
         self._check()
         pose = self._pose.copy()
         if not math.isfinite(pose[0] + pose[1] + pose[2]):
@@ -221,6 +227,7 @@ class FixedLag:
         self._tables.window, self._row[landmark] = row_of_new(self._tables.window, x, y)
         held = self._inside(self._held.pop(landmark, []))
         self._anew = self._anew or any(row < self._tables.stored for row in held)
+        self._late = self._late or any(row < self._tables.stored and self._tables.row(row)[0] == ALONE for row in held)
         self._parts.release(landmark, held)
 
     def _hold(self, landmark: int, row: int) -> None:
@@ -269,6 +276,13 @@ class FixedLag:
         self._gone.pop(landmark, None)
         self._gone[landmark] = look_at_landmark(w, row)
         w.marks[row, PRESENCE] = LEFT
+
+    def _settle(self) -> None:
+        """Relinearises what a start has moved: its sightings were held back, from poses that may be far off by them."""
+        self._late = False
+        for _ in range(SETTLING):
+            if self._relinearise(self._options.relinearize_threshold, anyway=False) <= self._options.relinearize_threshold:
+                break
 
     def _check(self) -> None:
         """Relinearises when due, or when much has left."""
