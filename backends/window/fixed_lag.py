@@ -33,8 +33,8 @@ from ..smoothing.forest import INDEFINITE_J, TOLERANCE
 from ..vicinity import Vicinity, first_expected, with_held
 from . import _estimates, _marginals, _step
 from ._chain import DONE, RETURNS
-from ._renewal import renew
-from ._window import BOTTOM, HELD, LEFT, OLD_POSES, POINT, PRESENCE
+from ._renewal import free, renew
+from ._window import BOTTOM, HELD, LEFT, OLD_POSES, POINT, PRESENCE, Window
 from .arrays import look_at_landmark, made, offsets, row_of_new, solve, with_all, with_steps
 from .tables import WindowTables
 
@@ -80,6 +80,7 @@ class FixedLag:
         self._pose, self._cov = prior.pose.copy(), prior.cov.copy()
         self._prior, self._vicinity = prior, Vicinity(follows=True)
         self._parts = Parts(self._tables, prior, self._row, self._start, self._hold)
+        self._careful = False
         self._late = False  # a landmark of partial sightings starts at this step
         self._anew = False  # everything must be eliminated again
 
@@ -125,6 +126,7 @@ class FixedLag:
         if ended != DONE:
             raise Diverged(INDEFINITE_J)
         if self._late:
+            self._careful = True
             self._settle()
         self._check()
         pose = self._pose.copy()
@@ -284,6 +286,11 @@ class FixedLag:
             if self._relinearise(self._options.relinearize_threshold, anyway=False) <= self._options.relinearize_threshold:
                 break
 
+    def _furthest(self) -> float:
+        w = self._tables.window
+        poses, places = offsets(w)
+        return free(w, self._left - int(w.state[OLD_POSES]), poses, places, 0.0)
+
     def _check(self) -> None:
         """Relinearises when due, or when much has left."""
         self._since += 1
@@ -303,7 +310,15 @@ class FixedLag:
         `anyway`.
         """
         self._tables.window = w = with_all(self._tables.window)
-        ended, furthest = renew(w, self._left - int(w.state[OLD_POSES]), KEEP, threshold, anyway)
+        start = self._left - int(w.state[OLD_POSES])
+        before = w.copied() if self._careful and threshold < np.inf else None
+        pose, cov = self._pose.copy(), self._cov.copy()
+        ended, furthest = renew(w, start, KEEP, threshold, anyway)
+        if before is not None and (furthest > threshold or anyway):
+            if ended == DONE: ended = solve(w, self._pose, self._cov)
+            if ended != DONE or self._furthest() > furthest:
+                self._tables.window, self._pose, self._cov = before, pose, cov
+                return self._relinearise(np.inf, anyway=True) if anyway or start > int(before.state[BOTTOM]) else 0.0
         if ended == DONE and (furthest > threshold or anyway):
             ended = solve(w, self._pose, self._cov)
         if ended != DONE:
