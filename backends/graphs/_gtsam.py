@@ -89,6 +89,8 @@ class Factors:
         """m; the nearest sighting's range, or NEAR_SDS standard deviations of it if that is more."""
         self._newcomers = None if at_once else Newcomers(two=self._robust)
         self._late = LatePlaces()
+        self.late = False
+        """True if the last step has started a landmark by partial sightings that were held back."""
         self.constant = ConstantKeys(prior.systematic)
         """The constant errors' variables."""
 
@@ -117,6 +119,7 @@ class Factors:
         landmarks that partial sightings place.
         """
         graph, values, here = gtsam.NonlinearFactorGraph(), gtsam.Values(), FIRST_POSE + k
+        self.late = False
         if step.odometry is not None:
             values.insert(j=here, pose2=guess)  # by name: else GTSAM tries four conversions first
             graph.add(motion_factor(here - 1, here, step.odometry))
@@ -159,7 +162,9 @@ class Factors:
                 if xy is None:
                     continue
                 values.insert(self.keys.landmark(landmark), xy)
-            for seen in self._late.taken(landmark, since):
+            held = self._late.taken(landmark, since)
+            self.late = self.late or len(held) > 1
+            for seen in held:
                 errors = self.constant.of(landmark, graph, values) if seen.kind == RANGE else None
                 pose, to = self.keys.pose(seen.step), self.keys.landmarks[landmark]
                 graph.add(part_factor(pose, to, errors, seen, self.weighed))

@@ -30,6 +30,14 @@ FINE = 1e-4
 MORE_UPDATES = 5
 """Times `final_updates` with that threshold: on CMU's Plaza logs a loss needs up to 12 to move nothing by more."""
 
+SETTLING = 10
+"""Most updates where a landmark of partial sightings starts."""
+
+DAMPED = 30
+"""Most damped steps there."""
+
+NO_FACTORS, NO_VALUES = gtsam.NonlinearFactorGraph(), gtsam.Values()
+
 NOTHING = gtsam.VectorValues()  # parents of a single variable's marginal: none
 
 
@@ -74,7 +82,7 @@ class Isam2:
             self._vicinity.move(step.odometry)
         guess = self._pose if step.odometry is None else self._pose.compose(pose2(step.odometry.delta))
         graph, values = self._factors.step(self._steps, step, guess, estimated=self._estimated)
-        moved = self._update(graph, values) > 0
+        moved = self._started(graph, values) if self._factors.late else self._update(graph, values) > 0
         if self._vicinity.used:
             self._around.fold(graph, values, self._factors.keys.pose(self._steps), moved=moved)
         self._pose = self._latest(guess)
@@ -156,6 +164,43 @@ class Isam2:
                 break
         return converged, self._estimate()
 
+    def _started(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> bool:
+        """Adds a step that starts a landmark, and relinearizes until nothing moves; True, as variables have.
+
+        The sightings that were held back are from poses that may be far off by them: where J is no lower after an
+        update, or the factorization fails, all is optimized from before it by damped steps, and is a new tree.
+        """
+        everything, before = gtsam.NonlinearFactorGraph(), self._estimate()
+        everything.push_back(self._isam.getFactorsUnsafe())
+        everything.push_back(graph)
+        before.insert(values)
+        if not self._settles(graph, values, everything.error(before)):
+            self._renew(everything, damped(everything, before))
+        return True
+
+    def _settles(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, cost: float) -> bool:
+        """Updates until nothing moves; False where J, which was `cost`, rises, or the factorization fails."""
+        self._note(graph, values, relinearize=False)
+        try:
+            self._isam.update(graph, values)
+            for _ in range(SETTLING):
+                last, cost = cost, self._isam.getFactorsUnsafe().error(self._isam.calculateBestEstimate())
+                if not cost <= last:
+                    return False
+                self._note(NO_FACTORS, NO_VALUES, relinearize=True)
+                if not self._isam.update(NO_FACTORS, NO_VALUES, force_relinearize=True).getVariablesRelinearized():
+                    break
+        except FAILURES:
+            return False
+        return True
+
+    def _renew(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
+        """Makes a new tree of these factors and values."""
+        self._isam = self._tree()
+        self._updates.clear()
+        self._update(graph, values)
+        self._around = Neighbourhood(self._isam)
+
     def _estimate(self) -> gtsam.Values:
         """All variables, by full back-substitution."""
         try:
@@ -169,12 +214,16 @@ class Isam2:
 
     def _update(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool = False) -> int:
         """Adds factors, and returns the number of variables that were relinearized."""
-        if self._options.factorization == "auto" and not self._gave_way:
-            self._updates.append((graph, values, relinearize))
+        self._note(graph, values, relinearize=relinearize)
         try:
             return self._isam.update(graph, values, force_relinearize=relinearize).getVariablesRelinearized()
         except FAILURES as error:
             return self._give_way(error)
+
+    def _note(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool) -> None:
+        """Keeps an update for when Cholesky fails."""
+        if self._options.factorization == "auto" and not self._gave_way:
+            self._updates.append((graph, values, relinearize))
 
     def _give_way(self, error: Exception) -> int:
         """Does, after Cholesky has failed, all updates so far once more by QR, the failed one the last.
@@ -222,6 +271,16 @@ class Isam2:
         except FAILURES as error:
             self._give_way(error)
             return self._isam.marginalFactor(key)
+
+
+def damped(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.Values:
+    """A lower J, by Levenberg and Marquardt's method."""
+    params = gtsam.LevenbergMarquardtParams()
+    params.setMaxIterations(DAMPED)
+    try:
+        return gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
+    except FAILURES as error:
+        raise Diverged(failure(error)) from None
 
 
 def parameters(options: Options, threshold: float, factorization: str) -> gtsam.ISAM2Params:
