@@ -33,8 +33,8 @@ MORE_UPDATES = 5
 SETTLING = 10
 """Most updates where a landmark of partial sightings starts."""
 
-DAMPED = 30
-"""Most damped steps there."""
+DAMPED, FLAT = 100, 1e-7
+"""Most damped steps there, and the share of J by which the last one lowers it."""
 
 NO_FACTORS, NO_VALUES = gtsam.NonlinearFactorGraph(), gtsam.Values()
 
@@ -277,6 +277,7 @@ def damped(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.Val
     """A lower J, by Levenberg and Marquardt's method."""
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(DAMPED)
+    params.setRelativeErrorTol(FLAT)
     try:
         return gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
     except FAILURES as error:
