@@ -41,6 +41,13 @@ FLATTEST = 1e-9
 """Least determinant of a minimum's information, in its squared trace: between two mirrored places there is none."""
 
 
+TURNED = 0.3
+"""rad; most drift of the heading of a pose, one standard deviation, seen from the last, whose sightings place.
+
+A turn moves what is seen across it on an arc: beyond, that is no longer a straight line. Of a landmark that returns
+after a lap, those of the lap before had all mirrored places by ranges on the wrong side, with any certainty.
+"""
+
 REFINED = 3
 """Gauss-Newton steps of a place with drift, from one without correlations."""
 
@@ -68,6 +75,10 @@ def placed(poses: Array, kind: Ints, z: Array, var: Array, drift: Array | None =
         found, clear = best(poses, kind, z, var, xy, cov)
         return _judged(xy, cov, clear, poses, kind, var) if found else None
     own = np.einsum("iaia->ia", drift.reshape(len(z), 3, len(z), 3))
+    near = own[:, 2] < TURNED**2
+    if not near.all():
+        poses, kind, z, var, own = poses[near], kind[near], z[near], var[near], own[near]
+        drift = drift[np.ix_(np.repeat(near, 3), np.repeat(near, 3))]
     loose = var + np.where(kind == RANGE, own[:, :2].mean(axis=1), own[:, 2])
     candidates = [_refined(xy, poses, kind, z, var, drift) for xy in _candidates(poses, kind, z, loose)]
     curved = [one for one in candidates if one.cov is not None]
