@@ -19,7 +19,7 @@ from ...core.options import option
 from ...core.se2 import Array, rotation
 from .. import common_options
 from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Expected, Pose, Solution
-from ..incremental.smoother import SMALL
+from ..incremental.smoother import JUMP, SMALL
 from ..vicinity import Vicinity, first_expected
 from ._gtsam import FAILURES, Factors, array, failure, joint_covariance, path_and_map, pose2, to_world
 from .neighbourhood import Neighbourhood
@@ -86,6 +86,11 @@ class Isam2:
         if self._vicinity.used:
             self._around.fold(graph, values, self._factors.keys.pose(self._steps), moved=moved)
         self._pose = self._latest(guess)
+        if len(step.partial.ids) and self._jumped(guess) and not self._lower():
+            everything = gtsam.NonlinearFactorGraph()
+            everything.push_back(self._isam.getFactorsUnsafe())
+            self._renew(everything, damped(everything, gtsam.Values(self._isam.getLinearizationPoint())))
+            self._pose = self._latest(guess)
         self._steps += 1
         x, y, heading = self._pose.x(), self._pose.y(), self._pose.theta()
         if not math.isfinite(x + y + heading):
@@ -177,6 +182,15 @@ class Isam2:
         if not self._settles(graph, values, everything.error(before)):
             self._renew(everything, damped(everything, before))
         return True
+
+    def _jumped(self, guess: gtsam.Pose2) -> bool:
+        """Tells if a step has moved the pose far from where its motion led."""
+        return bool(np.abs(guess.localCoordinates(self._pose)).max() > JUMP)
+
+    def _lower(self) -> bool:
+        """Tells if J is no higher at the estimate than where it is linear."""
+        graph = self._isam.getFactorsUnsafe()
+        return graph.error(self._estimate()) <= graph.error(self._isam.getLinearizationPoint())
 
     def _settles(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, cost: float) -> bool:
         """Updates until nothing moves; False where J, which was `cost`, rises, or the factorization fails."""

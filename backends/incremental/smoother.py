@@ -68,6 +68,9 @@ EARLY = 7.0  # offset of a root variable, in thresholds, that triggers a check e
 ENOUGH = 0.3
 """Share of the relinearize threshold by which the last pose may be off when it is eliminated."""
 
+JUMP = 0.3
+"""m, rad; correction of a pose by partial sightings after which J is looked at."""
+
 SETTLING = 10
 """Most relinearisations where a landmark of partial sightings starts."""
 
@@ -135,9 +138,11 @@ class Smoother:
             self._motion[0], self._motion[1:] = step.odometry
         if looks:
             self._seen = as_rows(sightings, self._seen)
+        ahead = (0.0, 0.0, 0.0)
         found = [self._variable.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]
         touched, rows = self._name(k, sightings, found) if NO_VARIABLE in found else [], NO_ROWS
         if step.partial is not NO_PARTIAL or step.fixes is not NO_FIXES or self._parts.rows:
+            ahead = self._ahead(k)
             rows = self._partly(k, step, touched)
             looks = looks or len(rows.parts) > 0
             found = [self._variable.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]  # these may have started some
@@ -147,7 +152,7 @@ class Smoother:
             self._plain_step(np.array(found, np.int64), rows)
         self._steps += 1
         self._since += 1
-        if self._late:
+        if self._late or (len(rows.parts) and self._jumped(ahead)):
             self._late, self._since = False, 0
             self._settle()
         if (looks or closes) and self._due():
@@ -223,6 +228,11 @@ class Smoother:
             return _step.root_offset(self._forest.g.address) > threshold
         early = EARLY * self._options.relinearize_threshold
         return self._since % tenth == 0 and _step.root_offset(self._forest.g.address) > early
+
+    def _jumped(self, ahead: tuple[float, float, float]) -> bool:
+        """Tells if a step has moved the pose far from where its motion led."""
+        dx, dy, turn = (self._forest.pose - ahead).tolist()
+        return max(abs(dx), abs(dy), abs(math.remainder(turn, math.tau))) > JUMP
 
     def _settle(self) -> None:
         """Relinearises what a start has moved: its sightings were held back, from poses that may be far off by them."""
