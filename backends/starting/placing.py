@@ -14,7 +14,7 @@ from scipy.linalg import solve_triangular
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, wrap
 from ._placing import APART as ELSEWHERE
-from ._placing import SCALE, STARTS, best, minima
+from ._placing import SCALE, STARTS, best, minima, seen_from
 
 CLEAR = 13.8
 """Twice the loss by which the place must be better than any elsewhere: odds of a thousand to one."""
@@ -73,7 +73,7 @@ def placed(poses: Array, kind: Ints, z: Array, var: Array, drift: Array | None =
     if drift is None:
         xy, cov = np.empty(2), np.empty((2, 2))
         found, clear = best(poses, kind, z, var, xy, cov)
-        return _judged(xy, cov, clear, poses, kind, var) if found else None
+        return _judged(xy, cov, cov, clear, poses, kind, var) if found else None
     own = np.einsum("iaia->ia", drift.reshape(len(z), 3, len(z), 3))
     near = own[:, 2] < TURNED**2
     if not near.all():
@@ -87,14 +87,18 @@ def placed(poses: Array, kind: Ints, z: Array, var: Array, drift: Array | None =
     first = min(curved, key=lambda one: one.loss)
     assert first.cov is not None
     other = [one.loss for one in candidates if _distance(one.xy - first.xy, first.cov) > ELSEWHERE]
-    return _judged(first.xy, first.cov, min(other, default=np.inf) - first.loss, poses, kind, var)
+    J = np.empty(5)
+    seen_from(poses, kind, z, loose, first.xy[0], first.xy[1], J)
+    of_noise = np.linalg.inv(np.array([[J[0], J[1]], [J[1], J[2]]]))
+    clear = min(other, default=np.inf) - first.loss
+    return _judged(first.xy, first.cov, of_noise, clear, poses, kind, var)
 
 
-def _judged(xy: Array, cov: Array, clear: float, poses: Array, kind: Ints, var: Array) -> Place:
+def _judged(xy: Array, cov: Array, of_noise: Array, clear: float, poses: Array, kind: Ints, var: Array) -> Place:
     near = np.hypot(*(poses[:, :2] - xy).T).min()
-    spread = np.sqrt(np.linalg.eigvalsh(cov)[-1])
-    most = min(SPREAD * near, np.sqrt(2 * near * FLAT * _least_sd(kind, var)))
-    return Place(xy, cov, float(clear), bool(clear > CLEAR and spread < most))
+    spread, bent = np.sqrt(np.linalg.eigvalsh(cov)[-1]), np.linalg.eigvalsh(of_noise)[-1] / (2 * near)
+    flat = bent < FLAT * _least_sd(kind, var)
+    return Place(xy, cov, float(clear), bool(clear > CLEAR and spread < SPREAD * near and flat))
 
 
 def _distance(off: Array, cov: Array) -> float:
