@@ -73,7 +73,7 @@ class Drift:
         self._n += 1
 
     def between(self, steps: Ints, heading: float) -> Array:
-        """(3k, 3k) the covariance of the poses of steps (k,), ascending, as seen from the last, whose heading is given."""
+        """(3k, 3k) the covariance of the poses of steps (k,), ascending, as seen from the last, with that `heading`."""
         at = steps - self._begin
         rows = slice(int(at[0]), int(at[-1]) + 1)
         delta = self._delta[rows]

@@ -13,8 +13,7 @@ from scipy.linalg import solve_triangular
 
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, wrap
-from ._placing import APART as ELSEWHERE
-from ._placing import SCALE, STARTS, best, minima, seen_from
+from ._placing import SCALE, STARTS, best, minima
 
 CLEAR = 13.8
 """Twice the loss by which the place must be better than any elsewhere: odds of a thousand to one."""
@@ -51,9 +50,6 @@ after a lap, those of the lap before had all mirrored places by ranges on the wr
 REFINED = 3
 """Gauss-Newton steps of a place with drift, from one without correlations."""
 
-CANDIDATES = 3
-"""Most places that are compared with drift."""
-
 
 class Place(NamedTuple):
     """The place of a landmark from its partial sightings."""
@@ -70,90 +66,48 @@ def placed(poses: Array, kind: Ints, z: Array, var: Array, drift: Array | None =
     `drift` (3k, 3k) is the covariance of the poses as seen from the last of them (see `drift.relative`); without, they
     are taken for exact. None where the sightings determine no place at all.
     """
-    if drift is None:
-        xy, cov = np.empty(2), np.empty((2, 2))
-        found, clear = best(poses, kind, z, var, xy, cov)
-        return _judged(xy, cov, cov, clear, poses, kind, var) if found else None
-    own = np.einsum("iaia->ia", drift.reshape(len(z), 3, len(z), 3))
-    near = own[:, 2] < TURNED**2
-    if not near.all():
-        poses, kind, z, var, own = poses[near], kind[near], z[near], var[near], own[near]
-        drift = drift[np.ix_(np.repeat(near, 3), np.repeat(near, 3))]
-    loose = var + np.where(kind == RANGE, own[:, :2].mean(axis=1), own[:, 2])
-    candidates = [_refined(xy, poses, kind, z, var, drift) for xy in _candidates(poses, kind, z, loose)]
-    curved = [one for one in candidates if one.cov is not None]
-    if not curved:
+    loose = var
+    if drift is not None:
+        own = np.einsum("iaia->ia", drift.reshape(len(z), 3, len(z), 3))
+        straight = own[:, 2] < TURNED**2
+        if not straight.all():
+            poses, kind, z, var, own = poses[straight], kind[straight], z[straight], var[straight], own[straight]
+            drift = drift[np.ix_(np.repeat(straight, 3), np.repeat(straight, 3))]
+        loose = var + np.where(kind == RANGE, own[:, :2].mean(axis=1), own[:, 2])
+    xy, of_noise = np.empty(2), np.empty((2, 2))
+    found, clear = best(poses, kind, z, loose, xy, of_noise)
+    if not found:
         return None
-    first = min(curved, key=lambda one: one.loss)
-    assert first.cov is not None
-    other = [one.loss for one in candidates if _distance(one.xy - first.xy, first.cov) > ELSEWHERE]
-    J = np.empty(5)
-    seen_from(poses, kind, z, loose, first.xy[0], first.xy[1], J)
-    of_noise = np.linalg.inv(np.array([[J[0], J[1]], [J[1], J[2]]]))
-    clear = min(other, default=np.inf) - first.loss
-    return _judged(first.xy, first.cov, of_noise, clear, poses, kind, var)
-
-
-def _judged(xy: Array, cov: Array, of_noise: Array, clear: float, poses: Array, kind: Ints, var: Array) -> Place:
+    xy, cov = (xy, of_noise) if drift is None else _refined(xy, of_noise, poses, kind, z, var, drift)
     near = np.hypot(*(poses[:, :2] - xy).T).min()
-    spread, bent = np.sqrt(np.linalg.eigvalsh(cov)[-1]), np.linalg.eigvalsh(of_noise)[-1] / (2 * near)
-    flat = bent < FLAT * _least_sd(kind, var)
-    return Place(xy, cov, float(clear), bool(clear > CLEAR and spread < SPREAD * near and flat))
+    precise = np.linalg.eigvalsh(cov)[-1] < (SPREAD * near) ** 2
+    flat = np.linalg.eigvalsh(of_noise)[-1] < 2 * near * FLAT * _least_sd(kind, var)
+    return Place(xy, cov, float(clear), bool(clear > CLEAR and precise and flat))
 
 
-def _distance(off: Array, cov: Array) -> float:
-    """The squared Mahalanobis distance."""
-    return float(off @ np.linalg.solve(cov, off))
+def _refined(
+    xy: Array, cov: Array, poses: Array, kind: Ints, z: Array, var: Array, drift: Array
+) -> tuple[Array, Array]:
+    """The place (2,) near `xy` by sightings whose errors the drift correlates, and its covariance (2, 2).
 
-
-class _Candidate(NamedTuple):
-    """A place with drift."""
-
-    xy: Array  # (2,)
-    cov: Array | None  # (2, 2); None where J is flat
-    loss: float  # twice
-
-
-def _candidates(poses: Array, kind: Ints, z: Array, var: Array) -> list[Array]:
-    """Minima (2,) of the robust loss that are different places, the least first."""
-    points, losses, J = np.empty((2 * STARTS, 2)), np.empty(2 * STARTS), np.empty((2 * STARTS, 5))
-    n = minima(poses, kind, z, var, points, losses, J)
-    found, metric = list[Array](), list[Array]()
-    for k in np.argsort(losses[:n], kind="stable"):
-        xx, xy, yy = J[k, :3]
-        offs = [points[k] - one for one in found]
-        if all(float(off @ M @ off) > ELSEWHERE for off, M in zip(offs, metric, strict=True)):
-            found.append(points[k].copy())
-            metric.append(np.array([[xx, xy], [xy, yy]]))
-    return found[:CANDIDATES]
-
-
-def _refined(xy: Array, poses: Array, kind: Ints, z: Array, var: Array, drift: Array) -> _Candidate:
-    """The place near `xy` by sightings whose errors are correlated by the drift; far ones have the robust weight."""
-    k = len(z)
-    spread = drift.reshape(k, 3, k, 3)
-    best_so_far = _Candidate(xy, None, np.inf)
+    A sighting far off has a larger variance, as by the Cauchy loss. Where least squares fail, the place stays.
+    """
+    k, least = len(z), np.inf
+    spread, at = drift.reshape(k, 3, k, 3), xy
     for _ in range(REFINED + 1):
-        H, by_pose, off = _residual(xy, poses, kind, z)
+        H, by_pose, off = _residual(at, poses, kind, z)
         noise = np.einsum("ia,iajb,jb->ij", by_pose, spread, by_pose)
-        total = noise.diagonal() + var
-        noise[np.arange(k), np.arange(k)] += var + off * off / (SCALE * SCALE) * (var / total)
-        try:
-            root = np.linalg.cholesky(noise)
-        except np.linalg.LinAlgError:
-            break
+        far = off * off / (SCALE * SCALE * (noise.diagonal() + var))
+        noise[np.arange(k), np.arange(k)] += var * (1 + far)
+        root = np.linalg.cholesky(noise)
         white = solve_triangular(root, np.column_stack((H, off)), lower=True)
         loss = float(white[:, 2] @ white[:, 2]) + float(2 * np.log(np.diagonal(root)).sum())
-        if not loss < best_so_far.loss:
-            break
         information = white[:, :2].T @ white[:, :2]
-        if not np.linalg.det(information) > FLATTEST * np.trace(information) ** 2:
-            best_so_far = _Candidate(xy, None, loss)
+        if not loss < least or not np.linalg.det(information) > FLATTEST * np.trace(information) ** 2:
             break
-        cov = np.linalg.inv(information)
-        best_so_far = _Candidate(xy, cov, loss)
-        xy = xy + cov @ (white[:, :2].T @ white[:, 2])
-    return best_so_far
+        xy, cov, least = at, np.linalg.inv(information), loss
+        at = xy + cov @ (white[:, :2].T @ white[:, 2])
+    return xy, cov
 
 
 def _residual(xy: Array, poses: Array, kind: Ints, z: Array) -> tuple[Array, Array, Array]:

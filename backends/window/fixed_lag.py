@@ -34,7 +34,7 @@ from ..vicinity import Vicinity, first_expected, with_held
 from . import _estimates, _marginals, _step
 from ._chain import DONE, RETURNS
 from ._renewal import free, renew
-from ._window import BOTTOM, HELD, LEFT, OLD_POSES, POINT, PRESENCE, Window
+from ._window import BOTTOM, HELD, LEFT, OLD_POSES, POINT, PRESENCE
 from .arrays import look_at_landmark, made, offsets, row_of_new, solve, with_all, with_steps
 from .tables import WindowTables
 
@@ -80,7 +80,7 @@ class FixedLag:
         self._pose, self._cov = prior.pose.copy(), prior.cov.copy()
         self._prior, self._vicinity = prior, Vicinity(follows=True)
         self._parts = Parts(self._tables, prior, self._row, self._start, self._hold)
-        self._careful = False
+        self._careful = False  # such a one has started
         self._late = False  # a landmark of partial sightings starts at this step
         self._anew = False  # everything must be eliminated again
 
@@ -126,7 +126,7 @@ class FixedLag:
         if ended != DONE:
             raise Diverged(INDEFINITE_J)
         if self._late:
-            self._careful = True
+            self._late, self._careful = False, True
             self._settle()
         self._check()
         pose = self._pose.copy()
@@ -283,10 +283,14 @@ class FixedLag:
         """Relinearises what a start has moved: its sightings were held back, from poses that may be far off by them."""
         self._late = False
         for _ in range(SETTLING):
-            if self._relinearise(self._options.relinearize_threshold, anyway=False) <= self._options.relinearize_threshold:
+            if (
+                self._relinearise(self._options.relinearize_threshold, anyway=False)
+                <= self._options.relinearize_threshold
+            ):
                 break
 
     def _furthest(self) -> float:
+        """m, rad; the largest offset of a variable that may move."""
         w = self._tables.window
         poses, places = offsets(w)
         return free(w, self._left - int(w.state[OLD_POSES]), poses, places, 0.0)
@@ -307,20 +311,16 @@ class FixedLag:
         """Moves what is off by more than `threshold` (m, rad); returns the largest offset.
 
         Variables that have left are first absorbed by the prior. Nothing is done if nothing is off so far, unless
-        `anyway`.
+        `anyway`. Once a landmark has started late, points are moved only if that leaves the largest offset no larger.
         """
         self._tables.window = w = with_all(self._tables.window)
-        start = self._left - int(w.state[OLD_POSES])
-        before = w.copied() if self._careful and threshold < np.inf else None
-        pose, cov = self._pose.copy(), self._cov.copy()
-        ended, furthest = renew(w, start, KEEP, threshold, anyway)
-        if before is not None and (furthest > threshold or anyway):
-            if ended == DONE: ended = solve(w, self._pose, self._cov)
-            if ended != DONE or self._furthest() > furthest:
-                self._tables.window, self._pose, self._cov = before, pose, cov
-                return self._relinearise(np.inf, anyway=True) if anyway or start > int(before.state[BOTTOM]) else 0.0
+        before = (w.copied(), self._pose.copy(), self._cov.copy()) if self._careful and threshold < np.inf else None
+        ended, furthest = renew(w, self._left - int(w.state[OLD_POSES]), KEEP, threshold, anyway)
         if ended == DONE and (furthest > threshold or anyway):
             ended = solve(w, self._pose, self._cov)
+        if before is not None and (ended != DONE or (furthest > threshold and self._furthest() > furthest)):
+            self._tables.window, self._pose, self._cov = before
+            return self._relinearise(np.inf, anyway=anyway)
         if ended != DONE:
             raise Diverged(INDEFINITE_J)
         return furthest
