@@ -42,23 +42,24 @@ def whole(factors: Factors, log: Log, path: Array) -> tuple[gtsam.NonlinearFacto
     if log.gyro is not None:
         add_turns(log.gyro, first, graph, values)
     if log.partial is not None:
-        _add_parts(factors, log.partial, path, chunks(log), graph, values)
+        _add_parts(factors, log, log.partial, path, graph, values)
     return graph, values
 
 
 def _add_parts(
     factors: Factors,
+    log: Log,
     table: PartialTable,
     path: Array,
-    ends: list[int],
     graph: gtsam.NonlinearFactorGraph,
     values: gtsam.Values,
 ) -> None:
-    """Adds partial sightings, and landmarks of these alone where those until one of the `ends` place them first."""
+    """Adds partial sightings, and landmarks of these alone where those until the end of a chunk place them first."""
+    ends, covs = chunks(log), log.delta_cov
     for landmark in np.unique(table.ids).tolist():
         if landmark in factors.keys.landmarks:
             continue
-        tried = (place_of(table, landmark, path[:end], last=end == len(path)) for end in ends)
+        tried = (place_of(table, landmark, path[:end], covs, last=end == len(path)) for end in ends)
         values.insert(factors.keys.landmark(landmark), next(xy for xy in tried if xy is not None))
     columns = table.step, table.ids, table.kind, table.z, table.var
     for step, landmark, kind, z, var in zip(*(column.tolist() for column in columns), strict=True):

@@ -62,8 +62,7 @@ class LatePlaces:
         if len(held) < max(2, self._next.get(landmark, 0)):
             return None
         self._next[landmark] = MORE * len(held)
-        if len(held) > MOST:
-            held = [held[i] for i in np.linspace(0, len(held) - 1, MOST).round().astype(int)]
+        held = [held[i] for i in thinned(len(held)).tolist()]
         steps = [one.step for one in held]
         path = poses(steps)
         place = placed(path, *_columns(held), self._drift.between(np.array(steps), path[-1, 2]))
@@ -92,6 +91,11 @@ class LatePlaces:
             del held[:gone]
             self._next[landmark] = self._next.get(landmark, 0) - gone  # as many more as ever are needed
         return held
+
+
+def thinned(n: int) -> Ints:
+    """The rows of n sightings that place a landmark: all, or as many as `MOST` of them, evenly chosen."""
+    return np.linspace(0, n - 1, min(n, MOST)).round().astype(np.int64)
 
 
 def likeliest(poses: Array, kind: Ints, z: Array, var: Array) -> Array:
