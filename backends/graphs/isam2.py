@@ -1,9 +1,10 @@
 """iSAM2: incremental smoothing and mapping with the Bayes tree (Kaess et al., IJRR 31(2), 2012), by GTSAM.
 
-Two differences from GTSAM's examples: the latest pose is taken from its marginal, which the top of the Bayes tree gives
+Three differences from GTSAM's examples: the latest pose is taken from its marginal, which the top of the Bayes tree gives
 alone, as its last factors are there; asking for the estimate would back-substitute through all changes at every step.
-And variables are checked for relinearization every 50 steps, which saves most of the checks' cost (the study
-`relinearisation`).
+Variables are checked for relinearization every 50 steps, which saves most of the checks' cost (the study
+`relinearisation`). And where a landmark of partial sightings starts, or these move the newest pose far at once, J is
+looked at: damped steps replace an update that raises it, which is not iSAM2, and happens nowhere else.
 """
 
 import math
@@ -87,9 +88,7 @@ class Isam2:
             self._around.fold(graph, values, self._factors.keys.pose(self._steps), moved=moved)
         self._pose = self._latest(guess)
         if len(step.partial.ids) and self._jumped(guess) and not self._lower():
-            everything = gtsam.NonlinearFactorGraph()
-            everything.push_back(self._isam.getFactorsUnsafe())
-            self._renew(everything, damped(everything, gtsam.Values(self._isam.getLinearizationPoint())))
+            self._renew(self._graph(), gtsam.Values(self._isam.getLinearizationPoint()))
             self._pose = self._latest(guess)
         self._steps += 1
         x, y, heading = self._pose.x(), self._pose.y(), self._pose.theta()
@@ -175,12 +174,11 @@ class Isam2:
         The sightings that were held back are from poses that may be far off by them: where J is no lower after an
         update, or the factorization fails, all is optimized from before it by damped steps, and is a new tree.
         """
-        everything, before = gtsam.NonlinearFactorGraph(), self._estimate()
-        everything.push_back(self._isam.getFactorsUnsafe())
+        everything, before = self._graph(), self._estimate()
         everything.push_back(graph)
         before.insert(values)
         if not self._settles(graph, values, everything.error(before)):
-            self._renew(everything, damped(everything, before))
+            self._renew(everything, before)
         return True
 
     def _jumped(self, guess: gtsam.Pose2) -> bool:
@@ -209,11 +207,18 @@ class Isam2:
         return True
 
     def _renew(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
-        """Makes a new tree of these factors and values."""
+        """Makes a new tree of these factors, where damped steps from `values` lead."""
+        found = damped(graph, values)
         self._isam = self._tree()
         self._updates.clear()
-        self._update(graph, values)
+        self._update(graph, found)
         self._around = Neighbourhood(self._isam)
+
+    def _graph(self) -> gtsam.NonlinearFactorGraph:
+        """All factors so far."""
+        graph = gtsam.NonlinearFactorGraph()
+        graph.push_back(self._isam.getFactorsUnsafe())
+        return graph
 
     def _estimate(self) -> gtsam.Values:
         """All variables, by full back-substitution."""

@@ -281,12 +281,9 @@ class FixedLag:
 
     def _settle(self) -> None:
         """Relinearises what a start has moved: its sightings were held back, from poses that may be far off by them."""
-        self._late = False
+        threshold = self._options.relinearize_threshold
         for _ in range(SETTLING):
-            if (
-                self._relinearise(self._options.relinearize_threshold, anyway=False)
-                <= self._options.relinearize_threshold
-            ):
+            if self._relinearise(threshold, anyway=False) <= threshold:
                 break
 
     def _furthest(self) -> float:
