@@ -1,8 +1,8 @@
 """iSAM2: incremental smoothing and mapping with the Bayes tree (Kaess et al., IJRR 31(2), 2012), by GTSAM.
 
-Three differences from GTSAM's examples: the latest pose is taken from its marginal, which the top of the Bayes tree gives
-alone, as its last factors are there; asking for the estimate would back-substitute through all changes at every step.
-Variables are checked for relinearization every 50 steps, which saves most of the checks' cost (the study
+Three differences from GTSAM's examples: the latest pose is taken from its marginal, which the top of the Bayes tree
+gives alone, as its last factors are there; asking for the estimate would back-substitute through all changes at every
+step. Variables are checked for relinearization every 50 steps, which saves most of the checks' cost (the study
 `relinearisation`). And where a landmark of partial sightings starts, or these move the newest pose far at once, J is
 looked at: damped steps replace an update that raises it, which is not iSAM2, and happens nowhere else.
 """

@@ -38,15 +38,15 @@ def wandered(path: Array, motion_cov: Array, at: Ints) -> Array:
     path, covs = path[first : last + 1], motion_cov[first + 1 : last + 1]
     c, s = np.cos(path[:-1, 2]), np.sin(path[:-1, 2])
     here = path[:, :2] - path[-1, :2]
-    R = np.zeros((len(path) - 1, 3, 3))
-    R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1], R[:, 2, 2] = c, -s, s, c, 1.0
-    R = shifted(-here[1:]) @ R
-    T = np.zeros((len(path), 3, 3))
-    T[:-1] = (R @ covs @ R.transpose(0, 2, 1))[::-1].cumsum(axis=0)[::-1]
-    T, A = T[at - first], shifted(here[at - first])
+    turn = np.zeros((len(path) - 1, 3, 3))
+    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -s, s, c, 1.0
+    by_motion = shifted(-here[1:]) @ turn
+    since = np.zeros((len(path), 3, 3))
+    since[:-1] = (by_motion @ covs @ by_motion.transpose(0, 2, 1))[::-1].cumsum(axis=0)[::-1]
+    since, A = since[at - first], shifted(here[at - first])
     out = np.empty((k, 3, k, 3))
     order = np.maximum.outer(np.arange(k), np.arange(k))
-    out[:] = np.einsum("iab,ijbc,jdc->iajd", A, T[order], A, optimize=True)
+    out[:] = np.einsum("iab,ijbc,jdc->iajd", A, since[order], A, optimize=True)
     return out.reshape(3 * k, 3 * k)
 
 
