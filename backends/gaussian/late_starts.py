@@ -1,10 +1,10 @@
 """Partial sightings and fixes in a filter, and the late start of landmarks that one sighting leaves open: one layer.
 
 Of a landmark on the map, a range or a bearing corrects the belief as a whole sighting does. Of another one it is held
-back, and the pose is kept in the state (a clone, see `kept_poses`): when the held ones together place the landmark (see
-`..placing`), it enters the map without prior information, and all of them correct the belief at once, about the kept
-poses. So nothing is used twice, all cross-covariances are those of the measurements, and no earlier linearisation is at
-a place that may be wrong. Poses that nothing waits for leave the state, which is exact.
+back, and the pose is kept in the state (a clone, see `kept_poses`): when the held ones together place the landmark
+(see `..starting.placing`), it enters the map without prior information, and all of them correct the belief at once,
+about the kept poses. So nothing is used twice, all cross-covariances are those of the measurements, and no earlier
+linearisation is at a place that may be wrong. Poses that nothing waits for leave the state, which is exact.
 
 At most `MOST` sightings of a landmark wait; of more, the one is dropped whose neighbours along the way are closest.
 
@@ -24,7 +24,8 @@ from ...core.factors import Odometry, Prior, Step, Systematic
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ..api import Diverged
-from ..placing import placed
+from ..starting.drift import relative
+from ..starting.placing import placed
 from ._ekf import AT_ROBOT
 from ._partial import NO_ENTRY, REFUSED, USED
 
@@ -273,13 +274,12 @@ class LateStarts:
         if len(held) < 2 or way < (1 + FURTHER) * self._tried.get(landmark, 0.0):
             return
         self._tried[landmark] = way
-        poses, spread = self._poses(held)
+        poses, drift = self._poses(held)
         kind = np.array([one.kind for one in held])
         scale, offset = self._parts.constants(self._errors(landmark)) if self._ranging else (0.0, 0.0)
         z = np.array([one.z for one in held])
         z = np.where(kind == RANGE, np.maximum(z - offset, 0.0) / (1 + scale), z)
-        var = np.array([one.var for one in held]) + np.where(kind == RANGE, spread[:, 0], spread[:, 1])
-        place = placed(poses, kind, z, var)
+        place = placed(poses, kind, z, np.array([one.var for one in held]), drift)
         if place is None or not place.sure:
             return
         loose = LOOSE * float(np.sqrt(np.trace(place.cov)))
@@ -304,13 +304,9 @@ class LateStarts:
             self._release(one)
 
     def _poses(self, held: list[_Held]) -> tuple[Array, Array]:
-        """The poses (k, 3) of held sightings, and variances (k, 2), m² and rad², relative to the last of them."""
-        k = len(held)
+        """The poses (k, 3) of held sightings, and their covariance (3k, 3k) as seen from the last of them."""
         poses, cov = self._parts.poses(np.array([one.clone.entries for one in held]))
-        own = np.einsum("iaia->ia", cov.reshape(k, 3, k, 3))
-        last = np.einsum("iaa->ia", cov.reshape(k, 3, k, 3)[:, :, -1])
-        between = own + own[-1] - 2 * last
-        return poses, np.column_stack((between[:, :2].mean(axis=1), between[:, 2]))
+        return poses, relative(poses[:, :2], cov)
 
     @staticmethod
     def _counted(why: int, of: str) -> int:

@@ -17,9 +17,9 @@ from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, rotation
 from ..api import Expected
 from ..common_options import LOSSES
-from ..late_places import LatePlaces, Seen
 from ..newcomers import Newcomers
 from ..smoothing._graph import NEAR_SDS
+from ..starting.late_places import LatePlaces, Seen
 from ..vicinity import with_held
 from .gtsam_parts import ConstantKeys, GyroBiases, fix_factors, part_factor
 
@@ -90,6 +90,8 @@ class Factors:
         """m; the nearest sighting's range, or NEAR_SDS standard deviations of it if that is more."""
         self._newcomers = None if at_once else Newcomers(two=self._robust)
         self._late = LatePlaces()
+        self.late = False
+        """True if the last step has started a landmark by partial sightings that were held back."""
         self.constant = ConstantKeys(prior.systematic)
         """The constant errors' variables."""
         self.biases = GyroBiases(prior.gyro or Bias())
@@ -121,6 +123,7 @@ class Factors:
         landmarks that partial sightings place, `bias` that of a gyro's.
         """
         graph, values, here = gtsam.NonlinearFactorGraph(), gtsam.Values(), FIRST_POSE + k
+        self.late = False
         if step.odometry is not None:
             values.insert(j=here, pose2=guess)  # by name: else GTSAM tries four conversions first
             graph.add(motion_factor(here - 1, here, step.odometry))
@@ -131,6 +134,8 @@ class Factors:
                 graph.add(motion_factor(self.keys.pose(to), here, Odometry(delta, cov), self.weighed))
         if self._robust and self._newcomers is not None:
             self._newcomers.move(step.odometry)
+        if self._late.waits:
+            self._late.move(step.odometry)
         if len(step.fixes.z):
             for one in fix_factors(here, self.constant.heading(graph, values), step.fixes):
                 graph.add(one)
@@ -163,7 +168,9 @@ class Factors:
                 if xy is None:
                     continue
                 values.insert(self.keys.landmark(landmark), xy)
-            for seen in self._late.taken(landmark, since):
+            held = self._late.taken(landmark, since)
+            self.late = self.late or len(held) > 1
+            for seen in held:
                 errors = self.constant.of(landmark, graph, values) if seen.kind == RANGE else None
                 pose, to = self.keys.pose(seen.step), self.keys.landmarks[landmark]
                 graph.add(part_factor(pose, to, errors, seen, self.weighed))

@@ -17,8 +17,8 @@ from ...core.partial import PartialTable
 from ...core.se2 import Array
 from ...core.truth.errors import rows_of
 from ..api import Diverged
-from ..placing import are_apart, places
 from ..smoothing.valleys import here
+from ..starting.placing import are_apart, places
 from .batch import Batch
 from .distances import of_partial, unevenness
 

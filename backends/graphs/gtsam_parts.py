@@ -15,7 +15,7 @@ from ...core.gyro import Bias, Turn
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, rotation, wrap
 from ..api import Constant
-from ..late_places import Seen
+from ..starting.late_places import Seen
 
 HELD = 1e-6
 """Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""

@@ -7,8 +7,8 @@ from ...core.factors import Log
 from ...core.partial import RANGE, PartialTable
 from ...core.se2 import Array
 from ...core.truth.errors import rows_of
-from ..late_places import Seen
 from ..models import place
+from ..starting.late_places import Seen
 from ._gtsam import BYTES, NEAREST, Factors, in_order, turned
 from .batch import chunks
 from .gtsam_parts import fix_factors, part_factor
@@ -43,23 +43,24 @@ def whole(factors: Factors, log: Log, path: Array) -> tuple[gtsam.NonlinearFacto
         for step, turn in log.gyro.by_step().items():
             factors.biases.add(first + step, turn, None, graph, values)
     if log.partial is not None:
-        _add_parts(factors, log.partial, path, chunks(log), graph, values)
+        _add_parts(factors, log, log.partial, path, graph, values)
     return graph, values
 
 
 def _add_parts(
     factors: Factors,
+    log: Log,
     table: PartialTable,
     path: Array,
-    ends: list[int],
     graph: gtsam.NonlinearFactorGraph,
     values: gtsam.Values,
 ) -> None:
-    """Adds partial sightings, and landmarks of these alone where those until one of the `ends` place them first."""
+    """Adds partial sightings, and landmarks of these alone where those until the end of a chunk place them first."""
+    ends, covs = chunks(log), log.delta_cov
     for landmark in np.unique(table.ids).tolist():
         if landmark in factors.keys.landmarks:
             continue
-        tried = (place_of(table, landmark, path[:end], last=end == len(path)) for end in ends)
+        tried = (place_of(table, landmark, path[:end], covs, last=end == len(path)) for end in ends)
         values.insert(factors.keys.landmark(landmark), next(xy for xy in tried if xy is not None))
     columns = table.step, table.ids, table.kind, table.z, table.var
     for step, landmark, kind, z, var in zip(*(column.tolist() for column in columns), strict=True):

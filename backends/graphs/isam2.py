@@ -1,9 +1,10 @@
 """iSAM2: incremental smoothing and mapping with the Bayes tree (Kaess et al., IJRR 31(2), 2012), by GTSAM.
 
-Two differences from GTSAM's examples: the latest pose is taken from its marginal, which the top of the Bayes tree gives
-alone, as its last factors are there; asking for the estimate would back-substitute through all changes at every step.
-And variables are checked for relinearization every 50 steps, which saves most of the checks' cost (the study
-`relinearisation`).
+Three differences from GTSAM's examples: the latest pose is taken from its marginal, which the top of the Bayes tree
+gives alone, as its last factors are there; asking for the estimate would back-substitute through all changes at every
+step. Variables are checked for relinearization every 50 steps, which saves most of the checks' cost (the study
+`relinearisation`). And where a landmark of partial sightings starts, or these move the newest pose far at once, J is
+looked at: damped steps replace an update that raises it, which is not iSAM2, and happens nowhere else.
 """
 
 import math
@@ -21,7 +22,7 @@ from ...core.se2 import Array, rotation
 from .. import common_options
 from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Expected, Pose, Solution
 from ..incremental.biases import together
-from ..incremental.smoother import SMALL
+from ..incremental.smoother import JUMP, SMALL
 from ..vicinity import Vicinity, first_expected
 from ._gtsam import FAILURES, Factors, array, failure, joint_covariance, path_and_map, pose2, to_world
 from .neighbourhood import Neighbourhood
@@ -31,6 +32,14 @@ FINE = 1e-4
 
 MORE_UPDATES = 5
 """Times `final_updates` with that threshold: on CMU's Plaza logs a loss needs up to 12 to move nothing by more."""
+
+SETTLING = 10
+"""Most updates where a landmark of partial sightings starts."""
+
+DAMPED, FLAT = 100, 1e-7
+"""Most damped steps there, and the share of J by which the last one lowers it."""
+
+NO_FACTORS, NO_VALUES = gtsam.NonlinearFactorGraph(), gtsam.Values()
 
 NOTHING = gtsam.VectorValues()  # parents of a single variable's marginal: none
 
@@ -80,10 +89,13 @@ class Isam2:
         bias = None if step.gyro is None else self.gyro_bias
         guess = ahead(self._pose, step, bias)
         graph, values = self._factors.step(self._steps, step, guess, estimated=self._estimated, bias=bias)
-        moved = self._update(graph, values) > 0
+        moved = self._started(graph, values) if self._factors.late else self._update(graph, values) > 0
         if self._vicinity.used:
             self._around.fold(graph, values, self._factors.keys.pose(self._steps), moved=moved)
         self._pose = self._latest(guess)
+        if len(step.partial.ids) and self._jumped(guess) and not self._lower():
+            self._renew(self._graph(), gtsam.Values(self._isam.getLinearizationPoint()))
+            self._pose = self._latest(guess)
         self._steps += 1
         x, y, heading = self._pose.x(), self._pose.y(), self._pose.theta()
         if not math.isfinite(x + y + heading):
@@ -173,6 +185,58 @@ class Isam2:
                 break
         return converged, self._estimate()
 
+    def _started(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> bool:
+        """Adds a step that starts a landmark, and relinearizes until nothing moves; True, as variables have.
+
+        The sightings that were held back are from poses that may be far off by them: where J is no lower after an
+        update, or the factorization fails, all is optimized from before it by damped steps, and is a new tree.
+        """
+        everything, before = self._graph(), self._estimate()
+        everything.push_back(graph)
+        before.insert(values)
+        if not self._settles(graph, values, everything.error(before)):
+            self._renew(everything, before)
+        return True
+
+    def _jumped(self, guess: gtsam.Pose2) -> bool:
+        """Tells if a step has moved the pose far from where its motion led."""
+        return bool(np.abs(guess.localCoordinates(self._pose)).max() > JUMP)
+
+    def _lower(self) -> bool:
+        """Tells if J is no higher at the estimate than where it is linear."""
+        graph = self._isam.getFactorsUnsafe()
+        return graph.error(self._estimate()) <= graph.error(self._isam.getLinearizationPoint())
+
+    def _settles(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, cost: float) -> bool:
+        """Updates until nothing moves; False where J, which was `cost`, rises, or the factorization fails."""
+        self._note(graph, values, relinearize=False)
+        try:
+            self._isam.update(graph, values)
+            for _ in range(SETTLING):
+                last, cost = cost, self._isam.getFactorsUnsafe().error(self._isam.calculateBestEstimate())
+                if not cost <= last:
+                    return False
+                self._note(NO_FACTORS, NO_VALUES, relinearize=True)
+                if not self._isam.update(NO_FACTORS, NO_VALUES, force_relinearize=True).getVariablesRelinearized():
+                    break
+        except FAILURES:
+            return False
+        return True
+
+    def _renew(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
+        """Makes a new tree of these factors, where damped steps from `values` lead."""
+        found = damped(graph, values)
+        self._isam = self._tree()
+        self._updates.clear()
+        self._update(graph, found)
+        self._around = Neighbourhood(self._isam)
+
+    def _graph(self) -> gtsam.NonlinearFactorGraph:
+        """All factors so far."""
+        graph = gtsam.NonlinearFactorGraph()
+        graph.push_back(self._isam.getFactorsUnsafe())
+        return graph
+
     def _estimate(self) -> gtsam.Values:
         """All variables, by full back-substitution."""
         try:
@@ -188,12 +252,16 @@ class Isam2:
 
     def _update(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool = False) -> int:
         """Adds factors, and returns the number of variables that were relinearized."""
-        if self._options.factorization == "auto" and not self._gave_way:
-            self._updates.append((graph, values, relinearize))
+        self._note(graph, values, relinearize=relinearize)
         try:
             return self._isam.update(graph, values, force_relinearize=relinearize).getVariablesRelinearized()
         except FAILURES as error:
             return self._give_way(error)
+
+    def _note(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool) -> None:
+        """Keeps an update for when Cholesky fails."""
+        if self._options.factorization == "auto" and not self._gave_way:
+            self._updates.append((graph, values, relinearize))
 
     def _give_way(self, error: Exception) -> int:
         """Does, after Cholesky has failed, all updates so far once more by QR, the failed one the last.
@@ -251,6 +319,17 @@ def ahead(pose: gtsam.Pose2, step: Step, bias: Bias | None) -> gtsam.Pose2:
     if step.gyro is not None and bias is not None:
         delta = together(np.vstack((delta, cov)), step.gyro, bias.mean)
     return pose.compose(pose2(delta))
+
+
+def damped(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.Values:
+    """A lower J, by Levenberg and Marquardt's method."""
+    params = gtsam.LevenbergMarquardtParams()
+    params.setMaxIterations(DAMPED)
+    params.setRelativeErrorTol(FLAT)
+    try:
+        return gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
+    except FAILURES as error:
+        raise Diverged(failure(error)) from None
 
 
 def parameters(options: Options, threshold: float, factorization: str, *, turns: bool = False) -> gtsam.ISAM2Params:

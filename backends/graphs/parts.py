@@ -9,13 +9,14 @@ from ...core.partial import NO_PARTIAL, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import rows_of
 from ..api import Constant
-from ..late_places import somewhere
-from ..placing import placed
 from ..smoothing import _log
 from ..smoothing._graph import ALONE, FIX, LANDMARK, NO_VARIABLE, POSE, PRIOR
 from ..smoothing.arrays import with_rows
 from ..smoothing.forest import Forest
 from ..smoothing.maps import add_map, joint_map
+from ..starting.drift import wandered
+from ..starting.late_places import somewhere, thinned
+from ..starting.placing import placed
 
 HELD = 1e-9
 """Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""
@@ -137,7 +138,7 @@ class Parts:
         self.constant = ConstantVariables(
             forest, log.prior.systematic, np.unique(table.ids[table.kind == RANGE]), len(fixes) > 0
         )
-        self._table, p = table, len(table)
+        self._table, self._motion_cov, p = table, log.delta_cov, len(table)
         self.biases = GyroBiases(log.gyro, n)
         """The variables of a gyro's biases."""
         step = np.concatenate((table.step, fixes.step, self.biases.step))
@@ -223,20 +224,24 @@ class Parts:
 
         None while they do not place it.
         """
-        return place_of(self._table, landmark, path, last=last)
+        return place_of(self._table, landmark, path, self._motion_cov, last=last)
 
 
-def place_of(table: PartialTable, landmark: int, path: Array, *, last: bool) -> Array | None:
+def place_of(table: PartialTable, landmark: int, path: Array, motion_cov: Array, *, last: bool) -> Array | None:
     """(2,) m, the place of a landmark by partial sightings along a path (k, 3), or the likeliest if it is the `last`.
 
-    None while they do not place it.
+    `motion_cov` (n, 3, 3) are those of the motions. None while they do not place it.
     """
     mine = table.ids == landmark
     mine &= table.step < len(path)
     poses, kind, z = path[table.step[mine]], table.kind[mine], table.z[mine]
     if not len(z):
         return None
-    found = placed(poses, kind, z, table.var[mine])
+    rows = thinned(len(z))
+    drift = wandered(path, motion_cov[: len(path)], table.step[mine][rows])
+    found = placed(poses[rows], kind[rows], z[rows], table.var[mine][rows], drift)
+    if last and (found is None or not found.sure):
+        found = placed(poses, kind, z, table.var[mine])
     if found is not None and (found.sure or last):
         return found.xy
     return somewhere(poses[-1], float(z[-1]), int(kind[-1])) if last else None

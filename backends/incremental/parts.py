@@ -5,14 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.factors import Map, Prior, Step
+from ...core.factors import Map, Odometry, Prior, Step
 from ...core.fixes import information
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ..api import Constant
-from ..late_places import LatePlaces, Seen
 from ..smoothing._graph import ALONE, NO_VARIABLE
 from ..smoothing.tables import Row, Tables
+from ..starting.late_places import LatePlaces, Seen
 from .constants import ConstantVariables
 
 SIX = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)
@@ -31,7 +31,7 @@ NO_ROWS = Rows(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 5)))
 
 
 class Parts:
-    """Converts them step by step. A landmark starts late, when partial sightings place it: see `..placing`."""
+    """Converts them step by step. A landmark starts late, when partial sightings place it: see `..starting.placing`."""
 
     def __init__(
         self,
@@ -52,6 +52,15 @@ class Parts:
         self._first = 0  # of the step's rows, in the tables
         self.rows = list[Row]()
         """Those of the step so far; one that starts by a whole sighting may add errors of ranges held back."""
+
+    @property
+    def waits(self) -> bool:
+        """True while something is held back: then `move` needs every motion."""
+        return self._late.waits
+
+    def move(self, odometry: Odometry | None) -> None:
+        """Adds the motion to the next step."""
+        self._late.move(odometry)
 
     def add(self, k: int, step: Step, poses: Callable[[Sequence[int]], Array], since: int = 0) -> None:
         """Takes step `k`, after its whole sightings; `poses` gives (n, 3) those of n steps so far.

@@ -71,6 +71,12 @@ EARLY = 7.0  # offset of a root variable, in thresholds, that triggers a check e
 ENOUGH = 0.3
 """Share of the relinearize threshold by which the last pose may be off when it is eliminated."""
 
+JUMP = 0.3
+"""m, rad; correction of a pose by partial sightings after which J is looked at."""
+
+SETTLING = 10
+"""Most relinearisations where a landmark of partial sightings starts."""
+
 LEAST = 1e6  # least work (multiplications) between full orderings
 
 NEAREST = 1e-3
@@ -124,6 +130,7 @@ class Smoother:
         self._parts = Parts(forest, prior, self._variable, self._start, self._hold)
         self._biases = None if prior.gyro is None else Biases(forest, prior.gyro)
         self._turns = False  # the step's pose has a bias
+        self._late = False  # a landmark of partial sightings starts at this step
         self._touched = list[int]()  # poses with sightings of landmarks that this step starts
 
     def step(self, step: Step) -> Pose:
@@ -134,16 +141,20 @@ class Smoother:
             self._newcomers.move(step.odometry)
         if self._vicinity.used:
             self._vicinity.move(step.odometry)
+        if self._parts.waits:
+            self._parts.move(step.odometry)
         if step.odometry is not None:
             self._motion[0], self._motion[1:] = step.odometry
         if looks:
             self._seen = as_rows(sightings, self._seen)
         touched = [] if self._biases is None else self._turned(k, step, self._biases)
+        ahead = (0.0, 0.0, 0.0)
         found = [self._variable.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]
         if NO_VARIABLE in found:
             touched += self._name(k, sightings, found)
         rows = NO_ROWS
         if step.partial is not NO_PARTIAL or step.fixes is not NO_FIXES or self._parts.rows:
+            ahead = self._ahead(k)
             rows = self._partly(k, step, touched)
             looks = looks or len(rows.parts) > 0
             found = [self._variable.get(i, NO_VARIABLE) for i in sightings.ids.tolist()]  # these may have started some
@@ -153,6 +164,9 @@ class Smoother:
             self._plain_step(np.array(found, np.int64), rows)
         self._steps += 1
         self._since += 1
+        if self._late or (len(rows.parts) and self._jumped(ahead)):
+            self._late, self._since = False, 0
+            self._settle()
         if (looks or closes) and self._due():
             self._since = 0
             forest.relinearise(self._threshold())
@@ -236,6 +250,17 @@ class Smoother:
             return _step.root_offset(self._forest.g.address) > threshold
         early = EARLY * self._options.relinearize_threshold
         return self._since % tenth == 0 and _step.root_offset(self._forest.g.address) > early
+
+    def _jumped(self, ahead: tuple[float, float, float]) -> bool:
+        """Tells if a step has moved the pose far from where its motion led."""
+        dx, dy, turn = (self._forest.pose - ahead).tolist()
+        return max(abs(dx), abs(dy), abs(math.remainder(turn, math.tau))) > JUMP
+
+    def _settle(self) -> None:
+        """Relinearises what a start has moved: its sightings were held back, from poses that may be far off by them."""
+        for _ in range(SETTLING):
+            if self._forest.relinearise(0.0).furthest <= self._threshold():
+                break
 
     def _threshold(self) -> float:
         """The relinearize threshold (m, rad), lower where landmarks are near."""
@@ -377,6 +402,7 @@ class Smoother:
         self._parts.release(landmark, held)
         g = self._forest.g
         last, rows = int(g.state[LAST]), g.sightings[[row for row in held if row < g.state[SIGHTINGS]]]
+        self._late = self._late or bool((rows[:, PART] != WHOLE).any())
         self._touched += rows[(rows[:, POSE] != last) | (rows[:, PART] != WHOLE), POSE].tolist()
 
     def _hold(self, landmark: int, row: int) -> None:

@@ -20,7 +20,7 @@ from ...core.factors import Prior, RangeBearing, Step
 from ...core.partial import BEARING, RANGE
 from ...core.se2 import Array, Ints
 from ..api import Constant
-from ..placing import CLEAR, SPREAD
+from ..starting.placing import CLEAR, SPREAD
 from . import _parts, _rings
 from ._loops import Loops
 from ._parts import OWN, SLOPES, WIDE, Flags, Parts, Whitened

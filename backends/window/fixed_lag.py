@@ -26,14 +26,15 @@ from .. import common_options
 from ..api import Belief, Diverged, Expected, Pose, Solution
 from ..common_options import LOSSES
 from ..incremental.parts import NO_ROWS, Parts, Rows
-from ..incremental.smoother import NEAREST
+from ..incremental.smoother import NEAREST, SETTLING
 from ..newcomers import Newcomers
+from ..smoothing._graph import ALONE
 from ..smoothing.arrays import as_rows
 from ..smoothing.forest import INDEFINITE_J, TOLERANCE
 from ..vicinity import Vicinity, first_expected, with_held
 from . import _estimates, _marginals, _step
 from ._chain import DONE, RETURNS
-from ._renewal import renew
+from ._renewal import free, renew
 from ._window import BOTTOM, HELD, LEFT, OLD_POSES, POINT, PRESENCE
 from .arrays import look_at_landmark, made, offsets, row_of_new, solve, with_all, with_steps
 from .biases import WindowBiases
@@ -86,6 +87,8 @@ class FixedLag:
         self._prior, self._vicinity = prior, Vicinity(follows=True)
         self._parts = Parts(self._tables, prior, self._row, self._start, self._hold)
         self._biases = None if prior.gyro is None else WindowBiases(self._tables, prior.gyro)
+        self._careful = False  # such a one has started
+        self._late = False  # a landmark of partial sightings starts at this step
         self._anew = False  # everything must be eliminated again
 
     def step(self, step: Step) -> Pose:
@@ -95,6 +98,8 @@ class FixedLag:
             self._newcomers.move(step.odometry)
         if self._vicinity.used:
             self._vicinity.move(step.odometry)
+        if self._parts.waits:
+            self._parts.move(step.odometry)
         if step.odometry is not None:
             self._motion[0], self._motion[1:] = step.odometry
         if ids:
@@ -135,6 +140,9 @@ class FixedLag:
                 ended = solve(window, self._pose, self._cov)
         if ended != DONE:
             raise Diverged(INDEFINITE_J)
+        if self._late:
+            self._late, self._careful = False, True
+            self._settle()
         self._check()
         pose = self._pose.copy()
         if not math.isfinite(pose[0] + pose[1] + pose[2]):
@@ -247,6 +255,7 @@ class FixedLag:
         self._tables.window, self._row[landmark] = row_of_new(self._tables.window, x, y)
         held = self._inside(self._held.pop(landmark, []))
         self._anew = self._anew or any(row < self._tables.stored for row in held)
+        self._late = self._late or any(row < self._tables.stored and self._tables.row(row)[0] == ALONE for row in held)
         self._parts.release(landmark, held)
 
     def _hold(self, landmark: int, row: int) -> None:
@@ -298,6 +307,19 @@ class FixedLag:
         self._gone[landmark] = look_at_landmark(w, row)
         w.marks[row, PRESENCE] = LEFT
 
+    def _settle(self) -> None:
+        """Relinearises what a start has moved: its sightings were held back, from poses that may be far off by them."""
+        threshold = self._options.relinearize_threshold
+        for _ in range(SETTLING):
+            if self._relinearise(threshold, anyway=False) <= threshold:
+                break
+
+    def _furthest(self) -> float:
+        """m, rad; the largest offset of a variable that may move."""
+        w = self._tables.window
+        poses, places = offsets(w)
+        return free(w, self._left - int(w.state[OLD_POSES]), poses, places, 0.0)
+
     def _check(self) -> None:
         """Relinearises when due, or when much has left."""
         self._since += 1
@@ -314,12 +336,16 @@ class FixedLag:
         """Moves what is off by more than `threshold` (m, rad); returns the largest offset.
 
         Variables that have left are first absorbed by the prior. Nothing is done if nothing is off so far, unless
-        `anyway`.
+        `anyway`. Once a landmark has started late, points are moved only if that leaves the largest offset no larger.
         """
         self._tables.window = w = with_all(self._tables.window)
+        before = (w.copied(), self._pose.copy(), self._cov.copy()) if self._careful and threshold < np.inf else None
         ended, furthest = renew(w, self._left - int(w.state[OLD_POSES]), KEEP, threshold, anyway)
         if ended == DONE and (furthest > threshold or anyway):
             ended = solve(w, self._pose, self._cov)
+        if before is not None and (ended != DONE or (furthest > threshold and self._furthest() > furthest)):
+            self._tables.window, self._pose, self._cov = before
+            return self._relinearise(np.inf, anyway=anyway)
         if ended != DONE:
             raise Diverged(INDEFINITE_J)
         return furthest

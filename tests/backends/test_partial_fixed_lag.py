@@ -9,7 +9,7 @@ import pytest
 from beacon_drives import BEARING, RANGE, Drive, drive
 from driven import aligned_error, make, run
 from slamduel import load
-from slamduel.backends.late_places import LatePlaces, Seen
+from slamduel.backends.starting.late_places import LatePlaces, Seen
 from slamduel.core.se2 import Array, wrap
 
 DRIVES: dict[str, dict[str, Any]] = {

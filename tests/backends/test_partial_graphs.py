@@ -11,7 +11,7 @@ from driven import final, run
 from random_logs import random_log
 from slamduel.backends.api import Constant, Solution
 from slamduel.backends.graphs.gtsam_parts import HEADING, fix_factors, part_factor
-from slamduel.backends.late_places import Seen
+from slamduel.backends.starting.late_places import Seen
 from slamduel.backends.window import fixed_lag
 from slamduel.bench.measure.misfit import lowest_near, misfit, partial_misfits
 from slamduel.core.factors import Log, Systematic

@@ -15,8 +15,8 @@ from slamduel.backends.graphs import own_batch
 from slamduel.backends.graphs.batch import Batch
 from slamduel.backends.graphs.elsewhere import lowest
 from slamduel.backends.graphs.graph_options import Options
-from slamduel.backends.placing import are_apart, placed, places
 from slamduel.backends.smoothing.valleys import here
+from slamduel.backends.starting.placing import are_apart, placed, places
 from slamduel.bench.measure.misfit import misfit
 from slamduel.bench.plan.load import load
 from slamduel.core.factors import Log

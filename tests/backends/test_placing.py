@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from slamduel.backends.placing import placed
+from slamduel.backends.starting.placing import placed
 from slamduel.core.partial import BEARING, RANGE
 from slamduel.core.se2 import Array, wrap
 

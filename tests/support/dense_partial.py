@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slamduel.backends.gaussian.late_starts import FURTHER, MOST
-from slamduel.backends.placing import Place, placed
+from slamduel.backends.starting.placing import Place, placed
 from slamduel.core.factors import Log
 from slamduel.core.partial import RANGE
 from slamduel.core.se2 import Array, wrap
@@ -50,16 +50,14 @@ class Waiting:
             return None
         self.tried[landmark] = way
         poses, cov = poses_of([one.pose for one in held])
-        var, z = [], []
-        for i, one in enumerate(held):
-            D = np.zeros((3, len(cov)))
-            D[:, 3 * i : 3 * i + 3] += np.eye(3)
-            D[:, -3:] -= np.eye(3)
-            between = D @ cov @ D.T
-            ranges = one.kind == RANGE
-            var.append(one.var + ((between[0, 0] + between[1, 1]) / 2 if ranges else between[2, 2]))
-            z.append(one.z / (1 + scale) if ranges else one.z)
-        place = placed(poses, np.array([one.kind for one in held]), np.array(z), np.array(var))
+        last, D = poses[-1], np.zeros_like(cov)
+        for i, pose in enumerate(poses):
+            across, along = last[1] - pose[1], pose[0] - last[0]
+            D[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += np.eye(3)
+            D[3 * i : 3 * i + 3, -3:] -= [[1, 0, across], [0, 1, along], [0, 0, 1]]
+        z = np.array([one.z / (1 + scale) if one.kind == RANGE else one.z for one in held])
+        kind, var = np.array([one.kind for one in held]), np.array([one.var for one in held])
+        place = placed(poses, kind, z, var, D @ cov @ D.T)
         if place is None or not place.sure:
             return None
         del self.of[landmark]

@@ -9,10 +9,10 @@ from math import atan2, cos, log, pi, sin, sqrt
 
 import numpy as np
 
-from ..core.kernels._planar import wrap
-from ..core.kernels.compiled import compiled
-from ..core.partial import RANGE
-from ..core.se2 import Array, Ints
+from ...core.kernels._planar import wrap
+from ...core.kernels.compiled import compiled
+from ...core.partial import RANGE
+from ...core.se2 import Array, Ints
 
 STARTS = 16
 """Points of a ring, or of a ray, that a fit starts at."""

@@ -6,12 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..core.factors import Map
-from ..core.partial import RANGE
-from ..core.se2 import Array, Ints
+from ...core.factors import Map, Odometry
+from ...core.partial import RANGE
+from ...core.se2 import Array, Ints
+from .drift import Drift
 from .placing import placed
 
 MORE = 1.1  # growth of a landmark's sightings after which it is placed again
+
+MOST = 100
+"""Sightings that a landmark is placed by; of more, as many, evenly chosen."""
 
 NEAREST, FARTHEST = 1e-3, 10.0
 """m; least distance of a landmark from the pose that it starts at, and that of one with a single bearing."""
@@ -32,9 +36,21 @@ class LatePlaces:
     def __init__(self) -> None:
         self._held: defaultdict[int, list[Seen]] = defaultdict(list)
         self._next: dict[int, float] = {}  # sightings at which a landmark is placed next
+        self._drift = Drift()
+
+    @property
+    def waits(self) -> bool:
+        """True while something is held back: then every motion is needed."""
+        return len(self._held) > 0
+
+    def move(self, odometry: Odometry | None) -> None:
+        """Adds the motion to the next step."""
+        self._drift.move(odometry)
 
     def hold(self, landmark: int, seen: Seen) -> None:
         """Adds a sighting."""
+        if not self._held:
+            self._drift.begin(seen.step)
         self._held[landmark].append(seen)
 
     def found(self, landmark: int, poses: Callable[[Sequence[int]], Array], since: int = 0) -> Array | None:
@@ -46,7 +62,10 @@ class LatePlaces:
         if len(held) < max(2, self._next.get(landmark, 0)):
             return None
         self._next[landmark] = MORE * len(held)
-        place = placed(poses([one.step for one in held]), *_columns(held))
+        held = [held[i] for i in thinned(len(held)).tolist()]
+        steps = [one.step for one in held]
+        path = poses(steps)
+        place = placed(path, *_columns(held), self._drift.between(np.array(steps), path[-1, 2]))
         return place.xy if place is not None and place.sure else None
 
     def taken(self, landmark: int, since: int = 0) -> list[Seen]:
@@ -72,6 +91,11 @@ class LatePlaces:
             del held[:gone]
             self._next[landmark] = self._next.get(landmark, 0) - gone  # as many more as ever are needed
         return held
+
+
+def thinned(n: int) -> Ints:
+    """The rows of n sightings that place a landmark: all, or as many as `MOST` of them, evenly chosen."""
+    return np.linspace(0, n - 1, min(n, MOST)).round().astype(np.int64)
 
 
 def likeliest(poses: Array, kind: Ints, z: Array, var: Array) -> Array:
