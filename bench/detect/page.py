@@ -14,8 +14,8 @@ from .pictures import encoded
 PAGE, MAP, SHEET, NOISE = "detection.html", "map.png", "contact.png", "noise.toml"
 
 FILES = (
-    "log.toml", "odometry.csv", "sightings.csv", "loops.csv", "truth.tum", "landmarks.csv", "scans.npz", "clouds.npz",
-    NOISE, MAP, SHEET,
+    "log.toml", "odometry.csv", "sightings.csv", "loops.csv", "gyro.csv", "truth.tum", "landmarks.csv", "scans.npz",
+    "clouds.npz", NOISE, MAP, SHEET,
 )  # fmt: skip
 """All that a detection writes beside its page."""
 

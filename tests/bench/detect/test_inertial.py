@@ -45,6 +45,7 @@ def test_a_bag_with_readings_has_a_line_about_them(tmp_path: Path, capsys: pytes
     assert main(["detect", str(path), "--out", str(tmp_path / "log")]) == 0
     assert f"IMU: {LINE}" in " ".join(capsys.readouterr().out.split())
     assert LINE in (tmp_path / "log" / "detection.html").read_text(encoding="utf-8")
+    assert main(["detect", str(path), "--out", str(tmp_path / "log"), "--quiet"]) == 0  # in place of the one before
     assert main(["show", str(tmp_path / "log"), "--json", "--no-solve"]) == 0
     assert json.loads(capsys.readouterr().out)["remarks"]
     assert main(["show", str(tmp_path / "log"), "--no-solve", "--out", str(tmp_path / "x.png")]) == 0

@@ -17,7 +17,7 @@ import bags
 from refusals import refused
 from slamduel.core.factors import Map, Truth
 from slamduel.core.se2 import Array
-from slamduel.datasets.recordings import live, recording, write
+from slamduel.datasets.recordings import any_recording, live, write
 from slamduel.datasets.recordings.recording import build, open_recording
 from slamduel.datasets.recordings.robot import Robot, read_robot, write_robot
 from slamduel.datasets.recordings.robot_camera import FrameSource
@@ -415,13 +415,15 @@ def test_truth_of_one_pose_and_of_none() -> None:
 def test_a_recording_is_a_dataset(tmp_path: Path) -> None:
     folder = frames_in(tmp_path / "a")
     rng = np.random.default_rng(0)
-    made = recording.source.make(recording.Options(str(folder)), rng)
+    made = any_recording.source.make(any_recording.Options(str(folder)), rng)
     assert made.log.digest == build(open_recording(folder)).log.digest
-    assert not recording.source.costly  # its files may change: a cache would not know
+    assert not any_recording.source.costly  # its files may change: a cache would not know
     other = robot_in(tmp_path / "b", robot_with(max_range=0.1)) / "robot.toml"
-    assert len(recording.source.make(recording.Options(str(folder), str(other)), rng).log.ids) == 0
-    refused(r"option path of dataset recording is not given", recording.source.make, recording.Options(), rng)
-    refused(r"found camera:0, expected a recording, not", recording.source.make, recording.Options("camera:0"), rng)
+    assert len(any_recording.source.make(any_recording.Options(str(folder), str(other)), rng).log.ids) == 0
+    refused(r"option path of dataset recording is not given", any_recording.source.make, any_recording.Options(), rng)
+    refused(
+        r"found camera:0, expected a recording, not", any_recording.source.make, any_recording.Options("camera:0"), rng
+    )
 
 
 class Fake:
