@@ -47,6 +47,7 @@ from ._graph import (
     A,
     B,
     Graph,
+    labour,
 )  # fmt: skip
 from ._links import motion_offset
 
@@ -195,7 +196,7 @@ def eliminate(g: Graph, c: int) -> None:
         add_child(g, child, F, w)
         child = g.cliques[child, NEXT]
     damp(g, F, w, front)
-    g.state[WORK] += front * m * m
+    g.state[WORK] += labour(front, m)
     if not factor(F, m, front, g.state[DSYRK]):
         g.state[FAILED] = 1
         return

@@ -4,7 +4,8 @@ import numpy as np
 
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Ints
-from ._graph import STAMP, Graph, rounded, triangle
+from ._dissection import ranks
+from ._graph import STAMP, Graph, labour, rounded, triangle
 from ._opening import concerned, opened, staying
 from ._quotient import (
     ALIVE,
@@ -18,6 +19,7 @@ from ._quotient import (
     NAME,
     NAMED,
     NEW,
+    RANK,
     WAITS,
     WIDTH,
     Quotient,
@@ -25,6 +27,7 @@ from ._quotient import (
     begin,
     delist,
     enlist,
+    enlist_rank,
     longer,
     measure,
     quotient,
@@ -78,7 +81,9 @@ def write(Q: Quotient, p: int, front: Ints, gone: Ints, lost: int, out: Ints, at
 
 
 @compiled
-def plan(g: Graph, x: int, wanted: Ints, touched: Ints, everything: bool) -> tuple[Ints, Ints, int, Ints, Ints]:
+def plan(
+    g: Graph, x: int, wanted: Ints, touched: Ints, everything: bool, dissected: bool
+) -> tuple[Ints, Ints, int, Ints, Ints]:
     """Orders everything that must be opened for the root to become pose `x` and the landmarks `wanted`.
 
     Besides the wanted ones, the variables `touched` have new factors, or are new and are to be eliminated. Returns the
@@ -91,13 +96,18 @@ def plan(g: Graph, x: int, wanted: Ints, touched: Ints, everything: bool) -> tup
         open_ = open_[:0]
         g.state[STAMP] += 1
     names, kept = concerned(g, x, wanted, touched, open_, everything)
-    Q, pool, top, count = quotient(g, names, kept, staying(g, open_, everything))
+    order = ranks(g, names, kept) if everything and dissected else np.zeros(0, np.int64)
+    Q, pool, top, count = quotient(g, names, kept, staying(g, open_, everything), order)
     V, E, n = Q.variables, Q.elements, len(names)
     near, gone, room = np.full(n, -1, np.int64), np.empty(len(E), np.int64), np.zeros(4, np.int64)
-    out, at, made, least, left = np.empty(16 * n + 64, np.int64), 0, 0, 0, n - kept
+    out, at, made, least, left, rank = np.empty(16 * n + 64, np.int64), 0, 0, 0, n - kept, 0
     while left > 0:
         while Q.heads[least] < 0:
             least += 1
+            if least == len(Q.heads):
+                rank += 1
+                enlist_rank(Q, rank, kept)
+                least = 0
         p = Q.heads[least]
         delist(Q, p)
         pool = longer(pool, top, n)
@@ -110,7 +120,7 @@ def plan(g: Graph, x: int, wanted: Ints, touched: Ints, everything: bool) -> tup
         room[0] += rounded(out[at + 1] + out[at + 2])[1]
         room[1] += rounded(eliminated * (size + 1))[1] + rounded(triangle(size - eliminated))[1]
         room[2] = max(room[2], size)
-        room[3] += eliminated * size * size
+        room[3] += labour(eliminated, size)
         at = end
         rest = 0
         for u in range(k):
@@ -122,8 +132,9 @@ def plan(g: Graph, x: int, wanted: Ints, touched: Ints, everything: bool) -> tup
             rest += 1
             Q.of[V[i, FIRST] + V[i, MANY]] = count
             V[i, MANY] += 1
-            if i >= kept and V[i, WAITS] == 0:
-                enlist(Q, i, size - eliminated - V[i, WIDTH] + V[i, DEGREE])
+            V[i, DEGREE] += size - eliminated - V[i, WIDTH]
+            if i >= kept and V[i, WAITS] == 0 and V[i, RANK] <= rank:
+                enlist(Q, i, V[i, DEGREE])
                 least = min(least, V[i, DEGREE])
         begin(E, count, NEW, -1 - made, top, rest, size - eliminated)
         made += 1
