@@ -47,7 +47,6 @@ from ._graph import (
     A,
     B,
     Graph,
-    labour,
 )  # fmt: skip
 from ._links import motion_offset
 
@@ -196,7 +195,7 @@ def eliminate(g: Graph, c: int) -> None:
         add_child(g, child, F, w)
         child = g.cliques[child, NEXT]
     damp(g, F, w, front)
-    g.state[WORK] += labour(front, m)
+    g.state[WORK] += front * m * m
     if not factor(F, m, front, g.state[DSYRK]):
         g.state[FAILED] = 1
         return

@@ -66,21 +66,12 @@ DELTA, NOISE, POINT = 0, 3, 9
 # cliques: MEMBERS variables, the first FRONTALS of them frontal; SIZE scalars, the first FRONT of them frontal
 PARENT, FRONTALS, MEMBERS, FRONT, SIZE, BOUND, LISTED, FACTOR, UPDATE, CHILD, NEXT, FLAG = range(12)
 
-PER_CLIQUE = 30_000
-"""Multiplications in a front that take as long as what else there is to do for a clique: order, enter and sum it."""
-
 NO_VARIABLE = -1
 PENDING = -(2**62)
 """In `at`: the step's link does not exist yet."""
 
 CLASSES = 250
 """Number of block sizes in an arena, four per power of two."""
-
-
-@compiled
-def labour(front: int, size: int) -> int:
-    """The cost of eliminating a clique, in multiplications."""
-    return front * size * size + PER_CLIQUE
 
 
 @compiled

@@ -5,7 +5,7 @@ import numpy as np
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Ints
 from ._dissection import ranks
-from ._graph import STAMP, Graph, labour, rounded, triangle
+from ._graph import STAMP, Graph, rounded, triangle
 from ._opening import concerned, opened, staying
 from ._quotient import (
     ALIVE,
@@ -120,7 +120,7 @@ def plan(
         room[0] += rounded(out[at + 1] + out[at + 2])[1]
         room[1] += rounded(eliminated * (size + 1))[1] + rounded(triangle(size - eliminated))[1]
         room[2] = max(room[2], size)
-        room[3] += labour(eliminated, size)
+        room[3] += eliminated * size * size
         at = end
         rest = 0
         for u in range(k):

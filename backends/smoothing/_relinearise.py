@@ -48,7 +48,6 @@ from ._graph import (
     A,
     B,
     Graph,
-    labour,
 )  # fmt: skip
 from ._links import relink
 
@@ -88,7 +87,7 @@ def settle(g: Graph, order: Ints, path: Array, values: Array) -> tuple[int, int]
     for t in range(len(order) - 1, -1, -1):
         c = order[t]
         q = g.cliques[c]
-        work = labour(q[FRONT], q[SIZE])
+        work = q[FRONT] * q[SIZE] * q[SIZE]
         total += work
         if q[FLAG] == -1:
             q[FLAG] = 0
