@@ -11,7 +11,6 @@ from hard_logs import with_loops
 from random_logs import random_log
 from slamduel.backends.graphs.batch import Batch
 from slamduel.backends.smoothing import _ordering, forest
-from slamduel.backends.smoothing._dissection import SMALLEST, ranks
 from slamduel.backends.smoothing._factors import NONE
 from slamduel.backends.smoothing._graph import (
     LANDMARK,
@@ -27,6 +26,7 @@ from slamduel.backends.smoothing._graph import (
     B,
     Graph,
 )
+from slamduel.backends.smoothing._ordering import SMALLEST, ranks
 from slamduel.core.factors import Log
 from slamduel.core.se2 import Ints
 from tiers import first_quick
