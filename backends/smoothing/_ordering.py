@@ -173,7 +173,8 @@ def ranks(g: Graph, names: Ints, kept: int) -> Ints:
     """The rank (n,) of each of the variables `names`: lower ones are eliminated first.
 
     It is 0 in the last parts; then come the separators, the innermost first. `names` are all variables there are, and
-    the PLACE of each is its row there. The first `kept` are not ordered. All ranks are 0 where there are constant errors, which have factors everywhere.
+    the PLACE of each is its row there. The first `kept` are not ordered. All ranks are 0 where there are constant
+    errors, which have factors everywhere.
     """
     n = len(names)
     out, part, side, order = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n, np.int64), np.arange(n)
