@@ -253,7 +253,7 @@ def crossing(
         while k >= 0:
             if g.links[k, _graph.A] == v and part[g.variables[g.links[k, _graph.B], _graph.PLACE]] == p:
                 spread(out, x, g.values[g.links[k, _graph.B], axis], first, step, 3.0)
-            k = next_link(g, k, v)
+            k = next_link(g, k, int(v))
         for s in range(g.variables[v, _graph.FIRST], g.variables[v, _graph.END]):
             landmark = g.sightings[s, _graph.LANDMARK]
             if landmark >= 0 and g.variables[landmark, _graph.WIDTH]:
@@ -297,7 +297,7 @@ def separate(
             j = g.variables[g.links[k, _graph.B] if g.links[k, _graph.A] == v else g.links[k, _graph.A], _graph.PLACE]
             if part[i] == p and part[j] == p and side[i] == 0 and side[j] == 1:
                 part[i], out[i] = -1, rank
-            k = next_link(g, k, v)
+            k = next_link(g, k, int(v))
     for i in some:
         v = names[i]
         if g.variables[v, _graph.WIDTH] != 3:
