@@ -41,10 +41,12 @@ from ._links import motion_offset
 
 
 @compiled
-def motion_cost(p: Array, q: Array, motion: Array, k: int, covariance: int) -> float:
-    """The squared Mahalanobis distance of poses p and q from motion[k : k + 3], its covariance from `covariance` on."""
+def motion_cost(p: Array, q: Array, motion: Array, k: int, covariance: int, W: Array) -> float:
+    """The squared Mahalanobis distance of poses p and q from motion[k : k + 3], its covariance from `covariance` on.
+
+    W (6,) is overwritten.
+    """
     e0, e1, e2, c, s = motion_offset(p[0], p[1], p[2], q[0], q[1], q[2], motion[k], motion[k + 1], motion[k + 2])
-    W = np.empty(6)
     if not information(motion, covariance, W, 0):
         return np.inf
     return square_of(W, 0, c * e0 + s * e1, c * e1 - s * e0, e2)
@@ -59,7 +61,7 @@ def cost(g: Graph, path: Array, values: Array) -> float:
         return np.inf
     total = square_of(W, 0, path[0, 0] - p[0], path[0, 1] - p[1], wrap(path[0, 2] - p[2]))
     for k in range(1, g.state[STEPS]):
-        total += motion_cost(path[k - 1], path[k], g.steps[k], DELTA, NOISE)
+        total += motion_cost(path[k - 1], path[k], g.steps[k], DELTA, NOISE, W)
     for k in range(g.state[LINKS]):
         if g.links[k, LOOP]:
             first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
@@ -67,7 +69,7 @@ def cost(g: Graph, path: Array, values: Array) -> float:
             if g.links[k, LOOP] == TURN:
                 total += L[MOTION + 2] * turn_off(path[first, 2], path[last, 2], values[g.links[k, BIAS], 0], L) ** 2
                 continue
-            q = motion_cost(path[first], path[last], L, MOTION, COVARIANCE)
+            q = motion_cost(path[first], path[last], L, MOTION, COVARIANCE, W)
             total += L[WEIGHT] * loss(g.settings[LOSS], g.settings[SCALE], q)
     for v in range(g.state[VARIABLES]):
         if g.variables[v, WIDTH] != 3:

@@ -23,8 +23,8 @@ MOST = 2000
 """Scalars from which degrees are not distinguished, or three times the number of variables if that is more."""
 
 # variables: NAME in the graph; MANY elements from FIRST on; landmarks from SEES up to the next one's; number of poses
-# it waits for; its degree, and its links in the list of that degree
-NAME, WIDTH, FIRST, MANY, SEES, WAITS, DEGREE, LISTED, BEFORE, AFTER, COLUMNS = range(11)
+# it waits for; its degree, and its links in the list of that degree; the RANK before which it is not eliminated
+NAME, WIDTH, FIRST, MANY, SEES, WAITS, DEGREE, LISTED, BEFORE, AFTER, RANK, COLUMNS = range(12)
 # LISTED: in a list, or merged with another
 LISTED_NOW, MERGED = 1, 2
 # elements: KIND, an old clique, a link or a new clique NAMED; in `pool`, COUNT variables from START on; their scalars,
@@ -61,8 +61,11 @@ def next_link(g: Graph, k: int, v: int) -> int:
 
 
 @compiled
-def quotient(g: Graph, names: Ints, kept: int, stay: Ints) -> tuple[Quotient, Ints, int, int]:
-    """The initial graph; the variables of its elements, the size of these, and the number of elements."""
+def quotient(g: Graph, names: Ints, kept: int, stay: Ints, ranks: Ints) -> tuple[Quotient, Ints, int, int]:
+    """The initial graph; the variables of its elements, the size of these, and the number of elements.
+
+    `ranks` has those of the variables `names`, if there are any.
+    """
     n, stamp = len(names), g.state[_graph.STAMP]
     V = np.zeros((n + 1, COLUMNS), np.int64)
     numbers = bound = looks = 0
@@ -71,6 +74,7 @@ def quotient(g: Graph, names: Ints, kept: int, stay: Ints) -> tuple[Quotient, In
     for i in range(n):
         v = names[i]
         V[i, NAME], V[i, WIDTH], V[i, BEFORE], V[i, AFTER] = v, g.variables[v, _graph.WIDTH], -1, -1
+        V[i, RANK] = ranks[i] if len(ranks) else 0
         if V[i, WIDTH] == 3:
             looks += g.variables[v, _graph.END] - g.variables[v, _graph.FIRST]
             k = g.variables[v, _graph.LINK]
@@ -131,9 +135,18 @@ def quotient(g: Graph, names: Ints, kept: int, stay: Ints) -> tuple[Quotient, In
             V[i, MANY] += 1
             V[i, DEGREE] += E[f, SIZE] - V[i, WIDTH]
     for i in range(n - 1, kept - 1, -1):
-        if V[i, WAITS] == 0:
-            enlist(Q, i, V[i, DEGREE] + 2 * (V[i + 1, SEES] - V[i, SEES]))
+        V[i, DEGREE] += 2 * (V[i + 1, SEES] - V[i, SEES])
+    enlist_rank(Q, 0, kept)
     return Q, pool, top, e
+
+
+@compiled
+def enlist_rank(Q: Quotient, rank: int, kept: int) -> None:
+    """Lists the variables of a rank that wait for nothing else, by the degrees they have."""
+    V = Q.variables
+    for i in range(len(V) - 2, kept - 1, -1):
+        if V[i, RANK] == rank and V[i, WAITS] == 0 and V[i, LISTED] == 0:
+            enlist(Q, i, V[i, DEGREE])
 
 
 @compiled

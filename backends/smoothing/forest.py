@@ -42,6 +42,9 @@ NO_COVARIANCE = "the covariance of a motion is not positive definite: numerical 
 AS_MUCH = 2.0
 """Growth of work per variable since the last full ordering at which relinearising makes another."""
 
+WIDE = 250
+"""Scalars of the widest front of an order by minimum degree; where it has more, nested dissection is tried, too."""
+
 SURE, SURE_TURN = 100.0, 0.1
 """Offsets below that many thresholds, and headings below that many rad, need no check of J without a loss."""
 
@@ -142,7 +145,11 @@ class Forest:
         state = self.g.state
         if x != state[LAST] and not everything and not _relinearise.recentre(self.g):
             raise Diverged(INDEFINITE_J)
-        opened, plan, count, left, room = _ordering.plan(self.g, x, wanted, touched, everything)
+        opened, plan, count, left, room = _ordering.plan(self.g, x, wanted, touched, everything, False)
+        if everything and room[2] > WIDE:
+            other = _ordering.plan(self.g, x, wanted, touched, True, True)
+            if other[-1][3] < room[3]:
+                opened, plan, count, left, room = other
         ints, reals, widest, work = room.tolist()
         g = with_root(self.g, len(wanted))
         g = with_front(g, max(widest, 2 * len(wanted) + 3))

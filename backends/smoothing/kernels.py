@@ -35,7 +35,7 @@ def kernels() -> Kernels:
         (_offsets.predicted_fall, (g, ints)),
         (_offsets.candidate, (g, table, table, 0.0, 0.0, table, table)),
         (_cost.cost, (g, table, table)),
-        (_ordering.plan, (g, 0, ints, ints, True)),
+        (_ordering.plan, (g, 0, ints, ints, True, True)),
         (_offsets.inner_offsets, (g, table, 0.0, table)),
         (_covariances.pose_covariances, (g, ints, 0, tables)),
     ]

@@ -27,6 +27,7 @@ from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.gaussian import compressed
 from slamduel.backends.locating.locating import begin
+from slamduel.backends.smoothing import forest
 from slamduel.bench.noise.measured import measured
 from slamduel.core.factors import UNKNOWN, Log
 from slamduel.core.partial import BEARING, RANGE
@@ -93,6 +94,12 @@ def random_drives() -> None:
                 drive(name, made.log, **options)
                 if registry.find(name).loops:
                     drive(name, loops, **options)
+
+
+def wide() -> None:
+    """Maps so large that they are cut into parts."""
+    rng = np.random.default_rng(5)
+    drive("graph", with_loops(rng, random_log(rng, 400, 90, width=30.0, radius=3.0), 0.05))
 
 
 def parts() -> None:
@@ -190,8 +197,9 @@ def noise() -> None:
 
 if __name__ == "__main__":
     index_checks.begin()
+    forest.WIDE = 0  # scalars of a front from which dissection is tried
     compressed.MOST, compressed.KEPT = 15, 4  # a part so small that it is settled with the rest every few steps
     Settings.by_words = 2  # loop search by words from the third place on
-    for part in (random_drives, parts, turns, association, maps, front_ends, hills, noise):
+    for part in (random_drives, wide, parts, turns, association, maps, front_ends, hills, noise):
         part()
     print(*entered.never(), sep="\n")
