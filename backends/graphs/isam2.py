@@ -25,7 +25,7 @@ from ..vicinity import Vicinity, first_expected
 from ._gtsam import FAILURES, Factors, array, failure, joint_covariance, path_and_map, pose2, to_world
 from .neighbourhood import Neighbourhood
 
-FINE = 1e-4
+FINE = 3e-5
 """Relinearize threshold at the end with constant errors: a scale of ranges is that of tens of metres."""
 
 MORE_UPDATES = 5
