@@ -27,11 +27,11 @@ from ..vicinity import Vicinity, first_expected
 from ._gtsam import FAILURES, Factors, array, failure, joint_covariance, path_and_map, pose2, to_world
 from .neighbourhood import Neighbourhood
 
-FINE = 1e-4
+FINE = 3e-5
 """Relinearize threshold at the end with constant errors: a scale of ranges is that of tens of metres."""
 
 MORE_UPDATES = 5
-"""Times `final_updates` with that threshold: on CMU's Plaza logs a loss needs up to 12 to move nothing by more."""
+"""Times `final_updates` with that threshold: on CMU's Plaza logs a loss needs more of them to move nothing by more."""
 
 SETTLING = 10
 """Most updates where a landmark of partial sightings starts."""

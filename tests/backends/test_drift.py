@@ -128,7 +128,7 @@ def errors(kind: int, sd: float, *, with_drift: bool) -> Array:
 
 @pytest.mark.parametrize(("kind", "sd"), [(BEARING, 0.02), (RANGE, 0.05)])
 def test_a_place_is_as_uncertain_as_its_errors_with_the_drift(kind: int, sd: float) -> None:
-    """The mean of 1 has a standard deviation of 0.08; turns this bad bend rings: 1.5. Without drift it is above 3."""
+    """A mean of 1 has a standard deviation of 0.08; turns this bad bend rings: 1.5. Without drift it is above 3."""
     found = errors(kind, sd, with_drift=True)
     assert len(found) > 100
     assert 0.7 < found.mean() < 1.8
