@@ -13,6 +13,7 @@ from ..drawing.axes import legend, short
 from ..drawing.figure import ReportFigure
 from ..drawing.figure_maker import WIDTH, of, report_figure
 from ..drawing.legend import ROW, named
+from ..drawing.strokes import strokes
 from ..drawing.svg import INK
 from ..words.numerals import listed, number
 from .aligned_paths import Frame, Panel, framed, panels
@@ -59,10 +60,10 @@ def _draw(figure: Figure, log: DrawnLog, panel: Panel, frame: Frame) -> None:
     look = panel.trace.look
     gid = of(look)
     if panel.online is not None:
-        axes.plot(*panel.online.T, color=look.colour, linewidth=1.2, gid=gid)
+        axes.plot(*_line(panel.online, frame), color=look.colour, linewidth=1.2, gid=gid)
     if panel.final is not None:
         dash = (0, (4, 2)) if panel.online is not None else "-"
-        axes.plot(*panel.final.T, color=look.colour, linewidth=1.2, linestyle=dash, gid=gid)
+        axes.plot(*_line(panel.final, frame), color=look.colour, linewidth=1.2, linestyle=dash, gid=gid)
     seen = panel.map[((panel.map >= frame.low) & (panel.map <= frame.high)).all(axis=1)]
     style: dict[str, Any] = {"markerfacecolor": "none", "markersize": 4, "markeredgewidth": 0.9, "gid": gid}
     axes.plot(*seen.T, "o", markeredgecolor=look.colour, **style)
@@ -79,10 +80,15 @@ def plane(figure: Figure, log: DrawnLog, frame: Frame) -> Axes:
     axes.set_xlabel("x, m")
     axes.set_ylabel("y, m")
     if log.known:
-        axes.plot(*log.known["poses"][:, :2].T, color=INK, linewidth=0.9, alpha=0.75)
+        axes.plot(*_line(log.known["poses"][:, :2], frame), color=INK, linewidth=0.9, alpha=0.75)
         if "xy" in log.known:
             axes.plot(*log.known["xy"].T, "+", color=INK, markersize=5, markeredgewidth=0.7, alpha=0.75)
     return axes
+
+
+def _line(path: Array, frame: Frame) -> Array:
+    """Returns x and y (2, m) of a path's line."""
+    return strokes(path, frame.low, frame.high).T
 
 
 def _title(log: DrawnLog, panel: Panel) -> str:
@@ -116,8 +122,9 @@ def overlay(name: str, log: DrawnLog) -> ReportFigure | None:
         for panel in every:
             look, path = panel.trace.look, panel.final if panel.online is None else panel.online
             if path is not None:
-                line: dict[str, Any] = {"linestyle": look.dash, "linewidth": 1.1, "alpha": key.alpha(panel.trace.label)}
-                axes.plot(*path.T, color=look.colour, label=key.called(panel.trace.label), gid=of(look), **line)
+                style: dict[str, Any] = {"linestyle": look.dash, "linewidth": 1.1, "gid": of(look)}
+                label, alpha = key.called(panel.trace.label), key.alpha(panel.trace.label)
+                axes.plot(*_line(path, frame), color=look.colour, label=label, alpha=alpha, **style)
         key.others(axes)
         legend(figure, axes, key.columns)
 
