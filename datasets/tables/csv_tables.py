@@ -77,7 +77,8 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     motions = track.motions(t)
     truth = _truth(options, t, remarks)
     starts = options.start_x, options.start_y, options.start_heading
-    if len(fixes.t) and (truth is None or not len(truth.t)) and None in starts:
+    told_start = None not in starts or options.start_sd != Options.start_sd
+    if len(fixes.t) and (truth is None or not len(truth.t)) and not told_start:
         remarks.append(
             "positions or headings are in the world, but the start there is not known: options start_x, start_y, "
             "start_heading and start_sd state it"

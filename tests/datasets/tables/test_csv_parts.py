@@ -141,6 +141,7 @@ def test_degrees_of_latitude_become_metres(files: dict[str, Any], tmp_path: Path
 def test_a_start_that_nobody_gave_is_remarked(files: dict[str, Any]) -> None:
     (remark,) = made(files | {"start_heading": None}).remarks
     assert "the start there is not known" in remark
+    assert made(files | {"start_heading": None, "start_sd": (100.0, 3.0)}).remarks == []
 
 
 def test_what_is_outside_the_odometry_is_left_out_and_remarked(files: dict[str, Any], tmp_path: Path) -> None:
