@@ -19,7 +19,7 @@ from ..false_loops import FalseLoops
 from ..grid_file import grid_files, localised
 from ..on_demand.fixes import WorldFixes
 from ..on_demand.gyro import WorldGyro
-from ..on_demand.slip import WorldSlip
+from ..on_demand.slip import WheelSlip, slipping_poses
 from ..registry import Source
 from ..rendering._casting import cast
 from ..wheel_faults import WheelFaults, faulty_clock, faulty_poses
@@ -47,7 +47,7 @@ START_SD = 1e-3  # m and rad; the robot starts exactly at the prior's mean
 
 
 @dataclass(frozen=True)
-class Options(FalseLoops, WorldFixes, WorldGyro, WorldSlip, WheelFaults, Settings):
+class Options(FalseLoops, WorldFixes, WorldGyro, WheelSlip, WheelFaults, Settings):
     """The drive, the scanner, and the front end."""
 
     drive: int = option(
@@ -93,7 +93,8 @@ def record(options: Options, rng: np.random.Generator) -> tuple[LaserRecording, 
     prior = Prior(poses[0] + 0.0, START_SD**2 * np.eye(3))
     scanner = Scanner(angles, np.zeros(3))
     odometry = wheels(poses, options.slip, rolling)
-    odd, stamped = rolling.spawn(2)
+    odd, stamped, slipping = rolling.spawn(3)
+    odometry = slipping_poses(odometry, options, slipping)
     odometry, t = faulty_poses(odometry, t, options, odd), faulty_clock(t, options, stamped)
     return LaserRecording("laser-floor", scanner, t, ranges, odometry, prior), Truth(t, poses)
 

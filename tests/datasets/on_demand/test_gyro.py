@@ -9,9 +9,10 @@ from slamduel.bench.plan.load import load
 from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
 from slamduel.core.gyro import Bias, Gyro
-from slamduel.core.se2 import Array, wrap
+from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.on_demand.gyro import GYRO_NOTE
 from slamduel.datasets.on_demand.slip import SLIP_NOTE, STRETCH
+from slamduel.datasets.worlds.laser_floor import Options, record
 
 DEGREE = np.pi / 180
 
@@ -80,6 +81,32 @@ def test_wheels_slip_on_a_share_of_the_way() -> None:
     np.testing.assert_allclose(y, 0.25 / 2 * wrap(turn), atol=0.004)  # the arc that the wheels believe in
     np.testing.assert_allclose(more[1:][slips], less[1:][slips])
     assert many.notes[SLIP_NOTE] > 2 * few.notes[SLIP_NOTE]
+
+
+def test_on_the_floor_wheels_slip_before_scans_are_matched() -> None:
+    (before, at), (after, there) = (
+        record(Options(laps=0.3, slip_share=share), np.random.default_rng(3)) for share in (0.0, 0.2)
+    )
+    np.testing.assert_array_equal(at.poses, there.poses)
+    np.testing.assert_array_equal(before.ranges, after.ranges)
+    assert before.odometry is not None
+    assert after.odometry is not None
+    motion, read = (between(one[:-1], one[1:]) for one in (before.odometry, after.odometry))
+    off = wrap(read[:, 2] - motion[:, 2])
+    slips = np.abs(off) > 1e-9
+    way = np.hypot(motion[:, 0], motion[:, 1])
+    assert 0.05 < way[slips].sum() / way.sum() < 0.4
+    np.testing.assert_allclose(np.abs(off[slips]), 0.2 * way[slips] / 0.5, rtol=1e-6)  # over a track of 0.5 m
+    np.testing.assert_allclose(read[~slips], motion[~slips], atol=1e-9)
+
+
+def test_scans_correct_most_of_the_slip_on_the_floor() -> None:
+    (log, truth) = made(",slip_share=0.2", world="laser-floor[laps=0.3")
+    assert truth is not None
+    n = len(truth.poses)
+    off = wrap(log.delta[-n + 1 :] - between(truth.poses[:-1], truth.poses[1:]))[:, 2]
+    assert np.median(np.abs(off)) < 0.003
+    assert np.sqrt(np.mean(off**2)) < 0.02  # that of the wheels alone is 0.09
 
 
 def test_a_step_without_truth_has_no_turn() -> None:
