@@ -21,7 +21,7 @@ from ..on_demand.fixes import WorldFixes
 from ..on_demand.gyro import WorldGyro
 from ..on_demand.parts import Parts
 from ..on_demand.signatures import WorldSignatures
-from ..on_demand.slip import WorldSlip
+from ..on_demand.slip import WheelSlip, slipping_poses
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
 from ..rendering.depth import NOISE_SD
@@ -43,7 +43,7 @@ SOURCE = "slamduel's own world: frames are rendered, odometry simulated with the
 
 
 @dataclass(frozen=True)
-class Drive(WheelFaults):
+class Drive(WheelSlip, WheelFaults):
     """The room, the drive and the camera."""
 
     laps: float = option(2.0, "laps of a figure of eight of 11.3 m", minimum=0.05, maximum=100.0)
@@ -71,7 +71,7 @@ class Drive(WheelFaults):
 
 
 @dataclass(frozen=True)
-class Options(HiddenIds, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSignatures, Settings, Drive):
+class Options(HiddenIds, Parts, WorldFixes, WorldGyro, WorldSignatures, Settings, Drive):
     """The drive and the front end."""
 
 
@@ -115,7 +115,8 @@ def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Tr
     )
     ticks = TICK * np.arange(int(np.ceil(t[-1] / TICK)) + 2.0)
     wheels = integrated(drive(LOOP, options.speed, ticks)[0], WHEELS, options.slip, rolling)
-    odd, stamped = rolling.spawn(2)
+    odd, stamped, slipping = rolling.spawn(3)
+    wheels = slipping_poses(wheels, options, slipping)
     track = Track(faulty_clock(ticks, options, stamped), faulty_poses(wheels, ticks, options, odd), WHEELS)
     recording = DepthRecording(
         name="depth-room",

@@ -12,7 +12,9 @@ from slamduel.core.gyro import Bias, Gyro
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.on_demand.gyro import GYRO_NOTE
 from slamduel.datasets.on_demand.slip import SLIP_NOTE, STRETCH
+from slamduel.datasets.worlds import depth_room
 from slamduel.datasets.worlds.laser_floor import Options, record
+from slamduel.frontend.wheels.track import Track
 
 DEGREE = np.pi / 180
 
@@ -97,6 +99,20 @@ def test_on_the_floor_wheels_slip_before_scans_are_matched() -> None:
     way = np.hypot(motion[:, 0], motion[:, 1])
     assert 0.05 < way[slips].sum() / way.sum() < 0.4
     np.testing.assert_allclose(np.abs(off[slips]), 0.2 * way[slips] / 0.5, rtol=1e-6)  # over a track of 0.5 m
+    np.testing.assert_allclose(read[~slips], motion[~slips], atol=1e-9)
+
+
+def test_in_the_depth_room_wheels_slip_before_frames_are_matched() -> None:
+    before, after = (
+        depth_room.record(depth_room.Drive(laps=0.3, slip_share=share), np.random.default_rng(3))[0].motion
+        for share in (0.0, 0.2)
+    )
+    assert isinstance(before, Track)
+    assert isinstance(after, Track)
+    motion, read = (between(one.poses[:-1], one.poses[1:]) for one in (before, after))
+    slips = np.abs(wrap(read[:, 2] - motion[:, 2])) > 1e-9
+    way = np.hypot(motion[:, 0], motion[:, 1])
+    assert 0.05 < way[slips].sum() / way.sum() < 0.6  # 7 stretches: a fifth of them, with 0.15 standard deviation
     np.testing.assert_allclose(read[~slips], motion[~slips], atol=1e-9)
 
 
