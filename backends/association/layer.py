@@ -34,12 +34,6 @@ LARGEST = 64  # pairs that a joint gate is tabulated for at first
 ROOM = 16  # expected landmarks that there is room for at first
 LONGEST = 100  # steps in line at most
 
-REACH_PART = 1.2
-"""Of the furthest range so far, how far away a landmark may be that a range or a bearing alone is of."""
-
-CLUTTER_PART = 2.2
-"""Twice the logarithm of how much likelier a range or a bearing alone has to be of a landmark than of none: three."""
-
 FEW_NEW, SURE, MARGIN, REACH = 3, 5, 6.0, 2.0
 """A rescue is tried where that many sightings and half of them would be new; the landmarks that have to agree, and how
 much likelier the pose has to be than any other; landmarks are taken from that many ranges of the furthest sighting."""
@@ -245,13 +239,13 @@ class Associating:
         if scale or offset:  # how large they are only the backend knows
             more = np.where(found.kind == RANGE, (scale * found.z) ** 2 + offset**2, 0.0)
             found = found._replace(var=found.var + more)
-        reach = REACH_PART * self._furthest or parts.BOUNDLESS
+        reach = parts.REACH * self._furthest or parts.BOUNDLESS
         asked = parts.as_whole(Partial(*(column[found.ids == UNKNOWN] for column in found)), reach)
         both = RangeBearing(*(np.concatenate(pair) for pair in zip(step.sightings, asked, strict=True)))
         for column in both:
             column.flags.writeable = False  # as a log's: kernels are compiled for one kind
         expected = self._expected(step.odometry, both, [UNKNOWN])
-        ids, tried = parts.named(found, expected, step.sightings, self._apart_part, reach, CLUTTER_PART)
+        ids, tried = parts.named(found, expected, step.sightings, self._apart_part, reach)
         self.tried[-1] += tried
         return ids
 

@@ -2,13 +2,13 @@
 
 It is a second pass, once the whole sightings of the step are named: the expectation is that given these, and only the
 component that was measured is compared. A range fits all landmarks on a ring, and a bearing those on a ray. So a
-partial sighting is named only where one landmark is clearly the likeliest, and likelier than that it is of none; else
-it is left out. One that fits none starts no landmark.
+partial sighting is named only where one landmark is clearly likelier than any other, and than none, which is a sighting
+from anywhere in reach; else it is left out. One that fits none starts no landmark.
 
 The sightings are taken in turns, that which is clearest first, and each narrows the expectation of the next.
 """
 
-from math import log, pi, tau
+from math import log, tau
 from typing import NamedTuple
 
 import numpy as np
@@ -19,12 +19,22 @@ from ...core.se2 import Array, Ints, wrap
 from ..api import Expected
 
 CLEAR = 6.0
-"""Twice the logarithm of how much likelier a landmark has to be than any other: odds of twenty to one."""
+"""Twice the logarithm of how much likelier a landmark has to be than any other, or none: odds of twenty to one."""
+
+OFTEN = 4.0
+"""Times as many sightings that are of a landmark on the map as of none: clutter, or one that is not on it yet."""
+
+REACH = 1.2
+"""Of the furthest range so far, how far away a landmark may be that a range or a bearing alone is of.
+
+Of 600 steps of a circle among 20 landmarks with 20 % clutter, 6 seeds, twice as far has 4.6 % of the partial sightings
+named wrong, and 48 % right, this far 3.0 and 49 %.
+"""
 
 ANY = 1e4
 """rad²: the variance of a bearing that was not measured, and likewise that of a range in squares of the reach."""
 
-BOUNDLESS = 1e4  # m; the reach before anything has told a range
+BOUNDLESS = 1e4  # m; the reach before any range is known
 
 
 class Weights(NamedTuple):
@@ -82,17 +92,14 @@ class Conditional:
         free &= (spread > 0) & (self.z[::2] <= reach)
         distance = np.where(free, off * off / np.where(free, spread, 1.0), np.inf)
         loss = distance + np.log(tau * np.where(free, spread, 1.0))
-        return Weights(loss, distance, 2 * log(reach if kind == RANGE else 2 * pi))
+        return Weights(loss, distance, 2 * log(OFTEN * (reach if kind == RANGE else tau)))
 
 
-def named(
-    parts: Partial, expected: Expected, whole: RangeBearing, gate: float, reach: float, clutter: float
-) -> tuple[Ints, int]:
+def named(parts: Partial, expected: Expected, whole: RangeBearing, gate: float, reach: float) -> tuple[Ints, int]:
     """Ids of p partial sightings (p,), of which those UNKNOWN so far are decided on; UNKNOWN for one left out.
 
     `whole` are the step's whole sightings with their ids. A squared distance of one degree of freedom is within `gate`;
-    no landmark is sighted from beyond the `reach`, m. `clutter` is how much likelier a landmark has to be than none,
-    twice the logarithm. Returns the number of pairs weighed, too.
+    no landmark is sighted from beyond the `reach`, m. Returns the number of pairs weighed, too.
     """
     belief, ids = Conditional(expected), parts.ids.copy()
     belief.given_whole(whole)
@@ -101,7 +108,7 @@ def named(
     left = np.flatnonzero(ids == UNKNOWN).tolist()
     tried = len(left) * len(belief.ids)
     while left and belief.ids:
-        found = [clearest(belief.weights(kinds[i], zs[i], variances[i], reach, taken), gate, clutter) for i in left]
+        found = [clearest(belief.weights(kinds[i], zs[i], variances[i], reach, taken), gate) for i in left]
         turn = int(np.argmax([margin for _, margin in found]))
         a, margin = found[turn]
         if margin < 0:
@@ -114,11 +121,10 @@ def named(
     return ids, tried
 
 
-def clearest(of: Weights, gate: float, clutter: float) -> tuple[int, float]:
+def clearest(of: Weights, gate: float) -> tuple[int, float]:
     """The likeliest landmark of a sighting, and by how much it is clearer than it has to be; negative: it is not."""
     a = int(np.argmin(of.loss))
     if not of.distance[a] < gate:
         return a, -np.inf
-    others = np.delete(of.loss, a)
-    second = float(others.min(initial=np.inf)) - CLEAR
-    return a, min(second, of.none - clutter) - float(of.loss[a])
+    second = float(np.delete(of.loss, a).min(initial=of.none))
+    return a, second - CLEAR - float(of.loss[a])
