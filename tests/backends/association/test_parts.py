@@ -15,7 +15,8 @@ from slamduel.backends.association.quantiles import quantile
 from slamduel.backends.given import given
 from slamduel.backends.registry import find
 from slamduel.bench.measure.association import majority
-from slamduel.core.factors import UNKNOWN, Log, Map, Odometry, Prior, RangeBearing, Step
+from slamduel.bench.measure.cell import Job, run_on
+from slamduel.core.factors import UNKNOWN, Log, Map, Odometry, Prior, RangeBearing, Step, Truth
 from slamduel.core.partial import BEARING, NO_PARTIAL, RANGE, Partial
 from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.on_demand.parts import Parts, with_parts
@@ -250,6 +251,28 @@ def test_only_the_layer_is_given_partial_sightings_without_an_id() -> None:
     ):
         builder = find(name)
         assert given(builder, blind, builder.options(association=association)).partial == left
+
+
+def test_a_row_counts_partial_sightings_with_the_whole_ones() -> None:
+    """Its J is of all that was used: a smoother that minimises it has an optimum."""
+    log, blind = partly(0)
+    assert log.partial is not None
+    assert blind.partial is not None
+    truth = Truth(np.zeros(0), np.zeros((0, 3)), assigned=log.ids, assigned_partial=log.partial.ids)
+    only = replace(log, partial=blind.partial)  # the whole ones have ids
+    options = find("smoother").options(association="jcbb")
+    job = Job("smoother[association=jcbb]", "smoother", options, 0, 4000)
+    for one, names in ((blind, len(blind.ids) + len(blind.partial)), (only, len(log.ids) + len(blind.partial))):
+        found = run_on(job, lambda one=one: one, lambda: truth)
+        backend, _ = run("smoother", one, association="jcbb")
+        backend.finish()
+        left = int((backend.assigned_partial() == UNKNOWN).sum())
+        dropped = left + int((backend.assigned() == UNKNOWN).sum())
+        assert found.status == "done", found.reason
+        assert f"{left} of {len(blind.partial)} partial sightings without an id fit no landmark clearly" in found.reason
+        assert found.row["final_dropped_share"] == pytest.approx(dropped / names)
+        assert found.row["final_wrong_share"] <= 0.01
+        assert found.row["cost_j"] > 0
 
 
 def test_steps_that_wait_have_their_parts_named_later() -> None:
