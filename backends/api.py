@@ -37,11 +37,11 @@ from ..core.se2 import Array, Ints, act, act_jacobians, between, compose, compos
 from ..core.signatures import Signatures
 
 __all__ = [
-    "BEARING", "COMPILED_HERE", "GTSAM_WHEEL", "RANGE", "UNKNOWN", "Array", "Associates", "Backend", "Belief",
-    "Bias", "Builder", "Constant", "Diverged", "Expected", "Expects", "Fixes", "Foresees", "Ints", "Map", "NoOptions",
-    "Odometry", "Partial", "Pose", "Prior", "RangeBearing", "RelativePoses", "Signatures", "Solution", "Step",
-    "Systematic", "TakenOut", "TakesOut", "Truth", "TruthWanted", "Turn", "Unsuited", "WantsTruth", "act",
-    "act_jacobians", "between", "compose", "compose_jacobians", "option", "wrap",
+    "BEARING", "COMPILED_HERE", "GTSAM_WHEEL", "RANGE", "UNKNOWN", "Array", "Associates", "AssociatesPartial",
+    "Backend", "Belief", "Bias", "Builder", "Constant", "Diverged", "Expected", "Expects", "Fixes", "Foresees",
+    "Ints", "Map", "NoOptions", "Odometry", "Partial", "Pose", "Prior", "RangeBearing", "RelativePoses", "Signatures",
+    "Solution", "Step", "Systematic", "TakenOut", "TakesOut", "Truth", "TruthWanted", "Turn", "Unsuited",
+    "WantsTruth", "act", "act_jacobians", "between", "compose", "compose_jacobians", "option", "wrap",
 ]  # fmt: skip
 
 COMPILED_HERE = "compiled here"
@@ -172,6 +172,15 @@ class Associates(Protocol):
         ...
 
 
+@runtime_checkable
+class AssociatesPartial(Protocol):
+    """A backend that decides which landmark each partial sighting is of."""
+
+    def assigned_partial(self) -> Ints | None:
+        """(p,) the landmark of every partial sighting so far; UNKNOWN for one that is not used, or not decided on."""
+        ...
+
+
 class TakenOut(NamedTuple):
     """The measurements taken out of a log on the way to a backend."""
 
@@ -255,6 +264,9 @@ class Builder:
 
     Otherwise these are removed from the log, and counted.
     """
+
+    associates_partial: Callable[[Any], bool] | None = None
+    """Its data association is of partial sightings too, with some options; else those UNKNOWN are left out."""
 
     locates: bool = False
     """It finds an unknown start on a given map itself; otherwise it is made where the robot is found."""

@@ -36,10 +36,16 @@ def refused(builder: Builder, log: Log) -> str:
 
 
 def given(builder: Builder, log: Log, options: Any = None) -> Given:
-    """The log as the backend gets it with its options, of one that is not refused; partial sightings need an id."""
+    """The log as the backend gets it with its options, of one that is not refused.
+
+    Partial sightings need an id, unless it associates them.
+    """
     loops = 0 if builder.loops else len(log.loop_to)
-    known = 0 if log.partial is None or not builder.partial else int((log.partial.ids != UNKNOWN).sum())
-    partial = 0 if log.partial is None else len(log.partial) - known
+    partial = 0
+    if log.partial is not None and not builder.partial:
+        partial = len(log.partial)
+    elif log.partial is not None and not (builder.associates_partial and builder.associates_partial(options)):
+        partial = int((log.partial.ids == UNKNOWN).sum())
     fixes = 0 if builder.fixes or log.fixes is None else len(log.fixes)
     log = log.without_loops() if loops else log
     if log.partial is not None and partial:

@@ -22,9 +22,12 @@ def associating(builder: Builder) -> Builder:
     def associates(options: Any) -> bool:
         return getattr(options, "association", "none") != "none"
 
+    def layered(options: Any) -> bool:
+        return associates(options) and options.association not in builder.rules
+
     def make(prior: Prior, options: Any, rng: np.random.Generator) -> Backend:
         takes_out = getattr(options, "moved", "kept") == "out"
-        if associates(options) and options.association in builder.rules:
+        if associates(options) and not layered(options):
             if takes_out:
                 raise Unsuited(f"association={options.association} is the backend's own: no moved=out in front of it")
             return builder.rules[options.association](prior, options, rng)
@@ -42,5 +45,9 @@ def associating(builder: Builder) -> Builder:
 
     make.__doc__ = builder.make.__doc__
     return dataclasses.replace(
-        builder, make=make, options=options_with(builder.options, tuple(builder.rules)), associates=associates
+        builder,
+        make=make,
+        options=options_with(builder.options, tuple(builder.rules)),
+        associates=associates,
+        associates_partial=layered if builder.partial else None,
     )

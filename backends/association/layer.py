@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step, Truth
+from ...core.partial import NO_PARTIAL, RANGE, Partial
 from ...core.se2 import Array, Ints, compose
 from .._expected import carried
 from .._joint_compatibility import Frame, Gates
@@ -22,6 +23,7 @@ from ..api import Backend, Belief, Expected, Foresees, Pose, Solution, TakenOut,
 from ..expected import filled, fills, room_for
 from ..locating.locate import locate
 from ..locating.virtual import virtual
+from . import parts
 from ._line import agreeing, polar
 from .options import RULES
 from .quantiles import gates, quantile
@@ -52,6 +54,7 @@ class Associating:
         self._each = 3 if prior.signatures else 2  # degrees of freedom of a pair
         self._match, self._far = (quantile(share, 1, self._each) for share in (options.match, options.new))
         self._apart = quantile(options.match, 1)  # of places alone
+        self._apart_part = quantile(options.match, 1, 1)  # of a range or a bearing alone
         self._gates = gates(options.joint, LARGEST, self._each)
         self._waits = options.lookahead > 0 or options.confirm > 0
         self._plain = not self._waits and not options.retire and not prior.signatures
@@ -66,7 +69,10 @@ class Associating:
         self._made: dict[int, int] = {}  # known id -> made-up one of the same landmark
         self._called: dict[int, int] = {}  # and the inverse
         self._sure: list[int] = []  # the landmark of every sighting of a step that has been named
-        self._seen = 0  # sightings so far
+        self._sure_parts: list[int] = []  # likewise of every partial sighting
+        self._seen = self._seen_parts = 0  # sightings so far
+        self._systematic = prior.systematic
+        self._furthest = 0.0  # m; the furthest range so far
         self._now = np.zeros(0, np.int64)  # landmarks of the last step's sightings
         self._once: dict[int, int] = {}  # landmark sighted once -> the number of the step with sightings
         self._retired: set[int] = set()
@@ -78,6 +84,7 @@ class Associating:
     def step(self, step: Step) -> Pose | None:
         """Takes the steps for which enough is known: decides which landmark each sighting is of, and hands them on."""
         self._seen += len(step.sightings.ids)
+        self._seen_parts += len(step.partial.ids)
         self.ns.append(0)
         self.tried.append(0)
         if not self._waits:
@@ -128,6 +135,10 @@ class Associating:
         """(s,) the landmark of every sighting so far; UNKNOWN for one that is not used, or waits."""
         return self._translated(self._sure + [UNKNOWN] * (self._seen - len(self._sure)))
 
+    def assigned_partial(self) -> Ints:
+        """(p,) the landmark of every partial sighting so far; UNKNOWN for one that is left out, or waits."""
+        return self._translated(self._sure_parts + [UNKNOWN] * (self._seen_parts - len(self._sure_parts)))
+
     def taken_out(self) -> TakenOut | None:
         """The measurements that the backend has taken out, if it does, by these ids."""
         found = self._inner.taken_out() if isinstance(self._inner, TakesOut) else None
@@ -175,6 +186,9 @@ class Associating:
         if self._signatures is not None:
             self._signatures.learn(step.sightings.ids.tolist(), step.signatures)
         self._now = found
+        if step.partial is not NO_PARTIAL:
+            partial = self._with_parts(step)
+            decided, step = decided or partial is not step.partial, step._replace(partial=partial)
         if self.timed and decided:
             self.ns[-1] += time.process_time_ns() - start
         self._sure += named
@@ -200,6 +214,40 @@ class Associating:
         self._next -= new
         self.tried[-1] += tried
         return decision.named[:count].copy()
+
+    def _with_parts(self, step: Step) -> Partial:
+        """The partial sightings of a step whose whole ones are named, with ids; without those that are left out."""
+        found, whole = step.partial, step.sightings
+        self._furthest = max(
+            self._furthest, whole.z[:, 0].max(initial=0.0), found.z[found.kind == RANGE].max(initial=0.0)
+        )
+        ids = found.ids
+        if self._made:
+            ids = np.array([self._made.get(name, name) for name in ids.tolist()], np.int64)
+        unknown = ids == UNKNOWN
+        if unknown.any():
+            ids = self._parts_named(step, found._replace(ids=ids))
+        self._sure_parts += ids.tolist()
+        if ids is found.ids:
+            return found
+        used = ids != UNKNOWN
+        return Partial(ids[used], found.kind[used], found.z[used], found.var[used])
+
+    def _parts_named(self, step: Step, found: Partial) -> Ints:
+        """The ids of a step's partial sightings, of which some are UNKNOWN: see `parts`."""
+        scale, offset = self._systematic.range_scale, self._systematic.range_offset
+        if scale or offset:  # how large they are only the backend knows
+            more = np.where(found.kind == RANGE, (scale * found.z) ** 2 + offset**2, 0.0)
+            found = found._replace(var=found.var + more)
+        reach = parts.REACH * self._furthest or parts.BOUNDLESS
+        asked = parts.as_whole(Partial(*(column[found.ids == UNKNOWN] for column in found)), reach)
+        both = RangeBearing(*(np.concatenate(pair) for pair in zip(step.sightings, asked, strict=True)))
+        for column in both:
+            column.flags.writeable = False  # as a log's: kernels are compiled for one kind
+        expected = self._expected(step.odometry, both, [UNKNOWN])
+        ids, tried = parts.named(found, expected, step.sightings, self._apart_part, reach)
+        self.tried[-1] += tried
+        return ids
 
     def _open(self, named: list[int]) -> list[int]:
         """The sightings to be decided on: those without an id, and those with one that comes up after made-up ones."""

@@ -14,7 +14,18 @@ import numpy as np
 from ...core.errors import SlamduelError
 from ...core.factors import UNKNOWN, Map, Prior, RelativePoses, Step, Truth
 from ...core.se2 import Array, Ints, compose, inverse, wrap
-from ..api import Associates, Backend, Belief, Builder, Pose, Solution, TakenOut, TakesOut, WantsTruth
+from ..api import (
+    Associates,
+    AssociatesPartial,
+    Backend,
+    Belief,
+    Builder,
+    Pose,
+    Solution,
+    TakenOut,
+    TakesOut,
+    WantsTruth,
+)
 from .locate import LEAST, Fix, locate
 from .map_index import indexed
 from .watch import Watch
@@ -52,7 +63,7 @@ class Locating:
         self._delta = list[Array]()  # (3,) of every step
         self._parts = list[tuple[int, Array]]()  # first steps and smoothed paths of backends that have been given up
         self._pose = prior.pose.copy()
-        self._sighted = 0  # sightings so far
+        self._sighted = self._sighted_partial = 0  # sightings so far
         self._asked = 0  # sightings when it was last looked for
 
     def tell(self, truth: Truth) -> bool:
@@ -63,6 +74,7 @@ class Locating:
     def step(self, step: Step) -> Pose | None:
         """Takes a step; the pose before the robot is found is the prior's, and odometry from there."""
         self._sighted += len(step.sightings.ids)
+        self._sighted_partial += len(step.partial.ids)
         self._delta.append(np.zeros(3) if step.odometry is None else step.odometry.delta)
         before, self._pose = self._pose, compose(self._pose, self._delta[-1])
         self._hold(step)
@@ -89,6 +101,11 @@ class Locating:
             return None
         found = self._inner.assigned()
         return np.concatenate((np.full(self._sighted - len(found), UNKNOWN), found))
+
+    def assigned_partial(self) -> Ints | None:
+        """Likewise of every partial sighting."""
+        found = self._inner.assigned_partial() if isinstance(self._inner, AssociatesPartial) else None
+        return None if found is None else np.concatenate((np.full(self._sighted_partial - len(found), UNKNOWN), found))
 
     def taken_out(self) -> TakenOut | None:
         """The measurements that the backend has taken out since its start, if it does."""

@@ -9,7 +9,7 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from ...backends.api import Associates, Backend, Bias, Constant, Diverged, Solution
+from ...backends.api import Associates, AssociatesPartial, Backend, Bias, Constant, Diverged, Solution
 from ...core.errors import SlamduelError
 from ...core.factors import Log, Map
 from ...core.se2 import Array, Ints
@@ -78,14 +78,22 @@ def finite_cov(cov: Any, k: int) -> Array:
 
 def checked_assigned(backend: Backend, log: Log) -> Ints | None:
     """Asks a backend with data association which landmark every sighting is of; Broken for another answer."""
-    if not isinstance(backend, Associates):
+    return _ids(backend.assigned(), log.ids.shape, "assigned()") if isinstance(backend, Associates) else None
+
+
+def checked_assigned_partial(backend: Backend, log: Log) -> Ints | None:
+    """Likewise of every partial sighting of a log that has some."""
+    if log.partial is None or not isinstance(backend, AssociatesPartial):
         return None
-    found: Any = backend.assigned()
+    return _ids(backend.assigned_partial(), log.partial.ids.shape, "assigned_partial()")
+
+
+def _ids(found: Any, shape: tuple[int, ...], where: str) -> Ints | None:
     if found is None:
         return None
-    if not (isinstance(found, np.ndarray) and found.dtype == np.int64 and found.shape == log.ids.shape):
-        shape = getattr(found, "shape", "")
-        raise Broken(f"assigned() returned {type(found).__name__} {shape}, expected int64 {log.ids.shape}")
+    if not (isinstance(found, np.ndarray) and found.dtype == np.int64 and found.shape == shape):
+        other = getattr(found, "shape", "")
+        raise Broken(f"{where} returned {type(found).__name__} {other}, expected int64 {shape}")
     return found
 
 

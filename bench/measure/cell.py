@@ -150,7 +150,7 @@ def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
     if sightings and unknown == sightings and not associates and builder.sightings:
         fit = f"{job.name}[association=jcbb]" if builder.can_associate else "ekf[association=jcbb]"
         return f"no sighting of the log has an id, and {job.backend} does no data association; {fit} does"
-    if associates and not unknown and sightings and builder.can_associate:
+    if associates and not log.unknown and sightings and builder.can_associate:
         return "every sighting of the log has an id; DATASET[ids=hidden] hides those of a simulated or published log"
     return ""
 

@@ -31,6 +31,7 @@ from .answers import (
     check_again,
     check_believed,
     checked_assigned,
+    checked_assigned_partial,
     checked_covs,
     checked_map,
     checked_pose,
@@ -53,6 +54,8 @@ class Timing:
     solution: Solution | None
     assigned: Ints | None = None  # (s,) the landmark it took every sighting for by the log's last step
     final_assigned: Ints | None = None  # (s,) once it had finished
+    assigned_partial: Ints | None = None  # (p,) likewise of partial sightings
+    final_assigned_partial: Ints | None = None  # (p,)
     taken_out: TakenOut | None = None  # landmarks that have moved, and misread sightings
     step_ns: Ints  # (n,) process CPU time, the clock's own cost taken off
     wall_ns: Ints  # (n,)
@@ -159,7 +162,7 @@ def _timed(
             setup_ns = time.process_time_ns() - start
             told = _tell(backend, truth)
             online, step_ns, wall_ns = timing_pass(backend, steps)
-            assigned = checked_assigned(backend, log)
+            assigned, of_parts = checked_assigned(backend, log), checked_assigned_partial(backend, log)
             start = time.process_time_ns()
             finished = backend.finish()
             finish_ns = time.process_time_ns() - start
@@ -174,6 +177,8 @@ def _timed(
         solution=solution,
         assigned=assigned,
         final_assigned=None if solution is None else checked_assigned(backend, log),
+        assigned_partial=of_parts,
+        final_assigned_partial=None if solution is None else checked_assigned_partial(backend, log),
         taken_out=backend.taken_out() if isinstance(backend, TakesOut) else None,
         step_ns=np.maximum(step_ns - clock, 0),
         wall_ns=np.maximum(wall_ns - clock, 0),

@@ -63,6 +63,7 @@ class _End(NamedTuple):
     map: Map
     assigned: Ints | None  # (s,) the landmark of every sighting
     row: dict[str, Any]
+    partial: Ints | None = None  # (p,) that of every partial sighting, where it has decided on some
 
 
 def score(
@@ -83,7 +84,7 @@ def score(
 
     Online and final are never mixed; a value that does not exist is absent from the row.
     """
-    ends = _ends(outcome, truth)
+    ends = _ends(log, outcome, truth)
     row, taken_out = moved(log, outcome, truth)
     if loops and outcome.solution is not None:
         row |= rejected_loops(log, truth, outcome.solution.path)
@@ -111,8 +112,8 @@ def score(
     if truth is not None and exact:
         remarks += [MISTAKEN] if mistaken else misstated(log, truth, row, sightings=sightings)
     if outcome.assigned is not None:  # the final ones, if any
-        ids = next(end.assigned for end in ends.values() if end.assigned is not None)
-        log, minimised = replace(log, ids=ids), None if minimised is None else replace(minimised, ids=ids)
+        end = next(end for end in ends.values() if end.assigned is not None)
+        log, minimised = _named(log, end), None if minimised is None else _named(minimised, end)
     last = outcome.solution or outcome
     path = outcome.online if outcome.solution is None else outcome.solution.path
     constant = None if outcome.solution is None else outcome.solution.constant
@@ -147,19 +148,37 @@ def _failed(log: Log | None, solution: Solution, truth: Truth | None) -> str:
     return f"the smoothing ended at a J of {fit.total:.4g}, where one of {least:.4g} is in reach: no optimum"
 
 
-def _ends(outcome: Outcome, truth: Truth | None) -> dict[str, _End]:
+def _named(log: Log, end: _End) -> Log:
+    """The log with the ids that its sightings were assigned."""
+    assert end.assigned is not None
+    log = replace(log, ids=end.assigned)
+    return (
+        log
+        if end.partial is None or log.partial is None
+        else replace(log, partial=replace(log.partial, ids=end.partial))
+    )
+
+
+def _ends(log: Log, outcome: Outcome, truth: Truth | None) -> dict[str, _End]:
     """The estimates by the prefix of their columns, maps by true ids where sightings were assigned."""
     solution = outcome.solution
+    decided = log.partial is not None and bool((log.partial.ids == UNKNOWN).any())
     ends: dict[str, _End] = {}
     if solution is not None:
-        ends["final_"] = _End(solution.path, solution.cov, solution.map, outcome.final_assigned, {})
+        of_parts = outcome.final_assigned_partial if decided else None
+        ends["final_"] = _End(solution.path, solution.cov, solution.map, outcome.final_assigned, {}, of_parts)
     if solution is None or outcome.online is not None:  # a batch method has nothing online
-        ends[""] = _End(outcome.online, outcome.cov, outcome.map, outcome.assigned, {})
+        of_parts = outcome.assigned_partial if decided else None
+        ends[""] = _End(outcome.online, outcome.cov, outcome.map, outcome.assigned, {}, of_parts)
     if outcome.assigned is not None and truth is not None and truth.assigned is not None:
         for prefix, end in ends.items():
             if end.assigned is not None:
-                end.row.update(association_columns(end.assigned, truth.assigned))
-                ends[prefix] = end._replace(map=by_true_ids(end.map, end.assigned, truth.assigned))
+                found, true = end.assigned, truth.assigned
+                if end.partial is not None and truth.assigned_partial is not None:
+                    found = np.concatenate((found, end.partial))
+                    true = np.concatenate((true, truth.assigned_partial))
+                end.row.update(association_columns(found, true))
+                ends[prefix] = end._replace(map=by_true_ids(end.map, found, true))
     return ends
 
 
@@ -229,6 +248,12 @@ def _remarks(log: Log, outcome: Outcome, truth: Truth | None) -> list[str]:
     unknown = int((log.ids == UNKNOWN).sum())
     if unknown and outcome.assigned is None:
         said.append(f"{unknown} of {len(log.ids)} sightings have no id")
+    if log.partial is not None and outcome.assigned_partial is not None:
+        open_ = log.partial.ids == UNKNOWN
+        named = outcome.assigned_partial if outcome.final_assigned_partial is None else outcome.final_assigned_partial
+        left = int((open_ & (named == UNKNOWN)).sum())
+        of = f"{int(open_.sum())} partial sightings without an id"
+        said += [f"{left} of {of} fit no landmark clearly, and {'is' if left == 1 else 'are'} left out"] * bool(left)
     if truth is not None and truth.kind != "relations" and len(truth.t) < FEW * len(log):
         said.append(f"truth is known at {len(truth.t)} of {len(log)} steps")
     if truth is not None:
