@@ -10,6 +10,7 @@ from ...core.se2 import Array
 from ...frontend.markers.pipeline import Frame
 from .lens import Singles
 from .render import Conditions, Cover, Renderer
+from .rocking import Rocking
 
 GRID = 40  # px between the pixels whose streaks are measured
 STILL = 0.02  # px; shorter streaks are ignored
@@ -34,10 +35,12 @@ def take(
     t: Array,
     disturbances: Disturbances,
     rng: np.random.Generator,
+    rocking: Rocking | None = None,
 ) -> Iterator[Frame]:
     """Yields the frames at `t` (n,), s, the middles of their exposures, of each of the cameras on a robot in turn.
 
-    `path` gives the robot's poses (m, 3) at any times (m,). The same seed gives the same grain, shadows and occluders
+    `path` gives the robot's poses (m, 3) at any times (m,). The body rocks as `rocking` says, else by the sway of the
+    `disturbances`, anew in every frame, during which it then keeps still. The same seed gives the same grain, shadows and occluders
     whatever the other settings, and the first camera the same frames whatever the others are.
     """
     sensor, light, covers, floor = rng.spawn(4)
@@ -45,6 +48,8 @@ def take(
     phases = [of.uniform(0, 2 * np.pi, len(BEATS)) for _, of, _ in streams]
     for time, pose in zip(t.tolist(), raised(path(t)), strict=True):
         body = rocked(*floor.normal(0, 1, 2) * disturbances.sway)
+        if rocking is not None:
+            body = rocked(*rocking.at(np.array([time]))[0])
         for renderer, (grain, shading, covering), phase in zip(renderers, streams, phases, strict=True):
             mounting = body @ renderer.camera.mounting
             shade = _shadow(renderer, disturbances.shadow, shading)
@@ -52,26 +57,38 @@ def take(
             swing = np.sqrt(2 / len(BEATS)) * np.sin(2 * np.pi * time / BEATS + phase).sum()
             conditions = Conditions(shade * np.float32(np.exp(disturbances.gain_drift * swing)), cover)
             moving = renderer.sensor.exposure or renderer.sensor.readout
-            poses = views(renderer, path, time, mounting) if moving else pose @ mounting
+            if not moving:
+                poses = pose @ mounting
+            elif rocking is None:
+                poses = views(renderer, path, time, mounting)
+            else:
+                poses = views(renderer, path, time, renderer.camera.mounting, rocking)
             yield Frame(time, renderer.frame(poses, grain, conditions), camera=renderer.camera.name)
 
 
-def views(renderer: Renderer, path: Callable[[Array], Array], t: float, mounting: Array) -> Array:
+def views(
+    renderer: Renderer, path: Callable[[Array], Array], t: float, mounting: Array, rocking: Rocking | None = None
+) -> Array:
     """(n, 4, 4) T_world_camera at the middles of n equal parts of the exposure around `t`, s.
 
     With a rolling shutter they are (b, n, 4, 4), of each of its bands of rows. `mounting` (4, 4) is that of the camera
-    on the level robot. There is one more than pixels in the longest streak of anything in view, so that streaks are
+    on the level robot, or on one that rocks as `rocking` says. There is one more than pixels in the longest streak of anything in view, so that streaks are
     ramps and not steps.
     """
     exposure = renderer.sensor.exposure
-    start, end = (raised(path(np.array([t + part]))) @ mounting for part in (-exposure / 2, exposure / 2))
+
+    def seen_from(at: Array) -> Array:
+        robot = raised(path(at))
+        return (robot if rocking is None else robot @ np.array([rocked(*one) for one in rocking.at(at)])) @ mounting
+
+    start, end = (seen_from(np.array([t + part])) for part in (-exposure / 2, exposure / 2))
     streak = _streak(renderer, start[0], end[0])
     parts = int(np.ceil(streak)) + 1 if streak > STILL else 1
     times = t + exposure * ((np.arange(parts) + 0.5) / parts - 0.5)
     if not renderer.sensor.readout:
-        return raised(path(times)) @ mounting
+        return seen_from(times)
     rows = renderer.sensor.delays(renderer.camera.height)
-    return np.array([raised(path(later + times)) @ mounting for later in rows])
+    return np.array([seen_from(later + times) for later in rows])
 
 
 def raised(poses: Array) -> Array:
