@@ -13,12 +13,14 @@ is the first camera of this machine. Recordings of laser scans are opened by `sc
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...core.errors import InputError
 from ...core.factors import Dataset, Truth
+from ...frontend.inertial.tilts import tilts
 from ...frontend.markers.pipeline import Recording, build_log
 from ...frontend.wheels.commands import Commanded, Commands, Speeds
 from ...frontend.wheels.motion import Motion
@@ -57,6 +59,11 @@ def build(opened: Opened) -> Dataset:
     return with_truth(log, opened.truth, start_given=opened.start_given)
 
 
+def without_imu(opened: Opened) -> Opened:
+    """The recording as if it had no inertial readings."""
+    return opened._replace(inertial=None, recording=replace(opened.recording, tilts=None))
+
+
 def open_recording(path: Path, robot: Robot | None = None, seconds: float | None = None) -> Opened:
     """Opens the recording at `path`, with `robot`, or else with the robot.toml in its folder or beside it.
 
@@ -88,6 +95,11 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
     inertial = None
     if not is_live(path):
         inertial = open_imu(*places(path, robot), robot.imu, first.readings, notes, remarks)
+    tilted = None
+    if inertial is not None and inertial.imu.accel is not None:
+        motion.check()
+        tilted = tilts(inertial.imu, inertial.stood, motion, remarks)
+        inertial = inertial._replace(levels=None if tilted is None else tilted.levels)
     recording = Recording(
         name=robot.name,
         frames=frames,
@@ -100,6 +112,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         notes=notes,
         remarks=remarks,
         others=[one.detector for one in cameras[1:]],
+        tilts=tilted,
     )
     lengths = [one.length for one in streams.values()]
     length = None if None in lengths else sum(one or 0 for one in lengths)

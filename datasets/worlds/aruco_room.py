@@ -71,7 +71,7 @@ LOOP = ClosedPath(
 PROPORTIONAL = ProportionalNoise(k_range=0.002, k_bearing=0.002, floor_range=0.008, floor_bearing=0.003)
 """Eq. (10) with constants for this camera, and floors for a rocking body."""
 
-LEVELLED = replace(PROPORTIONAL, floor_range=0.002, floor_bearing=0.0005)
+LEVELLED = ProportionalNoise(k_range=0.0008, k_bearing=0.0001, floor_range=0.0005, floor_bearing=0.0001)
 """The same of a body whose rocking is stated by itself."""
 
 AROUND = {"front": 0.0, "back": 180.0, "left": 90.0, "right": -90.0}
@@ -98,7 +98,7 @@ class Options(
         choices=("propagated", "proportional"),
     )  # fmt: skip
     k_range: float | None = option(
-        None, "with noise=proportional: stated range noise, of the range; none: 0.002", minimum=0.0, maximum=1.0
+        None, "with noise=proportional: stated range noise, of the range; none: 0.002, or 0.0008 with an IMU", minimum=0.0, maximum=1.0
     )
     k_bearing: float | None = option(
         None, "with noise=proportional: stated bearing noise, of the bearing; none: 0.002", minimum=0.0, maximum=1.0
@@ -232,7 +232,7 @@ def recorded(options: Options, rng: np.random.Generator) -> Recorded:
         noise=_noise(options),
         prior=Prior(poses[0], START_SD**2 * np.eye(3)),
         notes={"source": SOURCE},
-        tilts=tilts(imu, standing(imu, motion.ticks), motion) if imu is not None and options.imu else None,
+        tilts=tilts(imu, standing(imu, motion.ticks), motion, []) if imu is not None and options.imu else None,
     )
     truth = Truth(frame_times, poses, room.landmarks, None, "truth")
     t = options.scan_times(float(frame_times[-1]))

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.se2 import Array
-from ..wheels.commands import Commanded
 from ..wheels.motion import Drift, Motion
 from .imu import Imu
-from .levels import levels
+from .levels import Levels, levels
 from .standing import Standing
 
 STEEP = np.deg2rad(20.0)  # mean tilt beyond which the axes are others than stated, and levels mean nothing
@@ -42,21 +41,25 @@ class Tilts:
     missing: NDArray[np.bool_]  # (n - 1,) between which readings others are missing
     rocking: Array  # (2,) rad, standard deviations of pitch and roll over the drive, without the levels' own errors
     mean: Array  # (2,) rad, pitch and roll of the unit that were taken off
-    push: float  # m/s^2, standard deviation of the robot's acceleration that the wheels do not tell
-    lasting: float  # s, its time constant
+    levels: Levels  # of the unit itself
     source: str = "imu"  # name of the readings in messages
+
+    def covers(self, t: float) -> bool:
+        """True where there are readings around `t`, s."""
+        return bool(self.t[0] <= t <= self.t[-1]) and not bool(self.missing[self._row(t)])
+
+    def _row(self, t: float) -> int:
+        return min(int(np.searchsorted(self.t, t, "right")) - 1, len(self.t) - 2)
 
     def at(self, t: float, sway: float) -> Tilt | None:
         """The tilt at `t`, s, of a body that rocks by `sway`, rad, or by more where the levels show it.
 
         None before and after the readings, where readings are missing, and for a body that does not rock.
         """
-        if not self.t[0] <= t <= self.t[-1]:
-            return None
-        row = min(int(np.searchsorted(self.t, t, "right")) - 1, len(self.t) - 2)
         known = np.maximum(self.rocking, sway) ** 2
-        if self.missing[row] or not known.any():
+        if not self.covers(t) or not known.any():
             return None
+        row = self._row(t)
         share = (t - self.t[row]) / (self.t[row + 1] - self.t[row])
         (pitch, roll), sd = (one[row] + share * (one[row + 1] - one[row]) for one in (self.angles, self.sd))
         kept = known / (known + sd**2)
@@ -74,23 +77,28 @@ class Tilts:
             "sd": float(np.rad2deg(np.median(self.sd))),
             "rocking": np.rad2deg(self.rocking).tolist(),
             "own_tilt": np.rad2deg(self.mean).tolist(),
-            "push": self.push,
-            "lasting": self.lasting,
+            "push": self.levels.push,
+            "lasting": self.levels.lasting,
         }
 
 
-def tilts(imu: Imu, stood: Standing | None, motion: Motion | None) -> Tilts | None:
-    """The tilts of a body by its readings; wheels take the robot's own acceleration off.
+def tilts(imu: Imu, stood: Standing | None, motion: Motion, remarks: list[str]) -> Tilts | None:
+    """The tilts of a body by its readings; the wheels' speed takes the robot's own acceleration off.
 
-    None without an accelerometer, with fewer than three readings for each of `BLOCKS`, and where gravity is not at the
-    robot's z axis.
+    None without an accelerometer, with fewer than three readings for each of `BLOCKS`, where no speed is known, since
+    an even curve then looks like a slope, and, with one of the `remarks`, where gravity is not along the robot's z axis.
     """
-    if imu.accel is None or len(imu) < 3 * BLOCKS:
+    speed = speeds(motion, imu.t)
+    if imu.accel is None or len(imu) < 3 * BLOCKS or speed is None:
         return None
-    found = levels(imu, stood, None if motion is None else speeds(motion, imu.t))
+    found = levels(imu, stood, speed)
     angles = np.column_stack((found.pitch, found.roll))
     mean = angles.mean(axis=0)
     if not (np.abs(mean) < STEEP).all():
+        remarks.append(
+            f"{imu.source}: by gravity the robot leans by {np.rad2deg(np.abs(mean).max()):.0f} degrees on average, "
+            f"expected at most {np.rad2deg(STEEP):.0f}: sightings are not levelled"
+        )
         return None
     angles = angles - mean
     of_mean = np.array([part.mean(axis=0) for part in np.array_split(angles, BLOCKS)]).var(axis=0, ddof=1) / BLOCKS
@@ -99,12 +107,12 @@ def tilts(imu: Imu, stood: Standing | None, motion: Motion | None) -> Tilts | No
     own = np.column_stack((found.pitch_sd, found.roll_sd)) ** 2
     rocking = np.sqrt(np.maximum((angles**2 - own).mean(axis=0) - of_mean, 0.0))
     sd = np.sqrt(own + of_mean + bent)
-    return Tilts(imu.t, angles, sd, imu.missing, rocking, mean, found.push, found.lasting, imu.source)
+    return Tilts(imu.t, angles, sd, imu.missing, rocking, mean, found, imu.source)
 
 
 def speeds(motion: Motion, t: Array) -> Array | None:
     """(n,) m/s ahead at `t` (n,), s, as means over `SPAN`; None where nothing measured the motion."""
-    if isinstance(motion, Drift | Commanded) or len(motion.t) < 2:
+    if isinstance(motion, Drift) or len(motion.t) < 2:
         return None
     begin, end = max(float(motion.t[0]), float(t[0])), min(float(motion.t[-1]), float(t[-1]))
     if end - begin < SPAN:

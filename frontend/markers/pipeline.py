@@ -116,6 +116,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
     misfits = {name: Misfit() for name in recording.detectors}
     steps: list[Step] = []
     latest, cameras, measured = -np.inf, set[str](), _NONE
+    uneven = 0
     for number, frame in enumerate(recording.frames):
         if not (frame.t > latest or (frame.t == latest and frame.camera not in cameras)):
             raise InputError(f"{recording.name}: frame {number} is at {frame.t} s, expected later than {latest} s.")
@@ -129,6 +130,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
             counts["frames that could not be decoded"] += 1
             continue
         seen = see(recording, frame)
+        uneven += recording.tilts is not None and not recording.tilts.covers(frame.t)
         counts.update(seen.rejected)
         twice.update(seen.rejected.twice)
         for one in seen.sightings:
@@ -156,6 +158,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
     remarks = [
         *_remarks(recording, counts, steps[0].t, steps[-1].t),
         *_of_twins(recording, twice, steps),
+        *_of_uneven(recording, uneven, counts["frames"]),
         *(said for name, one in misfits.items() for said in one.remarks(called(recording.name, name))),
     ]
     pause = longest_pause(steps[0].t, steps[-1].t, [step.t for step in steps], recording.motion.t)
@@ -206,6 +209,15 @@ def _of_twins(recording: Recording, twice: Mapping[int, int], steps: Sequence[St
         f"{recording.name}: {which} on several markers of one frame, in {of}: none of these is in the log{kept}; an id "
         "is one landmark, so every marker needs its own"
     )
+
+
+def _of_uneven(recording: Recording, uneven: int, frames: int) -> Iterator[str]:
+    """The remark on frames whose level is not known."""
+    if uneven and recording.tilts is not None:
+        yield (
+            f"{recording.tilts.source}: has no readings around the times of {uneven:,} of {frames:,} frames, which are "
+            "not levelled: their sightings have the errors of sway"
+        )
 
 
 def see(recording: Recording, frame: Frame) -> FrameSightings:
