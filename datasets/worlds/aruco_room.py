@@ -71,7 +71,7 @@ LOOP = ClosedPath(
 PROPORTIONAL = ProportionalNoise(k_range=0.002, k_bearing=0.002, floor_range=0.008, floor_bearing=0.003)
 """Eq. (10) with constants for this camera, and floors for a rocking body."""
 
-LEVELLED = ProportionalNoise(k_range=0.0008, k_bearing=0.0001, floor_range=0.0005, floor_bearing=0.0001)
+LEVELLED = ProportionalNoise(k_range=0.0007, k_bearing=3e-5, floor_range=3e-4, floor_bearing=5e-5)
 """The same of a body whose rocking is stated by itself."""
 
 AROUND = {"front": 0.0, "back": 180.0, "left": 90.0, "right": -90.0}
@@ -98,7 +98,7 @@ class Options(
         choices=("propagated", "proportional"),
     )  # fmt: skip
     k_range: float | None = option(
-        None, "with noise=proportional: stated range noise, of the range; none: 0.002, or 0.0008 with an IMU", minimum=0.0, maximum=1.0
+        None, "with noise=proportional: stated range noise, of the range; none: 0.002, or 0.0007 with an IMU", minimum=0.0, maximum=1.0
     )
     k_bearing: float | None = option(
         None, "with noise=proportional: stated bearing noise, of the bearing; none: 0.002", minimum=0.0, maximum=1.0
