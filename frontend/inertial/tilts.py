@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from ...core.se2 import Array
 from ..wheels.motion import Drift, Motion
-from .imu import Imu
-from .levels import Levels, levels
+from .imu import GRAVITY, Imu
+from .levels import OFFSET, Levels, levels
 from .standing import Standing
 
 STEEP = np.deg2rad(20.0)  # mean tilt beyond which the axes are others than stated, and levels mean nothing
@@ -104,7 +104,8 @@ def tilts(imu: Imu, stood: Standing | None, motion: Motion, remarks: list[str]) 
     of_mean = np.array([part.mean(axis=0) for part in np.array_split(angles, BLOCKS)]).var(axis=0, ddof=1) / BLOCKS
     between = np.diff(angles, n=2, axis=0)[~(imu.missing[1:] | imu.missing[:-1])]
     bent = (between**2).mean(axis=0) / 64 if len(between) else np.zeros(2)  # a straight line is off by up to 1/8
-    own = np.column_stack((found.pitch_sd, found.roll_sd)) ** 2
+    offset = (OFFSET / GRAVITY) ** 2  # which goes with the mean
+    own = np.column_stack((found.pitch_sd, found.roll_sd)) ** 2 - offset
     rocking = np.sqrt(np.maximum((angles**2 - own).mean(axis=0) - of_mean, 0.0))
     sd = np.sqrt(own + of_mean + bent)
     return Tilts(imu.t, angles, sd, imu.missing, rocking, mean, found, imu.source)
@@ -120,8 +121,11 @@ def speeds(motion: Motion, t: Array) -> Array | None:
     at = np.linspace(begin, end, int((end - begin) / GRID) + 1)
     ahead = [motion.odometry(a, b).delta[0] for a, b in zip(at[:-1].tolist(), at[1:].tolist(), strict=True)]
     way = np.concatenate(([0.0], np.cumsum(ahead)))
-    first = np.clip(t - SPAN / 2, begin, end - SPAN)
-    return (np.interp(first + SPAN, at, way) - np.interp(first, at, way)) / SPAN
+    # A robot that sets out is not yet at speed: means are shorter there, and go straight on to the very end.
+    half = np.minimum(SPAN / 2, np.minimum(at - begin, end - at))[1:-1]
+    inner = (np.interp(at[1:-1] + half, at, way) - np.interp(at[1:-1] - half, at, way)) / (2 * half)
+    ends = 2 * inner[[0, -1]] - inner[[1, -2]]
+    return np.interp(t, at, np.concatenate((ends[:1], inner, ends[1:])))
 
 
 def leaned(pitch: Array | float, roll: Array | float) -> Array:
