@@ -160,6 +160,7 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
         shaken=None if shaken is None or not shaken.any() else shaken,
         arm=on.arm,
         mounting=on.words,
+        placed=on.told,
         source=where,
     )
     return replace(imu, remarks=[*remarks, *_odd(imu)])

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from ...core.errors import InputError
 from ...core.factors import Dataset, Truth
-from ...frontend.inertial.tilts import tilts
+from ...frontend.inertial.tilts import tilts, unlevelled
 from ...frontend.markers.pipeline import Recording, build_log
 from ...frontend.wheels.commands import Commanded, Commands, Speeds
 from ...frontend.wheels.motion import Motion
@@ -29,7 +29,7 @@ from ...frontend.wheels.track import Track
 from ..bags.bag import Bag, is_bag
 from ..bags.topics import found as found_topics
 from ..bags.topics import plain
-from ..inertial.open import OpenedImu, beside, open_imu
+from ..inertial.open import NOTE, OpenedImu, beside, open_imu
 from ..prior import assumed
 from ..readings import COMMANDS, ODOMETRY, TICKS, Readings
 from ..robot_files import ROBOT, robot_beside, settings_beside
@@ -100,6 +100,10 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         motion.check()
         tilted = tilts(inertial.imu, inertial.stood, motion, remarks)
         inertial = inertial._replace(levels=None if tilted is None else tilted.levels)
+        if tilted is None:
+            notes[NOTE] += (
+                f"; sightings are not levelled: {unlevelled(inertial.imu, motion) or 'gravity is along another axis'}"
+            )
     recording = Recording(
         name=robot.name,
         frames=frames,

@@ -40,8 +40,8 @@ def take(
     """Yields the frames at `t` (n,), s, the middles of their exposures, of each of the cameras on a robot in turn.
 
     `path` gives the robot's poses (m, 3) at any times (m,). The body rocks as `rocking` says, else by the sway of the
-    `disturbances`, anew in every frame, during which it then keeps still. The same seed gives the same grain, shadows and occluders
-    whatever the other settings, and the first camera the same frames whatever the others are.
+    `disturbances`, anew in every frame, during which it then keeps still. The same seed gives the same grain, shadows
+    and occluders whatever the other settings, and the first camera the same frames whatever the others are.
     """
     sensor, light, covers, floor = rng.spawn(4)
     streams = [(sensor, light, covers), *(tuple(rng.spawn(3)) for _ in renderers[1:])]
@@ -72,8 +72,8 @@ def views(
     """(n, 4, 4) T_world_camera at the middles of n equal parts of the exposure around `t`, s.
 
     With a rolling shutter they are (b, n, 4, 4), of each of its bands of rows. `mounting` (4, 4) is that of the camera
-    on the level robot, or on one that rocks as `rocking` says. There is one more than pixels in the longest streak of anything in view, so that streaks are
-    ramps and not steps.
+    on the level robot, or on one that rocks as `rocking` says. There is one more than pixels in the longest streak of
+    anything in view, so that streaks are ramps and not steps.
     """
     exposure = renderer.sensor.exposure
 

@@ -71,7 +71,7 @@ LOOP = ClosedPath(
 PROPORTIONAL = ProportionalNoise(k_range=0.002, k_bearing=0.002, floor_range=0.008, floor_bearing=0.003)
 """Eq. (10) with constants for this camera, and floors for a rocking body."""
 
-LEVELLED = ProportionalNoise(k_range=0.0007, k_bearing=3e-5, floor_range=3e-4, floor_bearing=5e-5)
+LEVELLED = ProportionalNoise(k_range=0.0006, k_bearing=2e-5, floor_range=1e-4, floor_bearing=2e-5)
 """The same of a body whose rocking is stated by itself."""
 
 AROUND = {"front": 0.0, "back": 180.0, "left": 90.0, "right": -90.0}
@@ -98,19 +98,21 @@ class Options(
         choices=("propagated", "proportional"),
     )  # fmt: skip
     k_range: float | None = option(
-        None, "with noise=proportional: stated range noise, of the range; none: 0.002, with an IMU 0.0007",
-        minimum=0.0, maximum=1.0
+        None,
+        "with noise=proportional: stated range noise, of the range; none: 0.002, with an IMU 0.0006",
+        minimum=0.0,
+        maximum=1.0,
     )
     k_bearing: float | None = option(
-        None, "with noise=proportional: stated bearing noise, of the bearing; none: 0.002, with an IMU 3e-5",
+        None, "with noise=proportional: stated bearing noise, of the bearing; none: 0.002, with an IMU 2e-5",
         minimum=0.0, maximum=1.0,
     )  # fmt: skip
     floor_range: float | None = option(
-        None, "stated range noise that is added, m; none: 0.008 with noise=proportional, 3e-4 with an IMU, else 0",
+        None, "stated range noise that is added, m; none: 0.008 with noise=proportional, 1e-4 with an IMU, else 0",
         minimum=1e-4, maximum=1.0,
     )  # fmt: skip
     floor_bearing: float | None = option(
-        None, "stated bearing noise that is added, rad; none: 0.003 with noise=proportional, 5e-5 with an IMU, else 0",
+        None, "stated bearing noise that is added, rad; none: 0.003 with noise=proportional, 2e-5 with an IMU, else 0",
         minimum=1e-4, maximum=1.0,
     )  # fmt: skip
     boxes: int = option(0, "boxes in the room, a third of the markers on them", minimum=0, maximum=8)

@@ -85,18 +85,18 @@ class Tilts:
 def tilts(imu: Imu, stood: Standing | None, motion: Motion, remarks: list[str]) -> Tilts | None:
     """The tilts of a body by its readings; the wheels' speed takes the robot's own acceleration off.
 
-    None without an accelerometer, with fewer than three readings for each of `BLOCKS`, where no speed is known, since
-    an even curve then looks like a slope, and, with one of the `remarks`, where gravity is not along the robot's z axis.
+    None where they are `unlevelled`, and, with one of the `remarks`, where gravity is not along the robot's z axis.
     """
-    speed = speeds(motion, imu.t)
-    if imu.accel is None or len(imu) < 3 * BLOCKS or speed is None:
+    if unlevelled(imu, motion):
         return None
+    speed = speeds(motion, imu.t)
     found = levels(imu, stood, speed)
     angles = np.column_stack((found.pitch, found.roll))
     mean = angles.mean(axis=0)
-    if not (np.abs(mean) < STEEP).all():
+    steep = float(np.arccos(np.clip((np.cos(angles[:, 0]) * np.cos(angles[:, 1])).mean(), -1, 1)))
+    if not steep < STEEP:
         remarks.append(
-            f"{imu.source}: by gravity the robot leans by {np.rad2deg(np.abs(mean).max()):.0f} degrees on average, "
+            f"{imu.source}: by gravity the robot leans by {np.rad2deg(steep):.0f} degrees on average, "
             f"expected at most {np.rad2deg(STEEP):.0f}: sightings are not levelled"
         )
         return None
@@ -111,13 +111,28 @@ def tilts(imu: Imu, stood: Standing | None, motion: Motion, remarks: list[str]) 
     return Tilts(imu.t, angles, sd, imu.missing, rocking, mean, found, imu.source)
 
 
+def unlevelled(imu: Imu, motion: Motion) -> str:
+    """Why readings do not level a body, in words; empty where they do, but for gravity along another axis."""
+    if imu.accel is None:
+        return "there is no accelerometer"
+    if len(imu) < 3 * BLOCKS:
+        return f"there are {len(imu)} readings, expected at least {3 * BLOCKS}"
+    if not imu.placed:
+        return "neither robot.toml nor tf says how the unit is mounted"
+    if isinstance(motion, Drift):
+        return "nothing measured the robot's speed, and an even curve looks like a slope"
+    if not _together(motion, imu.t):
+        return f"the {motion.readings} are of less than {SPAN:g} s of its time"
+    return ""
+
+
 def speeds(motion: Motion, t: Array) -> Array | None:
     """(n,) m/s ahead at `t` (n,), s, as means over `SPAN`; None where nothing measured the motion."""
     if isinstance(motion, Drift) or len(motion.t) < 2:
         return None
-    begin, end = max(float(motion.t[0]), float(t[0])), min(float(motion.t[-1]), float(t[-1]))
-    if end - begin < SPAN:
+    if not _together(motion, t):
         return None
+    begin, end = max(float(motion.t[0]), float(t[0])), min(float(motion.t[-1]), float(t[-1]))
     at = np.linspace(begin, end, int((end - begin) / GRID) + 1)
     ahead = [motion.odometry(a, b).delta[0] for a, b in zip(at[:-1].tolist(), at[1:].tolist(), strict=True)]
     way = np.concatenate(([0.0], np.cumsum(ahead)))
@@ -126,6 +141,11 @@ def speeds(motion: Motion, t: Array) -> Array | None:
     inner = (np.interp(at[1:-1] + half, at, way) - np.interp(at[1:-1] - half, at, way)) / (2 * half)
     ends = 2 * inner[[0, -1]] - inner[[1, -2]]
     return np.interp(t, at, np.concatenate((ends[:1], inner, ends[1:])))
+
+
+def _together(motion: Motion, t: Array) -> bool:
+    """True where readings of both are at one time for long enough."""
+    return bool(min(motion.t[-1], t[-1]) - max(motion.t[0], t[0]) >= SPAN)
 
 
 def leaned(pitch: Array | float, roll: Array | float) -> Array:
