@@ -39,9 +39,8 @@ from ..on_demand.slip import WorldSlip
 from ..on_map import OnMap
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
-from ..rendering.disturbances import Disturbances, raised, take
+from ..rendering.disturbances import Disturbances, Rocking, raised, take
 from ..rendering.render import Renderer
-from ..rendering.rocking import Rocking
 from ..rendering.room import furnish, furnish_with_boxes
 from ..rendering.room_scans import RoomScans, scanned
 from ..rendering.scrambled import scrambled
@@ -249,7 +248,7 @@ def recorded(options: Options, rng: np.random.Generator) -> Recorded:
 
 
 def _felt(options: Options, end: float, rng: np.random.Generator) -> tuple[Rocking | None, Imu | None]:
-    """How the body rocks and what its inertial measurement unit reads up to `end`, s; None without one."""
+    """The rocking body, and the readings of its inertial measurement unit up to `end`, s; None without one."""
     if not (options.gyro or options.imu):
         return None, None
     body, readings = rng.spawn(2)

@@ -25,7 +25,7 @@ SPAN, GRID = 1.0, 0.05  # s over which the wheels' speed is a mean, and between 
 
 
 class Tilt(NamedTuple):
-    """How a body leans at one time."""
+    """The lean of a body at one time."""
 
     turn: Array  # (4, 4) T_level_robot
     leaning: Array  # (2, 3) rad, turns about the level robot's axes: one standard deviation of pitch, and of roll
@@ -33,7 +33,7 @@ class Tilt(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Tilts:
-    """How a body leans, at the readings of its inertial measurement unit."""
+    """The lean of a body, at the readings of its inertial measurement unit."""
 
     t: Array  # (n,) s
     angles: Array  # (n, 2) rad, pitch and roll, each 0 on average

@@ -35,7 +35,7 @@ def about(imu: Imu, stood: Standing) -> str:
 
 
 def about_levels(told: Mapping[str, Any]) -> str:
-    """How sightings are levelled, by the entry of `Tilts` in a log's notes."""
+    """The levels of sightings in a sentence, by the entry of `Tilts` in a log's notes."""
     pitch, roll = told["own_tilt"]
     ahead, aside = told["rocking"]
     return (

@@ -6,8 +6,7 @@ import pytest
 from slamduel.core.se2 import Array
 from slamduel.datasets.on_demand.gyro import WorldGyro
 from slamduel.datasets.on_demand.imu import SHAKES, imu_of
-from slamduel.datasets.rendering.disturbances import Disturbances, raised, rocked, take
-from slamduel.datasets.rendering.rocking import BEATS, Rocking
+from slamduel.datasets.rendering.disturbances import RATES, Disturbances, Rocking, raised, rocked, take
 from slamduel.datasets.worlds.aruco_room import LOOP, Options, recorded
 from slamduel.datasets.worlds.wheeled_robot import drive
 from slamduel.frontend.inertial.imu import GRAVITY
@@ -30,7 +29,7 @@ def test_it_rocks_by_as_much_as_asked_for_and_as_fast_as_it_says(seed: int) -> N
     np.testing.assert_allclose(one.at(t).std(axis=0), 0.02, rtol=0.05)
     numeric = (one.at(t + 1e-4) - one.at(t - 1e-4)) / 2e-4
     np.testing.assert_allclose(one.rates(t), numeric, atol=1e-7)
-    assert ((one.frequency > 2 * np.pi * BEATS[0]) & (one.frequency < 2 * np.pi * BEATS[1])).all()
+    assert ((one.frequency > 2 * np.pi * RATES[0]) & (one.frequency < 2 * np.pi * RATES[1])).all()
 
 
 def pose_of(one: Rocking, t: Array) -> Array:
@@ -75,7 +74,7 @@ def test_frames_are_taken_from_the_rocking_body() -> None:
 
         def frame(self, poses: Array, *_: object) -> Array:
             taken.append(poses)
-            return np.zeros((2, 2), np.uint8)
+            return np.zeros((2, 2))
 
     t, one = np.array([0.0, 0.5, 1.25]), body()
     list(take([Seen()], lambda at: along(at)[0], t, Disturbances(0.5), np.random.default_rng(0), one))  # pyright: ignore

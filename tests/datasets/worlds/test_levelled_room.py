@@ -68,11 +68,9 @@ def score(seed: int, model: str, seconds: float, *, levelled: bool) -> Score:
     assert truth.map is not None
     path = found.path[:, :2] - truth.poses[:, :2]
     places = found.map.xy - truth.map.xy[np.searchsorted(truth.map.ids, found.map.ids)]
-    return Score(
-        *np.sqrt((errors**2).mean(axis=0)).tolist(),
-        float(squares(errors, log.z_cov).mean() / 2),
-        *(float(np.sqrt((one**2).sum(axis=1).mean())) for one in (path, places)),
-    )
+    ranges, bearings = np.sqrt((errors**2).mean(axis=0)).tolist()
+    nees = float(squares(errors, log.z_cov).mean() / 2)
+    return Score(ranges, bearings, nees, *(float(np.sqrt((one**2).sum(axis=1).mean())) for one in (path, places)))
 
 
 @pytest.mark.parametrize("model", MODELS)

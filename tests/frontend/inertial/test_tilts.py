@@ -11,8 +11,7 @@ from inertial_drives import attitude
 from slamduel.core.se2 import Array
 from slamduel.datasets.on_demand.gyro import WorldGyro
 from slamduel.datasets.on_demand.imu import imu_of
-from slamduel.datasets.rendering.disturbances import rocked
-from slamduel.datasets.rendering.rocking import Rocking
+from slamduel.datasets.rendering.disturbances import Rocking, rocked
 from slamduel.datasets.worlds.aruco_room import ENCODER, LOOP
 from slamduel.datasets.worlds.wheeled_robot import count, drive
 from slamduel.frontend.inertial.imu import Imu
