@@ -77,8 +77,7 @@ def _markers(variant: DatasetVariant, number: int, places: Mapping[Path, str], c
     from ...datasets.recordings.write import write
     from ...datasets.worlds.aruco_room import MATCHING, recorded
 
-    recording, truth, scans = recorded(variant.options, generator(variant.name, number))
-    inertial = _inertial(variant, number, float(truth.t[-1]))
+    recording, truth, scans, inertial = recorded(variant.options, generator(variant.name, number))
     with ProgressBar(console, "rendering", variant.options.frames * len(recording.detectors)) as bar:
         write(places, replace(recording, frames=_watched(recording.frames, bar)), truth, inertial, scans, MATCHING)
 
@@ -96,7 +95,7 @@ def _depth(variant: DatasetVariant, number: int, places: Mapping[Path, str], con
 
 
 def _inertial(variant: DatasetVariant, number: int, end: float) -> Imu | None:
-    """The readings of the robot's IMU up to `end`, s; None without option gyro."""
+    """The readings of a level robot's IMU up to `end`, s; None without option gyro."""
     from ...datasets.on_demand.imu import imu_of
     from ...datasets.worlds.aruco_room import LOOP
     from ...datasets.worlds.wheeled_robot import drive

@@ -12,6 +12,8 @@ from ...core.factors import Dataset, Log, Truth
 from ...core.truth.doubts import judges
 from ...core.truth.errors import driven_errors
 from ...datasets.inertial.open import NOTE
+from ...frontend.inertial.words import about_levels
+from ...frontend.markers.pipeline import LEVELS
 from ..contradiction.remark import remarks
 from ..drawing.figure import ReportFigure
 from ..measure.stated_noise import TYPICAL, noise_check
@@ -46,8 +48,9 @@ class Findings(ABC):
 
     def sentences(self) -> list[str]:
         """Summarises in sentences: the headline, and the inertial readings where there are some."""
-        said = self.log.notes.get(NOTE)
-        return self.headline() if said is None else [*self.headline(), f"IMU: {said}."]
+        notes, said = self.log.notes, self.headline()
+        said += [f"IMU: {notes[NOTE]}."] if NOTE in notes else []
+        return said + ([f"Sightings are {about_levels(notes[LEVELS])}."] if LEVELS in notes else [])
 
     @abstractmethod
     def refused(self) -> str:
@@ -88,7 +91,7 @@ class Findings(ABC):
         """Returns the findings as JSON takes them; `out` is the log's folder."""
         known = None if self.truth is None else self.truth.kind
         said = {"advice": self.advice(), "remarks": self.remarks, "truth": known}
-        said |= {NOTE: self.log.notes[NOTE]} if NOTE in self.log.notes else {}
+        said |= {name: self.log.notes[name] for name in (NOTE, LEVELS) if name in self.log.notes}
         return {"log": out, "name": self.log.name, **self.numbers(), **said}
 
 

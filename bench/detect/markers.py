@@ -31,6 +31,11 @@ from .tag_files import TagFile
 
 JUDGED = 1000  # number of first sightings by which the markers' stated side is checked
 NOISES = ("stated", "proportional", "propagated")  # in the order of RangeBin.nees; the last two if fitted
+UNLEVELLED = (
+    "to calibrate the noise, sightings are not levelled by gravity, as sway is of the body; run again without "
+    "--calibrate-noise for the levelled log"
+)
+
 HARDLY = 0.05  # share of frames with a marker below which the causes are diagnosed
 
 
@@ -230,10 +235,14 @@ def gathered(
             advance(detection.found)
 
     with request.preview or nullcontext():
-        made = make(replace(recording, frames=frames()), observe)
+        used = replace(recording, frames=frames())
+        # What is calibrated is the body's own sway, and not what levels leave of it.
+        made = make(replace(used, tilts=None) if request.calibrate_noise else used, observe)
         log, known = with_truth(made, truth, 0, start_given)
     sightings = detection.sightings()
     causes = [plausible_length(first, markers)]
+    if request.calibrate_noise and recording.tilts is not None:
+        causes.append(UNLEVELLED)
     for name, one in detection.cameras.items():
         if one.seeing < HARDLY * one.frames:
             found = diagnose(empty[name].images, markers, cameras[name])

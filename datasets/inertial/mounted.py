@@ -16,6 +16,7 @@ class Placed(NamedTuple):
     turn: Array  # (3, 3) from its axes to the robot's
     arm: Array  # (3,) m, its place
     words: str
+    told: bool = True  # by robot.toml or tf; False: taken to be so
 
 
 def placed(
@@ -36,13 +37,14 @@ def placed(
     elif by_tf is not None:
         pose, words = by_tf, f"mounted as tf has {frame}"
     turn, arm = pose[:3, :3], pose[:3, 3]
+    told = given is not None or by_tf is not None
     if accel is None:
-        return Placed(turn, arm, words)
+        return Placed(turn, arm, words, told)
     up = turn @ np.median(accel, axis=0)
     up = up / np.linalg.norm(up)
     tilt = float(np.rad2deg(np.arccos(np.clip(up[2], -1, 1))))
     if tilt <= TILTED:
-        return Placed(turn, arm, words)
+        return Placed(turn, arm, words, told)
     shown = ", ".join(f"{one:+.2f}" for one in up)
     found = f"{where}: gravity is {tilt:.0f} degrees from the z axis (up is {shown})"
     if given is not None or by_tf is not None:
@@ -58,7 +60,8 @@ def placed(
         f"{found} and nothing says how it is mounted: taken to be {taken}, and turned back{ahead}; [imu] mounting in "
         "robot.toml says"
     )
-    return Placed(_upwards(up), arm, "upside down by gravity" if upside else f"turned by {tilt:.0f} degrees by gravity")
+    words = "upside down by gravity" if upside else f"turned by {tilt:.0f} degrees by gravity"
+    return Placed(_upwards(up), arm, words, told=False)
 
 
 def _upwards(up: Array) -> Array:

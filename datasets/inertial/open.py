@@ -12,6 +12,7 @@ from ...core.factors import Log
 from ...core.se2 import Array
 from ...frontend.inertial.against_wheels import against_wheels, in_odometry
 from ...frontend.inertial.imu import Imu
+from ...frontend.inertial.levels import Levels
 from ...frontend.inertial.log import with_turns
 from ...frontend.inertial.standing import Readings, Standing, standing
 from ...frontend.inertial.words import about
@@ -42,6 +43,7 @@ class OpenedImu(NamedTuple):
     imu: Imu
     stood: Standing
     twice: bool = False  # the odometry's turns are made of the same readings
+    levels: Levels | None = None  # by gravity, where it levels what is seen
 
 
 def open_imu(
@@ -83,7 +85,7 @@ def open_imu_csv(path: Path, odometry: Readings, notes: dict[str, Any], remarks:
 
 def beside(log: Log, opened: OpenedImu | None, first: int = 0) -> Log:
     """The log with the gyro's turns between its steps from `first` on; itself without one, or where it has them."""
-    return log if opened is None or opened.twice else with_turns(log, opened.imu, opened.stood, first)
+    return log if opened is None or opened.twice else with_turns(log, *opened[:2], first, opened.levels)
 
 
 def _judged(imu: Imu, odometry: Readings | None, notes: dict[str, Any], remarks: list[str], *, said: bool) -> OpenedImu:
@@ -158,6 +160,7 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
         shaken=None if shaken is None or not shaken.any() else shaken,
         arm=on.arm,
         mounting=on.words,
+        placed=on.told,
         source=where,
     )
     return replace(imu, remarks=[*remarks, *_odd(imu)])

@@ -14,7 +14,7 @@ from ..registry import Named, Source
 from ..scans.open import OpenedScans, ScanTopics, open_scans
 from ..scans.open import build as build_scans
 from .open import is_live
-from .recording import Opened, build, open_recording
+from .recording import Opened, build, open_recording, without_imu
 from .settings import read_described
 from .several import SENSORS, OpenedSeveral, open_several
 from .several import build as build_several
@@ -30,7 +30,7 @@ class Options(Named):
     robot: str | None = option(None, "another robot.toml to use")
     scan: str | None = option(None, "topic of the laser scans in a bag with several")
     odometry: str | None = option(None, "topic of the odometry in a bag of laser scans with several")
-    imu: bool = option(True, "the turns of a gyro that the recording has are in the log, beside its odometry")
+    imu: bool = option(True, "the turns of the recording's gyro are in the log, and its gravity levels sightings")
     sensors: str = option(
         ALL, "of a recording with markers and a scanner: one log of both, or of one alone", choices=(ALL, *SENSORS)
     )
@@ -47,7 +47,7 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     several = open_several(path, file, topics, None if options.sensors == ALL else (options.sensors,))
     scans = open_scans(path, file, topics) if several is None else several
     if isinstance(scans, OpenedSeveral):
-        kept = scans if options.imu else scans._replace(frames=scans.frames._replace(inertial=None))
+        kept = scans if options.imu else scans._replace(frames=without_imu(scans.frames))
         return build_several(kept)
     if isinstance(scans, OpenedScans):
         return build_scans(scans if options.imu else scans._replace(inertial=None))
@@ -55,7 +55,7 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     if depth is not None:
         return build_depth(depth if options.imu else depth._replace(inertial=None))
     frames = scans or open_recording(path, None if file is None else read_described(file))
-    return build(frames if options.imu else frames._replace(inertial=None))
+    return build(frames if options.imu else without_imu(frames))
 
 
 source = Source(make, Options, portable=False)  # OpenCV's arithmetic

@@ -13,12 +13,14 @@ is the first camera of this machine. Recordings of laser scans are opened by `sc
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...core.errors import InputError
 from ...core.factors import Dataset, Truth
+from ...frontend.inertial.tilts import tilts, unlevelled
 from ...frontend.markers.pipeline import Recording, build_log
 from ...frontend.wheels.commands import Commanded, Commands, Speeds
 from ...frontend.wheels.motion import Motion
@@ -27,7 +29,7 @@ from ...frontend.wheels.track import Track
 from ..bags.bag import Bag, is_bag
 from ..bags.topics import found as found_topics
 from ..bags.topics import plain
-from ..inertial.open import OpenedImu, beside, open_imu
+from ..inertial.open import NOTE, OpenedImu, beside, open_imu
 from ..prior import assumed
 from ..readings import COMMANDS, ODOMETRY, TICKS, Readings
 from ..robot_files import ROBOT, robot_beside, settings_beside
@@ -55,6 +57,11 @@ def build(opened: Opened) -> Dataset:
     """Builds the recording's log, with the ground truth at the log's times; InputError as in `build_log`."""
     log = beside(build_log(opened.recording), opened.inertial)
     return with_truth(log, opened.truth, start_given=opened.start_given)
+
+
+def without_imu(opened: Opened) -> Opened:
+    """The recording as if it had no inertial readings."""
+    return opened._replace(inertial=None, recording=replace(opened.recording, tilts=None))
 
 
 def open_recording(path: Path, robot: Robot | None = None, seconds: float | None = None) -> Opened:
@@ -88,6 +95,15 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
     inertial = None
     if not is_live(path):
         inertial = open_imu(*places(path, robot), robot.imu, first.readings, notes, remarks)
+    tilted = None
+    if inertial is not None and inertial.imu.accel is not None:
+        motion.check()
+        tilted = tilts(inertial.imu, inertial.stood, motion, remarks)
+        inertial = inertial._replace(levels=None if tilted is None else tilted.levels)
+        if tilted is None:
+            notes[NOTE] += (
+                f"; sightings are not levelled: {unlevelled(inertial.imu, motion) or 'gravity is along another axis'}"
+            )
     recording = Recording(
         name=robot.name,
         frames=frames,
@@ -100,6 +116,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         notes=notes,
         remarks=remarks,
         others=[one.detector for one in cameras[1:]],
+        tilts=tilted,
     )
     lengths = [one.length for one in streams.values()]
     length = None if None in lengths else sum(one or 0 for one in lengths)

@@ -224,8 +224,8 @@ def write_imu(folder: Path, imu: Imu) -> None:
 def imu_table(imu: Imu, *, bag: bool) -> ImuTable:
     """[imu] of a robot.toml beside imu.csv or a bag."""
     if bag:
-        return ImuTable(topic=IMU_TOPIC)
-    return ImuTable(gyro="rad/s", accelerometer=None if imu.accel is None else "m/s^2")
+        return ImuTable(topic=IMU_TOPIC, mounting=np.eye(4))
+    return ImuTable(mounting=np.eye(4), gyro="rad/s", accelerometer=None if imu.accel is None else "m/s^2")
 
 
 def _write_words(folder: Path, recording: Recording, truth: Truth | None, kind: str, readings: Beside) -> None:

@@ -18,6 +18,9 @@ DUSK = 45.0  # px, over which half of a shadow's edge falls
 BEATS = np.array([3.1, 5.3, 8.9, 15.7])  # s, periods of the brightness drift's components
 
 
+RATES, WAVES = (0.5, 1.5), 6  # Hz, between which a body rocks, and the number of waves of its pitch and of its roll
+
+
 @dataclass(frozen=True)
 class Disturbances:
     """Differences between frames and those of a still camera in even light."""
@@ -28,23 +31,53 @@ class Disturbances:
     occlusion: float = 0.0  # share of the frames in which the view is partly covered
 
 
+@dataclass(frozen=True, eq=False)
+class Rocking:
+    """Pitch and roll of a body that rocks smoothly, as its frames and its inertial readings both see.
+
+    They are sums of oscillations, as of a body on springs, whose frequencies and phases are drawn.
+    """
+
+    size: float  # rad, of each wave
+    frequency: Array  # (2, w) rad/s
+    phase: Array  # (2, w) rad
+
+    @classmethod
+    def drawn(cls, sway: float, rng: np.random.Generator) -> "Rocking":
+        """A body whose pitch and roll have the standard deviation `sway`, rad, over time."""
+        frequency, phase = rng.uniform(*RATES, (2, WAVES)), rng.uniform(0, 2 * np.pi, (2, WAVES))
+        return cls(sway * np.sqrt(2 / WAVES), 2 * np.pi * frequency, phase)
+
+    def at(self, t: Array) -> Array:
+        """(n, 2) rad, pitch and roll at `t` (n,), s."""
+        return self.size * np.sin(self.frequency * t[:, None, None] + self.phase).sum(axis=-1)
+
+    def rates(self, t: Array) -> Array:
+        """(n, 2) rad/s, how fast they change."""
+        return self.size * (self.frequency * np.cos(self.frequency * t[:, None, None] + self.phase)).sum(axis=-1)
+
+
 def take(
     renderers: Sequence[Renderer],
     path: Callable[[Array], Array],
     t: Array,
     disturbances: Disturbances,
     rng: np.random.Generator,
+    rocking: Rocking | None = None,
 ) -> Iterator[Frame]:
     """Yields the frames at `t` (n,), s, the middles of their exposures, of each of the cameras on a robot in turn.
 
-    `path` gives the robot's poses (m, 3) at any times (m,). The same seed gives the same grain, shadows and occluders
-    whatever the other settings, and the first camera the same frames whatever the others are.
+    `path` gives the robot's poses (m, 3) at any times (m,). The body rocks as `rocking` says, else by the sway of the
+    `disturbances`, anew in every frame, during which it then keeps still. The same seed gives the same grain, shadows
+    and occluders whatever the other settings, and the first camera the same frames whatever the others are.
     """
     sensor, light, covers, floor = rng.spawn(4)
     streams = [(sensor, light, covers), *(tuple(rng.spawn(3)) for _ in renderers[1:])]
     phases = [of.uniform(0, 2 * np.pi, len(BEATS)) for _, of, _ in streams]
     for time, pose in zip(t.tolist(), raised(path(t)), strict=True):
         body = rocked(*floor.normal(0, 1, 2) * disturbances.sway)
+        if rocking is not None:
+            body = rocked(*rocking.at(np.array([time]))[0])
         for renderer, (grain, shading, covering), phase in zip(renderers, streams, phases, strict=True):
             mounting = body @ renderer.camera.mounting
             shade = _shadow(renderer, disturbances.shadow, shading)
@@ -52,26 +85,38 @@ def take(
             swing = np.sqrt(2 / len(BEATS)) * np.sin(2 * np.pi * time / BEATS + phase).sum()
             conditions = Conditions(shade * np.float32(np.exp(disturbances.gain_drift * swing)), cover)
             moving = renderer.sensor.exposure or renderer.sensor.readout
-            poses = views(renderer, path, time, mounting) if moving else pose @ mounting
+            if not moving:
+                poses = pose @ mounting
+            elif rocking is None:
+                poses = views(renderer, path, time, mounting)
+            else:
+                poses = views(renderer, path, time, renderer.camera.mounting, rocking)
             yield Frame(time, renderer.frame(poses, grain, conditions), camera=renderer.camera.name)
 
 
-def views(renderer: Renderer, path: Callable[[Array], Array], t: float, mounting: Array) -> Array:
+def views(
+    renderer: Renderer, path: Callable[[Array], Array], t: float, mounting: Array, rocking: Rocking | None = None
+) -> Array:
     """(n, 4, 4) T_world_camera at the middles of n equal parts of the exposure around `t`, s.
 
     With a rolling shutter they are (b, n, 4, 4), of each of its bands of rows. `mounting` (4, 4) is that of the camera
-    on the level robot. There is one more than pixels in the longest streak of anything in view, so that streaks are
-    ramps and not steps.
+    on the level robot, or on one that rocks as `rocking` says. There is one more than pixels in the longest streak of
+    anything in view, so that streaks are ramps and not steps.
     """
     exposure = renderer.sensor.exposure
-    start, end = (raised(path(np.array([t + part]))) @ mounting for part in (-exposure / 2, exposure / 2))
+
+    def seen_from(at: Array) -> Array:
+        robot = raised(path(at))
+        return (robot if rocking is None else robot @ np.array([rocked(*one) for one in rocking.at(at)])) @ mounting
+
+    start, end = (seen_from(np.array([t + part])) for part in (-exposure / 2, exposure / 2))
     streak = _streak(renderer, start[0], end[0])
     parts = int(np.ceil(streak)) + 1 if streak > STILL else 1
     times = t + exposure * ((np.arange(parts) + 0.5) / parts - 0.5)
     if not renderer.sensor.readout:
-        return raised(path(times)) @ mounting
+        return seen_from(times)
     rows = renderer.sensor.delays(renderer.camera.height)
-    return np.array([raised(path(later + times)) @ mounting for later in rows])
+    return np.array([seen_from(later + times) for later in rows])
 
 
 def raised(poses: Array) -> Array:

@@ -4,6 +4,7 @@ The world is simulated, but its frames are images, processed by the same front e
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,9 @@ from ...core.factors import UNKNOWN, Dataset, Log, Prior, Truth
 from ...core.options import option
 from ...core.se2 import Array, Ints
 from ...frontend.camera.camera import Camera
+from ...frontend.inertial.imu import Imu
+from ...frontend.inertial.standing import standing
+from ...frontend.inertial.tilts import tilts
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.settings import Settings
 from ...frontend.markers.aruco import Detector
@@ -28,13 +32,14 @@ from ...frontend.wheels.ticks import Ticks, Wheels
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
 from ..on_demand.gyro import WorldGyro
+from ..on_demand.imu import imu_of
 from ..on_demand.parts import Parts
 from ..on_demand.signatures import WorldSignatures
 from ..on_demand.slip import WorldSlip
 from ..on_map import OnMap
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
-from ..rendering.disturbances import Disturbances, raised, take
+from ..rendering.disturbances import Disturbances, Rocking, raised, take
 from ..rendering.render import Renderer
 from ..rendering.room import furnish, furnish_with_boxes
 from ..rendering.room_scans import RoomScans, scanned
@@ -49,6 +54,7 @@ DICTIONARY = "4X4_50"
 SIDE = 0.16  # m, of a marker
 ROOM = (6.0, 5.0, 2.5)  # m
 TICK = 0.02  # s between encoder readings
+GYRO = 0.01  # degrees/s per root Hz, of the unit of option imu where option gyro says nothing
 START_SD = 1e-4  # m and rad; the robot starts exactly at the prior's mean
 SOURCE = "slamduel's own world: frames are rendered, wheel counters simulated with the noise that the encoder states"
 
@@ -63,6 +69,9 @@ LOOP = ClosedPath(
 
 PROPORTIONAL = ProportionalNoise(k_range=0.002, k_bearing=0.002, floor_range=0.008, floor_bearing=0.003)
 """Eq. (10) with constants for this camera, and floors for a rocking body."""
+
+LEVELLED = ProportionalNoise(k_range=0.0006, k_bearing=2e-5, floor_range=1e-4, floor_bearing=2e-5)
+"""The same of a body whose rocking is stated by itself."""
 
 AROUND = {"front": 0.0, "back": 180.0, "left": 90.0, "right": -90.0}
 """Names of several cameras, and by how many degrees they are turned about the robot's axis from the one ahead."""
@@ -88,17 +97,21 @@ class Options(
         choices=("propagated", "proportional"),
     )  # fmt: skip
     k_range: float | None = option(
-        None, "with noise=proportional: stated range noise, of the range; none: 0.002", minimum=0.0, maximum=1.0
+        None,
+        "with noise=proportional: stated range noise, of the range; none: 0.002, with an IMU 0.0006",
+        minimum=0.0,
+        maximum=1.0,
     )
     k_bearing: float | None = option(
-        None, "with noise=proportional: stated bearing noise, of the bearing; none: 0.002", minimum=0.0, maximum=1.0
-    )
+        None, "with noise=proportional: stated bearing noise, of the bearing; none: 0.002, with an IMU 2e-5",
+        minimum=0.0, maximum=1.0,
+    )  # fmt: skip
     floor_range: float | None = option(
-        None, "stated range noise that is added, m; none: 0.008 with noise=proportional, else 0",
+        None, "stated range noise that is added, m; none: 0.008 with noise=proportional, 1e-4 with an IMU, else 0",
         minimum=1e-4, maximum=1.0,
     )  # fmt: skip
     floor_bearing: float | None = option(
-        None, "stated bearing noise that is added, rad; none: 0.003 with noise=proportional, else 0",
+        None, "stated bearing noise that is added, rad; none: 0.003 with noise=proportional, 2e-5 with an IMU, else 0",
         minimum=1e-4, maximum=1.0,
     )  # fmt: skip
     boxes: int = option(0, "boxes in the room, a third of the markers on them", minimum=0, maximum=8)
@@ -111,6 +124,11 @@ class Options(
     vignetting: float = option(0.4, "darkness of the corners, 1 being cos^4", minimum=0.0, maximum=1.0)
     sway: float = option(
         0.02, "rocking of the body, standard deviation of pitch and roll, rad", minimum=0.0, maximum=0.2
+    )
+    imu: bool = option(
+        False,
+        "an inertial measurement unit, by whose gravity sightings are levelled; the body then rocks smoothly, as it "
+        "does in recordings with option gyro",
     )
     gain_drift: float = option(0.0, "drift of the brightness, sd of its logarithm", minimum=0.0, maximum=1.0)
     shadow: float = option(0.0, "share of the light blocked by a soft shadow", minimum=0.0, maximum=0.9)
@@ -136,7 +154,7 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
             f"dataset aruco-room: found options unreadable={options.unreadable:g} and outliers={options.outliers:g}, "
             "expected one of them: a marker without an id has none to be wrong."
         )
-    recording, truth, scans = recorded(options, rng)
+    recording, truth, scans, _ = recorded(options, rng)
     log = build_log(recording) if scans is None else build_several(Several(recording, scans, MATCHING))
     truth = truth if scans is None else _at(log.t, truth, options)
     if options.unreadable:
@@ -153,11 +171,12 @@ class Recorded(NamedTuple):
     recording: Recording
     truth: Truth  # at the times of frames and scans
     scans: LaserRecording | None  # with the wheels' motion
+    imu: Imu | None = None
 
 
 def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth]:
     """The camera's part of `recorded`, and the ground truth."""
-    recording, truth, _ = recorded(options, rng)
+    recording, truth, _, _ = recorded(options, rng)
     return recording, truth
 
 
@@ -182,6 +201,7 @@ def recorded(options: Options, rng: np.random.Generator) -> Recorded:
     tick_times = TICK * np.arange(int(np.ceil(frame_times[-1] / TICK)) + 2.0)
     poses, _ = drive(LOOP, options.speed, frame_times)
     (chance,) = layout.spawn(1)
+    rocking, imu = _felt(options, float(frame_times[-1]), layout)
     unreadable = np.flatnonzero(chance.uniform(size=options.markers) < options.unreadable).tolist()
     encoder = replace(ENCODER, left=1 / options.counts_per_metre, right=1 / options.counts_per_metre)
     ticks = count(*drive(LOOP, options.speed, tick_times), tick_times, encoder, wheels, options.slip)
@@ -208,22 +228,33 @@ def recorded(options: Options, rng: np.random.Generator) -> Recorded:
     disturbances = Disturbances(options.sway, options.gain_drift, options.shadow, options.occlusion)
     recording = Recording(
         name="aruco-room",
-        frames=take(renderers, lambda t: drive(LOOP, options.speed, t)[0], frame_times, disturbances, sensor),
+        frames=take(renderers, lambda t: drive(LOOP, options.speed, t)[0], frame_times, disturbances, sensor, rocking),
         motion=replace(motion, max_speed=np.inf) if options.has_wheel_faults else motion,
         detector=detector,
         others=others,
         noise=_noise(options),
         prior=Prior(poses[0], START_SD**2 * np.eye(3)),
         notes={"source": SOURCE},
+        tilts=tilts(imu, standing(imu, motion.ticks), motion, []) if imu is not None and options.imu else None,
     )
     truth = Truth(frame_times, poses, room.landmarks, None, "truth")
     t = options.scan_times(float(frame_times[-1]))
     if not len(t):
-        return Recorded(recording, truth, None)
+        return Recorded(recording, truth, None, imu)
     (beams,) = rng.spawn(1)
     scans = scanned(room, lambda t: drive(LOOP, options.speed, t)[0], t, beams)
     scans = replace(scans, odometry=walked(recording.motion, t), prior=recording.prior)
-    return Recorded(recording, _at(np.union1d(frame_times, t), truth, options), scans)
+    return Recorded(recording, _at(np.union1d(frame_times, t), truth, options), scans, imu)
+
+
+def _felt(options: Options, end: float, rng: np.random.Generator) -> tuple[Rocking | None, Imu | None]:
+    """The rocking body, and the readings of its inertial measurement unit up to `end`, s; None without one."""
+    if not (options.gyro or options.imu):
+        return None, None
+    body, readings = rng.spawn(2)
+    rocking = Rocking.drawn(options.sway, body)
+    given = options if options.gyro else replace(options, gyro=GYRO)
+    return rocking, imu_of(given, partial(drive, LOOP, options.speed), end, readings, rocking)
 
 
 def _at(t: Array, truth: Truth, options: Options) -> Truth:
@@ -270,7 +301,8 @@ def _noise(options: Options) -> Noise:
     names = ("k_range", "k_bearing", "floor_range", "floor_bearing")
     given = {name: value for name in names if (value := getattr(options, name)) is not None}
     if options.noise == "proportional":
-        return replace(PROPORTIONAL, **given)
+        levelled = replace(LEVELLED, sway=options.sway)
+        return replace(levelled if options.imu or options.gyro else PROPORTIONAL, **given)
     for name in names[:2]:
         if name in given:
             raise InputError(

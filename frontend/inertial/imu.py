@@ -28,6 +28,7 @@ class Imu:
     shaken: NDArray[np.bool_] | None = None  # (n,) the accelerometer was; None: never
     arm: Array = field(default_factory=lambda: np.zeros(3))  # (3,) m, the place on the robot
     mounting: str = ""  # what says how it is mounted, in a sentence
+    placed: bool = True  # something says so; False: where it looks is a guess
     source: str = "imu"  # name of the readings in messages
     remarks: Sequence[str] = ()  # what is legal yet odd, each without its full stop
 

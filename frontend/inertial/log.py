@@ -17,6 +17,7 @@ from ...core.factors import Log
 from ...core.gyro import Bias, Gyro
 from ...core.se2 import wrap
 from .imu import Imu
+from .levels import Levels
 from .standing import Stand, Standing, longest_stand
 from .turns import BIAS_WALK, turns
 
@@ -28,10 +29,13 @@ LEAST = 1e-12  # rad^2, the variance of a turn by a gyro whose readings show no 
 NOTE = "gyro"  # the number of turns, and where the bias is from, among a log's notes
 
 
-def with_turns(log: Log, imu: Imu, stood: Standing, first: int = 0) -> Log:
-    """The log with the turns between its steps from `first` on; itself where the readings are at other times."""
+def with_turns(log: Log, imu: Imu, stood: Standing, first: int = 0, levels: Levels | None = None) -> Log:
+    """The log with the turns between its steps from `first` on; itself where the readings are at other times.
+
+    With `levels` they are about the vertical, else about the unit's z axis.
+    """
     stand = longest_stand(imu, stood)
-    found = turns(imu, log.t[first:], noise=stood.noise, still=None if stand is None else stand.interval)
+    found = turns(imu, log.t[first:], levels, noise=stood.noise, still=None if stand is None else stand.interval)
     if not len(found.step):
         return log
     step = found.step + first

@@ -1,5 +1,8 @@
 """Inertial readings in a sentence."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from .imu import Imu
@@ -29,3 +32,14 @@ def about(imu: Imu, stood: Standing) -> str:
             f"bias of the yaw rate {bias:.3g} ± {sd:.2g} degrees/s",
         ]
     return "; ".join(filter(None, said))
+
+
+def about_levels(told: Mapping[str, Any]) -> str:
+    """The levels of sightings in a sentence, by the entry of `Tilts` in a log's notes."""
+    pitch, roll = told["own_tilt"]
+    ahead, aside = told["rocking"]
+    return (
+        f"levelled by gravity: pitch and roll are known to {told['sd']:.2g} degrees (median), with a push of "
+        f"{told['push']:.2g} m/s^2; the body rocks by {ahead:.2g} and {aside:.2g} degrees, and the unit's own pitch of "
+        f"{pitch:.2g} and roll of {roll:.2g} degrees are taken off"
+    )

@@ -19,8 +19,14 @@ class Noise(Protocol):
         """rad, the standard deviation of the body's pitch and of its roll."""
         ...
 
-    def measure(self, sightings: Sequence[Sighting], mounting: Array) -> tuple[Array, Array]:
-        """z (k, 2), range (m) and bearing (rad) in the robot's plane, and cov (k, 2, 2); `mounting`: T_robot_camera."""
+    def measure(
+        self, sightings: Sequence[Sighting], mounting: Array, leaning: Array | None = None
+    ) -> tuple[Array, Array]:
+        """z (k, 2), range (m) and bearing (rad) in the robot's plane, and cov (k, 2, 2); `mounting`: T_robot_camera.
+
+        Of a body that was levelled, `mounting` is T_level_camera, and `leaning` (2, 3) rad is what is unknown of that
+        level, as `leant` takes it, in place of `sway`.
+        """
         ...
 
     @property
@@ -48,10 +54,12 @@ class ProportionalNoise:
         floor = np.array([self.floor_range, self.floor_bearing])
         return ((slope * z) ** 2 + floor**2)[:, :, None] * np.eye(2)
 
-    def measure(self, sightings: Sequence[Sighting], mounting: Array) -> tuple[Array, Array]:
+    def measure(
+        self, sightings: Sequence[Sighting], mounting: Array, leaning: Array | None = None
+    ) -> tuple[Array, Array]:
         """The measurements and their covariances."""
         z = range_bearing(sightings, mounting)
-        return z, self.cov(z) + rocking(self.sway, z[:, 0], on_robot(sightings, mounting)[:, 2])
+        return z, self.cov(z) + leaning_or_sway(leaning, self.sway, z, on_robot(sightings, mounting)[:, 2])
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -72,7 +80,9 @@ class PropagatedNoise:
     floor_bearing: float = 0.0  # rad
     sway: float = 0.0  # rad, standard deviation of the body's pitch and of its roll
 
-    def measure(self, sightings: Sequence[Sighting], mounting: Array) -> tuple[Array, Array]:
+    def measure(
+        self, sightings: Sequence[Sighting], mounting: Array, leaning: Array | None = None
+    ) -> tuple[Array, Array]:
         """The measurements and their covariances."""
         z = range_bearing(sightings, mounting)
         cov = np.zeros((len(z), 2, 2))
@@ -81,12 +91,32 @@ class PropagatedNoise:
             by_centre = np.array([[c, s], [-s / r, c / r]]) @ mounting[:2, :3]
             cov[k] = self.scale**2 * by_centre @ sighting.centre_cov @ by_centre.T
         cov += np.diag([self.floor_range**2, self.floor_bearing**2])
-        return z, cov + rocking(self.sway, z[:, 0], on_robot(sightings, mounting)[:, 2])
+        return z, cov + leaning_or_sway(leaning, self.sway, z, on_robot(sightings, mounting)[:, 2])
 
     @property
     def settings(self) -> dict[str, Any]:
         """The scale, the floors and the sway."""
         return {"model": "propagated", **asdict(self)}
+
+
+def leaning_or_sway(leaning: Array | None, sway: float, z: Array, height: Array) -> Array:
+    """(k, 2, 2) covariances of `z` (k, 2) by what is unknown of a body's level, `leaning`, else by its `sway`."""
+    return rocking(sway, z[:, 0], height) if leaning is None else leant(leaning, z, height)
+
+
+def leant(leaning: Array, z: Array, height: Array) -> Array:
+    """(k, 2, 2) covariances of `z` (k, 2), range (m) and bearing (rad), where the body leans by what is not known.
+
+    The rows of `leaning` (2, 3), rad, are turns about the axes of the level robot, independent, each of one standard
+    deviation. To second order they are as in `rocking`.
+    """
+    near, h = z[:, 0] ** 2, height[:, None]
+    c, s = np.cos(z[:, 1:]), np.sin(z[:, 1:])
+    x, y, about = leaning.T
+    mean = float((x**2 + y**2).sum() / 2)
+    high = np.sign(h) * np.sqrt(np.maximum(h**2 - mean * near[:, None], 0.0))
+    by = np.stack((high * (c * y - s * x), about - high * (s * y + c * x) / z[:, :1]), axis=1)
+    return by @ by.transpose(0, 2, 1) + _along_and_across(np.zeros_like(near), mean**2, near)
 
 
 def rocking(sway: float, reach: Array, height: Array) -> Array:

@@ -16,11 +16,12 @@ from ...core.se2 import Array
 from ..camera.camera import Camera
 from ..camera.lens_misfit import Misfit
 from ..camera.shutter import CameraMotion, carried
+from ..inertial.tilts import Tilts
 from ..pauses import longest_pause
 from ..wheels.holes import outside
 from ..wheels.motion import Motion
 from .aruco import IGNORED, Detector, Image, Rejections, Sighting, on_robot
-from .noise import Measured, Noise, rocking, together
+from .noise import Measured, Noise, leaning_or_sway, together
 
 SPAN = 0.2
 """s, at least, over which the motion behind a rolling shutter is a mean.
@@ -28,6 +29,8 @@ SPAN = 0.2
 In the time of a frame's rows alone, some hundredths of a second, coarse wheels count once or twice. A jerk of 5 m/s^3
 makes the mean differ from the velocity in the middle by 8 mm/s.
 """
+
+LEVELS = "levels"  # by gravity, among a log's notes
 
 MOST_NAMED = 5  # ids in a remark
 
@@ -55,6 +58,7 @@ class FrameSightings(NamedTuple):
     kept: NDArray[np.bool_]  # (k,) near enough for the log
     rejected: Rejections
     height: Array  # (k,) m, of the markers over the robot's plane
+    rocking: Array  # (k, 2, 2) the part of `cov` that is of the body's pitch and roll, which all its cameras share
 
     @property
     def near(self) -> RangeBearing:
@@ -81,6 +85,7 @@ class Recording:
     notes: Mapping[str, Any] = field(default_factory=dict[str, Any])
     remarks: list[str] = field(default_factory=list[str])  # grows while the frames are read
     others: Sequence[Detector] = ()  # of further cameras on the robot
+    tilts: Tilts | None = None  # by gravity; None: sightings are not levelled
 
     @cached_property
     def detectors(self) -> Mapping[str, Detector]:
@@ -111,6 +116,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
     misfits = {name: Misfit() for name in recording.detectors}
     steps: list[Step] = []
     latest, cameras, measured = -np.inf, set[str](), _NONE
+    uneven = 0
     for number, frame in enumerate(recording.frames):
         if not (frame.t > latest or (frame.t == latest and frame.camera not in cameras)):
             raise InputError(f"{recording.name}: frame {number} is at {frame.t} s, expected later than {latest} s.")
@@ -124,6 +130,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
             counts["frames that could not be decoded"] += 1
             continue
         seen = see(recording, frame)
+        uneven += recording.tilts is not None and not recording.tilts.covers(frame.t)
         counts.update(seen.rejected)
         twice.update(seen.rejected.twice)
         for one in seen.sightings:
@@ -132,7 +139,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
         counts[f"sightings beyond {recording.reach}"] += int((~seen.kept).sum())
         if observe is not None:
             observe(seen)
-        new = Measured(seen.near, rocking(recording.noise.sway, seen.z[:, 0], seen.height)[seen.kept])
+        new = Measured(seen.near, seen.rocking[seen.kept])
         if steps and steps[-1].t == frame.t:
             before, measured = measured, together(measured, new)
             both = len(before.rocking) + len(new.rocking) - len(measured.rocking)
@@ -151,6 +158,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
     remarks = [
         *_remarks(recording, counts, steps[0].t, steps[-1].t),
         *_of_twins(recording, twice, steps),
+        *_of_uneven(recording, uneven, counts["frames"]),
         *(said for name, one in misfits.items() for said in one.remarks(called(recording.name, name))),
     ]
     pause = longest_pause(steps[0].t, steps[-1].t, [step.t for step in steps], recording.motion.t)
@@ -203,8 +211,20 @@ def _of_twins(recording: Recording, twice: Mapping[int, int], steps: Sequence[St
     )
 
 
+def _of_uneven(recording: Recording, uneven: int, frames: int) -> Iterator[str]:
+    """The remark on frames whose level is not known."""
+    if uneven and recording.tilts is not None:
+        yield (
+            f"{recording.tilts.source}: has no readings around the times of {uneven:,} of {frames:,} frames, which are "
+            "not levelled: their sightings have the errors of sway"
+        )
+
+
 def see(recording: Recording, frame: Frame) -> FrameSightings:
-    """Detects the markers in one frame, which has an image, or takes those that another program found in it."""
+    """Detects the markers in one frame, which has an image, or takes those that another program found in it.
+
+    Where the body's tilt is known by gravity, they are seen from the level robot.
+    """
     detector = recording.detectors[frame.camera]
     camera = detector.camera
     if frame.found is None:
@@ -212,10 +232,14 @@ def see(recording: Recording, frame: Frame) -> FrameSightings:
         found, rejected = detector.detect(frame.image, camera_motion(recording.motion, camera, frame.t))
     else:
         found, rejected = frame.found
-    z, cov = recording.noise.measure(found, camera.mounting)
+    mounting, leaning, sway = camera.mounting, None, recording.noise.sway
+    if recording.tilts is not None and (tilt := recording.tilts.at(frame.t, sway)) is not None:
+        mounting, leaning = tilt.turn @ mounting, tilt.leaning
+    z, cov = recording.noise.measure(found, mounting, leaning)
     distance = np.linalg.norm([one.centre for one in found], axis=1) if found else np.zeros(0)
     near = (z[:, 0] <= recording.max_range) & (distance <= recording.max_distance)
-    return FrameSightings(frame, found, z, cov, near, rejected, on_robot(found, camera.mounting)[:, 2])
+    height = on_robot(found, mounting)[:, 2]
+    return FrameSightings(frame, found, z, cov, near, rejected, height, leaning_or_sway(leaning, sway, z, height))
 
 
 def camera_motion(motion: Motion, camera: Camera, t: float) -> CameraMotion | None:
@@ -239,6 +263,7 @@ def _settings(recording: Recording) -> dict[str, Any]:
         **recording.notes,
         **recording.motion.settings,
         "noise": recording.noise.settings,
+        **({} if recording.tilts is None else {LEVELS: recording.tilts.settings}),
         "camera": cameras.get("", cameras),
         "markers": {
             **({"dictionary": markers.dictionary} if markers.dictionary else {}),

@@ -38,7 +38,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "wheels": {TOP},
         "inertial": {TOP, "wheels"},
         "camera": {TOP},
-        "markers": {TOP, "wheels", "camera"},
+        "markers": {TOP, "wheels", "inertial", "camera"},
         "boards": {TOP, "camera", "markers"},
         "maps": {TOP, "camera"},
         "laser": {TOP, "maps"},

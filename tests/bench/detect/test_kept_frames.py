@@ -64,6 +64,7 @@ def seen_of(number: int, kept: int, rejected: int) -> FrameSightings:
         np.ones(kept, bool),
         Rejections(why=rejected),
         np.zeros(kept),
+        np.zeros((kept, 2, 2)),
     )
 
 
