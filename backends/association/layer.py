@@ -2,8 +2,9 @@
 
 The backend states which landmarks it expects to see, and with what joint covariance; a rule decides which of them each
 sighting without an id is of; one that is of none is of a new landmark. Rule, gates and code are the same for every
-backend. Signatures, where sightings have them, are weighed with the places: the landmarks' are estimated here. Ids that
-are known are left as they are. Made-up ids are -2, -3, ...: never the number of a real landmark.
+backend. Signatures, where sightings have them, are weighed with the places: the landmarks' are estimated here. Ranges
+and bearings alone are named after the whole sightings of their step: see `parts`. Ids that are known are left as they
+are. Made-up ids are -2, -3, ...: never the number of a real landmark.
 """
 
 import time
@@ -12,6 +13,7 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.factors import UNKNOWN, Map, Odometry, Prior, RangeBearing, Step, Truth
 from ...core.partial import NO_PARTIAL, RANGE, Partial
@@ -230,8 +232,7 @@ class Associating:
         self._sure_parts += ids.tolist()
         if ids is found.ids:
             return found
-        used = ids != UNKNOWN
-        return Partial(ids[used], found.kind[used], found.z[used], found.var[used])
+        return _rows(found._replace(ids=ids), ids != UNKNOWN)
 
     def _parts_named(self, step: Step, found: Partial) -> Ints:
         """The ids of a step's partial sightings, of which some are UNKNOWN: see `parts`."""
@@ -240,8 +241,11 @@ class Associating:
             more = np.where(found.kind == RANGE, (scale * found.z) ** 2 + offset**2, 0.0)
             found = found._replace(var=found.var + more)
         reach = parts.REACH * self._furthest or parts.BOUNDLESS
-        asked = parts.as_whole(Partial(*(column[found.ids == UNKNOWN] for column in found)), reach)
-        both = RangeBearing(*(np.concatenate(pair) for pair in zip(step.sightings, asked, strict=True)))
+        asked = parts.as_whole(_rows(found, found.ids == UNKNOWN), reach)
+        ids, z, cov = step.sightings
+        both = RangeBearing(
+            np.concatenate((ids, asked.ids)), np.concatenate((z, asked.z)), np.concatenate((cov, asked.cov))
+        )
         for column in both:
             column.flags.writeable = False  # as a log's: kernels are compiled for one kind
         expected = self._expected(step.odometry, both, [UNKNOWN])
@@ -440,3 +444,7 @@ class Associating:
             cov = None if found.cov is None else found.cov[np.ix_(entries, entries)]
             found = Map(found.ids[keep], found.xy[keep], cov)
         return found._replace(ids=self._translated(found.ids.tolist())) if self._called else found
+
+
+def _rows(of: Partial, kept: NDArray[np.bool]) -> Partial:
+    return Partial(of.ids[kept], of.kind[kept], of.z[kept], of.var[kept])
