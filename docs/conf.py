@@ -25,7 +25,7 @@ suppress_warnings = ["misc.highlighting_failure"]
 # Notebooks run when the site is built; one that fails ends the build.
 nb_execution_mode = "force"
 nb_execution_in_temp = True
-nb_execution_timeout = 240
+nb_execution_timeout = 900  # s a cell: the machine may be busy
 nb_execution_raise_on_error = True
 nb_merge_streams = True
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from slamduel.backends.programs import mrpt_ekf
 from slamduel.bench.engine.engine import run
 from slamduel.bench.engine.request import RunRequest
 from slamduel.bench.plan.work import PlannedCell
@@ -33,7 +34,9 @@ def recorded(cell: PlannedCell) -> bool:
 
 
 def at_hand(cell: PlannedCell) -> bool:
-    """Tells if the cell's log is made up, or a recording that is there."""
+    """Tells if the cell's log is made up, or a recording that is there, and its backend's program is installed."""
+    if cell.cell.backend.name == "mrpt-ekf" and mrpt_ekf.lacking():
+        return False
     return not recorded(cell) or place(cell.cell.dataset.name).is_dir()
 
 
@@ -89,7 +92,7 @@ def test_its_cells_run_and_have_what_it_measures(name: str, pool: Local, tmp_pat
     study = study_file.read(name, full=False)
     there = [cell for cell in study.cells if at_hand(cell)]
     if not there:
-        pytest.skip("SLAMDUEL_DATA is not set, or has none of its recordings")
+        pytest.skip("SLAMDUEL_DATA is not set, or has none of its recordings; or no program of it is installed")
     cells = few(there)
     chosen = {(cell.cell.key, cell.cell.seed) for cell in cells}
     watched = Watched()
