@@ -14,7 +14,7 @@ from slamduel.datasets import archive, registry
 from slamduel.datasets.on_demand.fixes import WorldFixes
 from slamduel.datasets.on_demand.gyro import WorldGyro
 from slamduel.datasets.on_demand.parts import PARTS_NOTE, Parts
-from slamduel.datasets.on_demand.slip import WorldSlip
+from slamduel.datasets.on_demand.slip import WheelSlip
 
 CIRCLE = "circle[steps=300"
 
@@ -46,7 +46,7 @@ def test_every_simulated_world_has_them() -> None:
     }  # fmt: skip
     fixed = {name for name in registry.BUILTIN if issubclass(registry.find(name).options, WorldFixes)}
     assert fixed == {*worlds, "laser-floor"}
-    for further in (WorldGyro, WorldSlip):
+    for further in (WorldGyro, WheelSlip):
         assert {name for name in registry.BUILTIN if issubclass(registry.find(name).options, further)} == fixed
 
 
