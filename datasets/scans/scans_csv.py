@@ -89,8 +89,7 @@ def _rows(path: Path) -> Iterator[tuple[int, float, Fan, Array]]:
         cells = line.split(",")
         if not len(COLUMNS) + 2 <= len(cells) <= len(header):
             raise InputError(
-                f"{path}, line {at}: found {len(cells)} columns, expected {len(COLUMNS) + 2} to {len(header)}, as "
-                "the header has."
+                f"{path}, line {at}: found {len(cells)} columns, expected {_counts(header)}, as the header has."
             )
         told = [_told(path, at, name, cell) for name, cell in zip(COLUMNS, cells, strict=False)]
         fan = Fan(len(cells) - len(COLUMNS), told[1], told[2])
@@ -101,6 +100,12 @@ def _rows(path: Path) -> Iterator[tuple[int, float, Fan, Array]]:
             )
         ranges = np.array([_range(path, at, header[3 + k], cell) for k, cell in enumerate(cells[3:])])
         yield at, told[0], fan, ranges
+
+
+def _counts(header: list[str]) -> str:
+    """How many cells a row may have, in words."""
+    least = len(COLUMNS) + 2
+    return str(least) if least == len(header) else f"{least} to {len(header)}"
 
 
 def _told(path: Path, line: int, name: str, cell: str) -> float:

@@ -196,7 +196,7 @@ FAULTS = {
     "t,first,step,r0,r1\nnan,0,0.1,1,1": "line 2: t is 'nan', expected a number",
     "t,first,step,r0,r1\n0,0,0.1,1,x": "line 2: r1 is 'x', expected a number",
     "t,first,step,r0,r1\n0,0,-0.1,1,1": "line 2: step is -0.1 rad for 2 beams, expected a step above 0",
-    "t,first,step,r0,r1\n0,0,0.1,1,1,1": "line 2: found 6 columns, expected 5 to 5",
+    "t,first,step,r0,r1\n0,0,0.1,1,1,1": "line 2: found 6 columns, expected 5, as the header has",
     "t,first,step,r0,r1\n0,0,0.1,,inf\n1,0,0.1,,nan": "no range is between 0.15 and 25 m, expected returns in metres",
 }
 
