@@ -16,7 +16,7 @@ from ...datasets.noise.model import SightingModel
 from ...datasets.noise.stated import scaled
 from ..plan.reference import reference
 from ..systematic.estimated import Estimated
-from .likelihood import maximum
+from .likelihood import Maximum, maximum
 from .sightings import Sighted, sighted
 
 LONGEST = 1500  # steps that are looked at, from the log's first one
@@ -71,11 +71,18 @@ def by_innovations(dataset: Dataset, label: str) -> tuple[Innovations, Sighted |
     best = maximum(log_likelihood, np.zeros(4), np.full(4, -_WIDEST), np.full(4, _WIDEST))
     if best.value == -1e12:
         raise InputError(f"{label}: the EKF gets lost, expected a log that it can follow, or a true path.")
-    translation, turn, range_, bearing = (best.estimate(k, lambda p: float(np.exp(p))) for k in range(4))
+    translation, turn, range_, bearing = (_factor(best, k) for k in range(4))
     used = len(head.ids) - len(np.unique(head.ids))
     optimum = reference(log)
     rough = None if optimum is None else sighted(log, optimum)
     return Innovations(translation, turn, range_, bearing, used, len(head)), rough
+
+
+def _factor(best: Maximum, k: int) -> Estimated:
+    """Factor `k`. At an end of the search its interval is open there: to 0, or to infinity."""
+    value, low, high = best.estimate(k, lambda p: float(np.exp(p)))
+    ends = 0.0 if best.at[k] <= -_WIDEST else low, np.inf if best.at[k] >= _WIDEST else high
+    return Estimated(value, *ends)
 
 
 def scaled_by(log: Log, factors: Array) -> Log:

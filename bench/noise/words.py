@@ -1,5 +1,6 @@
 """Says in words and rows what the noise of logs is."""
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -96,13 +97,18 @@ def sentences(noise: Noise) -> list[str]:
     if noise.innovations is not None:
         found = noise.innovations
         names = ("translation", "turn", "range", "bearing")
-        parts = [f"{number(getattr(found, name).value)} for {name}" for name in names]
+        parts = [f"{_at_end(getattr(found, name))}{number(getattr(found, name).value)} for {name}" for name in names]
         said.append(
             f"By the EKF's innovations the standard deviations are these multiples of the stated ones: {listed(parts)}."
         )
     if noise.motions is not None:
         said += _driven(noise.motions)
     return said
+
+
+def _at_end(factor: Estimated) -> str:
+    """Words for a factor that is at an end of the search."""
+    return "at most " if factor.low == 0 else "at least " if factor.high == math.inf else ""
 
 
 def _correlated(name: str, fit: Fitted) -> Iterator[str]:

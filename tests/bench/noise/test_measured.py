@@ -140,3 +140,16 @@ def test_a_log_without_sightings_has_the_noise_of_its_odometry() -> None:
     assert noise.range is None
     assert near(noise.motions.scales[2], 2.0)
     assert noise.model.range is None
+
+
+@pytest.mark.slow
+def test_a_size_at_the_end_of_the_search_is_at_most_that() -> None:
+    log, _ = noisy("circle[steps=60]", 9, Slow(), Slow(scale=1e-3), (1.0, 1.0, 1.0))
+    noise = measured([Dataset(log, None)], ["blind"])
+    assert noise.innovations is not None
+    bearing = noise.innovations.bearing
+    assert bearing.value == pytest.approx(1 / 30)
+    assert bearing.low == 0
+    assert bearing.value <= bearing.high
+    assert noise.innovations.range.low > 0
+    assert any("and at most 0.0333 for bearing." in said for said in sentences(noise))
