@@ -27,7 +27,7 @@ SURE = 4.0
 """Standard errors that a stretch's factor has to be from zero to count."""
 
 FEWEST, TWO = 5, 20.0
-"""Stretches that count, and turns of a compass, from which on something is said; two do that are off by such a factor."""
+"""Stretches, and turns of a compass, from which on something is said; two stretches do, if off by such a factor."""
 
 OFF, NEARLY = 2.5, 1.5
 """Factor from which on a unit is wrong, in three quarters of the stretches; and how near it is to a unit's own."""
@@ -119,8 +119,9 @@ def _of_headings(log: Log) -> Iterator[str]:
     if len(rows) < 2:
         return
     turns = np.concatenate(([0.0], np.cumsum(log.delta[1:, 2])))
-    pairs = np.concatenate([np.column_stack((np.arange(len(z) - k), np.arange(k, len(z)))) for k in APART if k < len(z)])
-    by_odometry, by_compass = np.diff(turns[step[pairs]])[:, 0], wrap(np.diff(z[pairs])[:, 0])
+    gaps = [k for k in APART if k < len(z)]
+    by_odometry = np.concatenate([turns[step[k:]] - turns[step[:-k]] for k in gaps])
+    by_compass = wrap(np.concatenate([z[k:] - z[:-k] for k in gaps]))
     mine = (np.abs(by_odometry) < TURNED) & (np.abs(by_odometry) > LEAST_TURN)
     a, b = by_odometry[mine], by_compass[mine]
     if len(a) < FEWEST:
@@ -145,7 +146,7 @@ def _stretches(n: int) -> Iterator[slice]:
 
 def _typical(factors: list[float]) -> float | None:
     """The median of factors that nearly all are far from 1; None of others."""
-    if len(factors) < 2 or (len(factors) < FEWEST and 1 / TWO < max(factors) and min(factors) < TWO):
+    if len(factors) < 2 or (len(factors) < FEWEST and max(factors) > 1 / TWO and min(factors) < TWO):
         return None
     low, middle, high = np.quantile(factors, (0.25, 0.5, 0.75)).tolist()
     return middle if low > OFF or high < 1 / OFF else None

@@ -128,5 +128,9 @@ def test_a_landmark_that_is_left_out_is_not_expected_there_either(follows: bool)
     vicinity = Vicinity(follows=follows)
     vicinity.ready(None, [7])
     vicinity.forget(7)
-    found = vicinity.expected(np.zeros(3), np.eye(3), None, LOOK, 9.0, [], lambda _: pytest.fail("nothing to ask for"))
+
+    def marginals(landmarks: list[int]) -> tuple[Array, Array, Array]:
+        pytest.fail(f"asked for {landmarks}")
+
+    found = vicinity.expected(np.zeros(3), np.eye(3), None, LOOK, 9.0, [], marginals)
     assert len(found.ids) == 0
