@@ -33,13 +33,15 @@ def may_be_seen(
     """Tells if one of the sightings z (k, 2), R (k, 2, 2) can be within `gate` of a landmark at (x, y).
 
     `pose_sd` and `sd` bound the standard deviation, m, of the positions of robot and landmark in any direction: no
-    correlation makes that of their difference larger than the sum. So no landmark within the gate is left out.
+    correlation makes that of their difference larger than the sum. So no landmark within the gate is left out, and none
+    that is thought to be where the robot is: its place may be an old one, or not known at all. One without a number as
+    its deviation is out.
     """
     dx, dy = x - pose[0], y - pose[1]
     r = sqrt(dx * dx + dy * dy)
-    if not r > LEAST_RANGE:
-        return False
     both = pose_sd + sd
+    if not r > LEAST_RANGE:
+        return both >= 0.0
     along = gate * both * both
     turned, across, bearing = False, 0.0, 0.0
     for i in range(len(z)):

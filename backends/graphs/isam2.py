@@ -3,8 +3,9 @@
 Three differences from GTSAM's examples: the latest pose is taken from its marginal, which the top of the Bayes tree
 gives alone, as its last factors are there; asking for the estimate would back-substitute through all changes at every
 step. Variables are checked for relinearization every 50 steps, which saves most of the checks' cost (the study
-`relinearisation`). And where a landmark of partial sightings starts, or these move the newest pose far at once, J is
-looked at: damped steps replace an update that raises it, which is not iSAM2, and happens nowhere else.
+`relinearisation`). And on logs of partial sightings J is looked at where a landmark starts, where they move the newest
+pose far at once, before a check, and at the end: damped steps replace an update that raises it, which is not iSAM2, and
+happens nowhere else. Where the undamped step that follows raises J again, the estimate stays where the tree is linear.
 """
 
 import math
@@ -75,7 +76,10 @@ class Isam2:
         self._gave_way = ""  # where Cholesky failed
         self._updates = list[tuple[gtsam.NonlinearFactorGraph, gtsam.Values, bool]]()  # of the tree, until it fails
         self._threshold, self._prior = options.relinearize_threshold, prior
+        self._done = 0  # updates of the tree
         self._isam = self._tree()
+        self._partly = False  # partial sightings so far
+        self._stays = False  # the estimate is where the tree is linear: the undamped step raises J
         self._factors = Factors(prior, options.loss, options.loss_scale)
         self._vicinity, self._around = Vicinity(follows=True), Neighbourhood(self._isam)
         self._steps = 0
@@ -86,6 +90,9 @@ class Isam2:
         """Adds the step's factors at the current estimate and returns the latest pose alone."""
         if self._vicinity.used:
             self._vicinity.move(step.odometry)
+        self._partly = self._partly or len(step.partial.ids) > 0
+        if self._partly and (self._done + 1) % self._options.relinearize_skip == 0:
+            self._look()
         bias = None if step.gyro is None else self.gyro_bias
         guess = ahead(self._pose, step, bias)
         graph, values = self._factors.step(self._steps, step, guess, estimated=self._estimated, bias=bias)
@@ -93,8 +100,8 @@ class Isam2:
         if self._vicinity.used:
             self._around.fold(graph, values, self._factors.keys.pose(self._steps), moved=moved)
         self._pose = self._latest(guess)
-        if len(step.partial.ids) and self._jumped(guess) and not self._lower():
-            self._renew(self._graph(), gtsam.Values(self._isam.getLinearizationPoint()))
+        if len(step.partial.ids) and (self._stays or self._jumped(guess)):
+            self._look()
             self._pose = self._latest(guess)
         self._steps += 1
         x, y, heading = self._pose.x(), self._pose.y(), self._pose.theta()
@@ -174,15 +181,25 @@ class Isam2:
     def _estimated(self, steps: Sequence[int]) -> Array:
         """The estimates (k, 3) of the poses of k steps."""
         keys = [self._factors.keys.pose(k) for k in steps]
-        return np.array([array(self._isam.calculateEstimatePose2(key)) for key in keys]).reshape(-1, 3)
+        tree = self._isam
+        at = tree.getLinearizationPoint().atPose2 if self._stays else tree.calculateEstimatePose2
+        return np.array([array(at(key)) for key in keys]).reshape(-1, 3)
 
     def _settled(self, times: int = 1) -> tuple[bool | None, gtsam.Values]:
-        """True if relinearization has ended, None without any, and the best estimate then."""
-        converged = None
+        """True if relinearization has ended, None without any, and the best estimate then.
+
+        With partial sightings it may lead to a higher J: then damped steps are made from before it, once.
+        """
+        converged, before = None, self._estimate() if self._partly else NO_VALUES
         for _ in range(times * self._options.final_updates):
-            converged = self._update(gtsam.NonlinearFactorGraph(), gtsam.Values(), relinearize=True) == 0
+            converged = self._update(NO_FACTORS, NO_VALUES, relinearize=True) == 0
             if converged:
                 break
+        if self._partly:
+            graph, after = self._graph(), self._estimate()
+            if not graph.error(after) <= graph.error(before):
+                self._renew(graph, before)
+                converged = not self._stays
         return converged, self._estimate()
 
     def _started(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> bool:
@@ -202,14 +219,21 @@ class Isam2:
         """Tells if a step has moved the pose far from where its motion led."""
         return bool(np.abs(guess.localCoordinates(self._pose)).max() > JUMP)
 
+    def _look(self) -> None:
+        """Makes damped steps where J is higher at the tree's estimate than where the tree is linear."""
+        self._stays = False
+        if not self._lower():
+            self._renew(self._graph(), gtsam.Values(self._isam.getLinearizationPoint()))
+
     def _lower(self) -> bool:
-        """Tells if J is no higher at the estimate than where it is linear."""
+        """Tells if J is no higher at the tree's estimate than where the tree is linear."""
         graph = self._isam.getFactorsUnsafe()
         return graph.error(self._estimate()) <= graph.error(self._isam.getLinearizationPoint())
 
     def _settles(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, cost: float) -> bool:
         """Updates until nothing moves; False where J, which was `cost`, rises, or the factorization fails."""
         self._note(graph, values, relinearize=False)
+        self._stays = False
         try:
             self._isam.update(graph, values)
             for _ in range(SETTLING):
@@ -226,9 +250,10 @@ class Isam2:
     def _renew(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
         """Makes a new tree of these factors, where damped steps from `values` lead."""
         found = damped(graph, values)
-        self._isam = self._tree()
+        self._isam, self._stays = self._tree(), False
         self._updates.clear()
         self._update(graph, found)
+        self._stays = not self._lower()
         self._around = Neighbourhood(self._isam)
 
     def _graph(self) -> gtsam.NonlinearFactorGraph:
@@ -238,7 +263,9 @@ class Isam2:
         return graph
 
     def _estimate(self) -> gtsam.Values:
-        """All variables, by full back-substitution."""
+        """All variables, by full back-substitution, or where the tree is linear if the estimate stays there."""
+        if self._stays:
+            return gtsam.Values(self._isam.getLinearizationPoint())
         try:
             return self._isam.calculateBestEstimate()
         except FAILURES as error:
@@ -246,6 +273,7 @@ class Isam2:
 
     def _tree(self) -> gtsam.ISAM2:
         """An empty Bayes tree."""
+        self._done = 0
         return gtsam.ISAM2(
             parameters(self._options, self._threshold, self._factorization, turns=self._prior.gyro is not None)
         )
@@ -253,13 +281,21 @@ class Isam2:
     def _update(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool = False) -> int:
         """Adds factors, and returns the number of variables that were relinearized."""
         self._note(graph, values, relinearize=relinearize)
+        kept = None
+        if self._stays and not relinearize:  # no check may move what stays
+            kept = gtsam.KeyList()
+            for key in self._isam.getLinearizationPoint().keys():  # noqa: SIM118 - it is no dict
+                kept.push_back(key)
         try:
-            return self._isam.update(graph, values, force_relinearize=relinearize).getVariablesRelinearized()
+            return self._isam.update(
+                graph, values, force_relinearize=relinearize, noRelinKeys=kept
+            ).getVariablesRelinearized()
         except FAILURES as error:
             return self._give_way(error)
 
     def _note(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool) -> None:
-        """Keeps an update for when Cholesky fails."""
+        """Counts an update, and keeps it for when Cholesky fails."""
+        self._done += 1
         if self._options.factorization == "auto" and not self._gave_way:
             self._updates.append((graph, values, relinearize))
 
@@ -300,6 +336,8 @@ class Isam2:
     def _latest(self, guess: gtsam.Pose2) -> gtsam.Pose2:
         """The newest step's pose, initialised at `guess`: the maximum of its marginal."""
         key = self._factors.keys.pose(self._steps)
+        if self._stays:
+            return self._isam.getLinearizationPoint().atPose2(key)
         return guess.retract(self._marginal(key).solve(NOTHING).at(key))
 
     def _marginal(self, key: int) -> gtsam.GaussianConditional:
@@ -307,8 +345,19 @@ class Isam2:
         try:
             return self._isam.marginalFactor(key)
         except FAILURES as error:
-            self._give_way(error)
+            if self._factorization == "cholesky":
+                self._give_way(error)
+        try:
             return self._isam.marginalFactor(key)
+        except FAILURES:  # GTSAM takes Cholesky for a marginal, whatever the tree is made by
+            return self._by_qr(key)
+
+    def _by_qr(self, key: int) -> gtsam.GaussianConditional:
+        """The marginal of a variable by QR throughout."""
+        try:
+            return self._isam.marginalFactor(key, gtsam.EliminateQR)
+        except FAILURES as error:
+            raise Diverged(failure(error)) from None
 
 
 def ahead(pose: gtsam.Pose2, step: Step, bias: Bias | None) -> gtsam.Pose2:

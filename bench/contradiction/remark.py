@@ -16,6 +16,7 @@ from .filtered import nis
 from .fit import Fitted
 from .outliers import outliers
 from .places import elsewhere
+from .units import wrong_units
 
 FIVEFOLD = 25.0
 """J per degree of freedom up to which noise alone may be the cause: it is five times what is stated there."""
@@ -46,7 +47,10 @@ def remarked(dataset: Dataset, *, thorough: bool = True) -> Remarks:
     """
     columns = of_columns(dataset)
     with np.errstate(all="ignore"):  # what is beyond all numbers agrees with nothing
-        return _of_measurements(dataset, thorough=thorough)._replace(columns=columns)
+        found, units = _of_measurements(dataset, thorough=thorough), list(wrong_units(dataset.log))
+    return found._replace(
+        columns=columns, contradictions=[*found.contradictions, *units], mistaken=found.mistaken or bool(units)
+    )
 
 
 def _of_measurements(dataset: Dataset, *, thorough: bool | None) -> Remarks:
@@ -119,7 +123,7 @@ def explained(name: str, dataset: Dataset) -> str:
     if found is None and (dataset.log.partial is not None or dataset.log.fixes is not None):
         return (
             f"{name}: too few whole sightings of one landmark, and too few loops closed, to tell if the log agrees; "
-            "ranges or bearings alone, positions and headings are not looked at."
+            "of ranges alone, positions and headings the units alone are looked at, and nothing of bearings alone."
         )
     if found is None:
         return f"{name}: too few landmarks are sighted again, and too few loops closed, to tell if the log agrees."

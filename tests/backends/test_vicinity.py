@@ -19,6 +19,10 @@ from slamduel.core.se2 import Array, between, compose
 SD = np.array([0.05, 0.02, 0.03])
 
 
+LOOK = RangeBearing(np.zeros(1, np.int64), np.array([[2.0, 0.0]]), np.diag([0.01, 0.01])[None])
+"""A sighting 2 m ahead."""
+
+
 def motions(n: int) -> list[Array]:
     rng = np.random.default_rng(3)
     return [np.array([0.5, 0.1, 0.2]) + 0.1 * rng.standard_normal(3) for _ in range(n)]
@@ -102,3 +106,31 @@ def test_few_landmarks_are_asked_for_beside_those_in_view(name: str, monkeypatch
         backend.step(step)
     assert np.mean(offered[10:]) >= 6
     assert np.mean(asked[10:]) <= 1.6 * np.mean(offered[10:])
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-9, 0.5])
+@pytest.mark.parametrize("follows", [False, True])
+def test_a_landmark_that_was_never_asked_for_is_expected_wherever_the_robot_is(x: float, follows: bool) -> None:
+    """At the world's origin, too, where the places of such landmarks are before they are known."""
+    vicinity, here = Vicinity(follows=follows), np.array([x, 0.0, 0.0])
+
+    def marginals(landmarks: list[int]) -> tuple[Array, Array, Array]:
+        assert landmarks == [7]
+        return here, here[None, :2] + [2.05, 0.0], 1e-4 * np.eye(5)
+
+    found = vicinity.expected(here, 1e-4 * np.eye(3), None, LOOK, 9.0, [7], marginals)
+    assert found.ids.tolist() == [7]
+    assert found.z == pytest.approx(np.array([[2.05, 0.0]]))
+
+
+@pytest.mark.parametrize("follows", [False, True])
+def test_a_landmark_that_is_left_out_is_not_expected_there_either(follows: bool) -> None:
+    vicinity = Vicinity(follows=follows)
+    vicinity.ready(None, [7])
+    vicinity.forget(7)
+
+    def marginals(landmarks: list[int]) -> tuple[Array, Array, Array]:
+        pytest.fail(f"asked for {landmarks}")
+
+    found = vicinity.expected(np.zeros(3), np.eye(3), None, LOOK, 9.0, [], marginals)
+    assert len(found.ids) == 0
