@@ -35,23 +35,24 @@ from ._links import inner, motion_offset
 
 @compiled
 def top_down(g: Graph) -> Ints:
-    """All cliques, parents before their children."""
-    out = np.empty(len(g.cliques), np.int64)
-    n = 0
-    for head in (g.state[NEAR], g.state[FAR]):
+    """All cliques, parents before their children, and each with all below it at once: so they lie in the arenas."""
+    out, waiting = np.empty(len(g.cliques), np.int64), np.empty(len(g.cliques), np.int64)
+    n = m = 0
+    for head in (g.state[FAR], g.state[NEAR]):
         c = head
         while c > 0:
-            out[n] = c
-            n += 1
+            waiting[m] = c
+            m += 1
             c = g.cliques[c, NEXT]
-    i = 0
-    while i < n:
-        c = g.cliques[out[i], CHILD]
+    while m > 0:
+        m -= 1
+        out[n] = waiting[m]
+        c = g.cliques[waiting[m], CHILD]
+        n += 1
         while c > 0:
-            out[n] = c
-            n += 1
+            waiting[m] = c
+            m += 1
             c = g.cliques[c, NEXT]
-        i += 1
     return out[:n]
 
 
