@@ -137,28 +137,28 @@ def inner(g: Graph, first: int, last: int, out: Array) -> bool:
     S, o0, o1, o2 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
     e0, e1, e2, c, s = offset_of(g, first + 1)
     for i in range(n):
-        j, row = first + 1 + i, out[i]
+        j = first + 1 + i
         gx, gy = g.steps[j - 1, POINT + 1] - g.steps[j, POINT + 1], g.steps[j, POINT] - g.steps[j - 1, POINT]
         o0, o1, o2 = o0 + (gx * o2 + e0), o1 + (gy * o2 + e1), o2 + e2
         S = carry(g, j, c, s, S)
         for u in range(6):
-            row[u] = S[u]
-        row[18], row[19], row[20] = o0, o1, o2
+            out[i, u] = S[u]
+        out[i, 18], out[i, 19], out[i, 20] = o0, o1, o2
         e0, e1, e2, c, s = offset_of(g, j + 1)
-        row[6], row[7], row[8], row[9], row[10] = e0, e1, e2, c, s  # until the way back has come by
+        out[i, 6], out[i, 7], out[i, 8], out[i, 9], out[i, 10] = e0, e1, e2, c, s  # until the way back has come by
     N, b0, b1, b2 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0  # of the pose relative to `last`
     ax, ay = g.steps[first, POINT], g.steps[first, POINT + 1]
     bx, by = g.steps[last, POINT], g.steps[last, POINT + 1]
     for i in range(n - 1, -1, -1):
-        p, q, row = g.steps[first + 1 + i], g.steps[first + 2 + i], out[i]
+        p, q = g.steps[first + 1 + i], g.steps[first + 2 + i]
         x, y, x2, y2 = p[POINT], p[POINT + 1], q[POINT], q[POINT + 1]
-        T = turned(row[9], row[10], q, NOISE)
+        T = turned(out[i, 9], out[i, 10], q, NOISE)
         gx, gy = y2 - y, x - x2  # back along the motion
         N = lever(N[0] + T[0], N[1] + T[1], N[2] + T[2], N[3] + T[3], N[4] + T[4], N[5] + T[5], gx, gy)
-        b2 -= row[8]
-        b0, b1 = b0 - row[6] + gx * b2, b1 - row[7] + gy * b2
-        f0, f1, f2 = row[18], row[19], row[20]
-        definite, K0, K1, K2 = gain((row[0], row[1], row[2], row[3], row[4], row[5]), N)
+        b2 -= out[i, 8]
+        b0, b1 = b0 - out[i, 6] + gx * b2, b1 - out[i, 7] + gy * b2
+        f0, f1, f2 = out[i, 18], out[i, 19], out[i, 20]
+        definite, K0, K1, K2 = gain((out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5]), N)
         if not definite:
             return False
         ux, uy = ay - y, x - ax  # from first to here
@@ -166,10 +166,10 @@ def inner(g: Graph, first: int, last: int, out: Array) -> bool:
         for r in range(3):
             k0, k1, k2 = K0 if r == 0 else (K1 if r == 1 else K2)
             i0, i1, i2 = (1.0 if r == 0 else 0.0) - k0, (1.0 if r == 1 else 0.0) - k1, (1.0 if r == 2 else 0.0) - k2
-            row[3 * r], row[3 * r + 1], row[3 * r + 2] = i0, i1, i0 * ux + i1 * uy + i2
-            row[9 + 3 * r], row[10 + 3 * r], row[11 + 3 * r] = k0, k1, k0 * vx + k1 * vy + k2
-            row[18 + r] = i0 * f0 + i1 * f1 + i2 * f2 + k0 * b0 + k1 * b1 + k2 * b2
-        row[21], row[22], row[23] = product(K0[0], K0[1], K0[2], N)
-        row[24], row[25] = product(K1[0], K1[1], K1[2], N)[1:]
-        row[26] = product(K2[0], K2[1], K2[2], N)[2]
+            out[i, 3 * r], out[i, 3 * r + 1], out[i, 3 * r + 2] = i0, i1, i0 * ux + i1 * uy + i2
+            out[i, 9 + 3 * r], out[i, 10 + 3 * r], out[i, 11 + 3 * r] = k0, k1, k0 * vx + k1 * vy + k2
+            out[i, 18 + r] = i0 * f0 + i1 * f1 + i2 * f2 + k0 * b0 + k1 * b1 + k2 * b2
+        out[i, 21], out[i, 22], out[i, 23] = product(K0[0], K0[1], K0[2], N)
+        out[i, 24], out[i, 25] = product(K1[0], K1[1], K1[2], N)[1:]
+        out[i, 26] = product(K2[0], K2[1], K2[2], N)[2]
     return True
