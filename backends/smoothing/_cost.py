@@ -56,9 +56,7 @@ def motion_cost(path: Array, i: int, j: int, motion: Array, k: int, covariance: 
     if not definite:
         return np.inf
     e0, e1 = c * e0 + s * e1, c * e1 - s * e0
-    return (
-        W[0] * e0 * e0 + W[3] * e1 * e1 + W[5] * e2 * e2 + 2 * (W[1] * e0 * e1 + W[2] * e0 * e2 + W[4] * e1 * e2)
-    )
+    return W[0] * e0 * e0 + W[3] * e1 * e1 + W[5] * e2 * e2 + 2 * (W[1] * e0 * e1 + W[2] * e0 * e2 + W[4] * e1 * e2)
 
 
 @compiled
