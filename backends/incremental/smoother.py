@@ -170,10 +170,10 @@ class Smoother:
         if (looks or closes) and self._due():
             self._since = 0
             forest.relinearise(self._threshold())
-        pose = forest.pose.copy()
-        if not math.isfinite(pose[0] + pose[1] + pose[2]):
+        x, y, heading = forest.pose.tolist()
+        if not math.isfinite(x + y + heading):
             raise Diverged("the latest pose is not finite")
-        return pose
+        return forest.pose.copy()
 
     def expected(self, odometry: Odometry | None, seen: RangeBearing, gate: float) -> Expected:
         """Landmarks that one of the sightings may be of, by joint marginals; one that is held back is offered, too."""
@@ -264,7 +264,7 @@ class Smoother:
 
     def _threshold(self) -> float:
         """The relinearize threshold (m, rad), lower where landmarks are near."""
-        return min(self._options.relinearize_threshold, self._forest.g.settings[CLOSEST] / SMALL)
+        return min(self._options.relinearize_threshold, self._forest.g.settings.item(CLOSEST) / SMALL)
 
     def _plain_step(self, landmarks: Ints, rows: Rows) -> None:
         """A step that sees landmarks on the map and new ones only."""

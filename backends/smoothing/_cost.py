@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...core.kernels._planar import information, wrap
+from ...core.kernels._planar import information, inverse, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
 from ._factors import distance, fix_off, loss, range_off, square_of, turn_off
@@ -40,16 +40,23 @@ from ._graph import (
 from ._links import motion_offset
 
 
+# Entries of a path, not rows of it: a view of a row costs a reference count.
 @compiled
-def motion_cost(p: Array, q: Array, motion: Array, k: int, covariance: int, W: Array) -> float:
-    """The squared Mahalanobis distance of poses p and q from motion[k : k + 3], its covariance from `covariance` on.
+def motion_cost(path: Array, i: int, j: int, motion: Array, k: int, covariance: int) -> float:
+    """The squared Mahalanobis distance of the way from path[i] to path[j] from motion[k : k + 3].
 
-    W (6,) is overwritten.
+    Its covariance is from `covariance` on.
     """
-    e0, e1, e2, c, s = motion_offset(p[0], p[1], p[2], q[0], q[1], q[2], motion[k], motion[k + 1], motion[k + 2])
-    if not information(motion, covariance, W, 0):
+    e0, e1, e2, c, s = motion_offset(
+        path[i, 0], path[i, 1], path[i, 2], path[j, 0], path[j, 1], path[j, 2],
+        motion[k], motion[k + 1], motion[k + 2],
+    )  # fmt: skip
+    f = covariance
+    definite, W = inverse(motion[f], motion[f + 1], motion[f + 2], motion[f + 3], motion[f + 4], motion[f + 5])
+    if not definite:
         return np.inf
-    return square_of(W, 0, c * e0 + s * e1, c * e1 - s * e0, e2)
+    e0, e1 = c * e0 + s * e1, c * e1 - s * e0
+    return W[0] * e0 * e0 + W[3] * e1 * e1 + W[5] * e2 * e2 + 2 * (W[1] * e0 * e1 + W[2] * e0 * e2 + W[4] * e1 * e2)
 
 
 @compiled
@@ -61,7 +68,7 @@ def cost(g: Graph, path: Array, values: Array) -> float:
         return np.inf
     total = square_of(W, 0, path[0, 0] - p[0], path[0, 1] - p[1], wrap(path[0, 2] - p[2]))
     for k in range(1, g.state[STEPS]):
-        total += motion_cost(path[k - 1], path[k], g.steps[k], DELTA, NOISE, W)
+        total += motion_cost(path, k - 1, k, g.steps[k], DELTA, NOISE)
     for k in range(g.state[LINKS]):
         if g.links[k, LOOP]:
             first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
@@ -69,34 +76,35 @@ def cost(g: Graph, path: Array, values: Array) -> float:
             if g.links[k, LOOP] == TURN:
                 total += L[MOTION + 2] * turn_off(path[first, 2], path[last, 2], values[g.links[k, BIAS], 0], L) ** 2
                 continue
-            q = motion_cost(path[first], path[last], L, MOTION, COVARIANCE, W)
+            q = motion_cost(path, first, last, L, MOTION, COVARIANCE)
             total += L[WEIGHT] * loss(g.settings[LOSS], g.settings[SCALE], q)
     for v in range(g.state[VARIABLES]):
         if g.variables[v, WIDTH] != 3:
             continue
-        x = path[g.variables[v, STEP]]
+        k = g.variables[v, STEP]
+        x, y, heading = path[k, 0], path[k, 1], path[k, 2]
         for s in range(g.variables[v, FIRST], g.variables[v, END]):
             landmark = g.sightings[s, LANDMARK]
             part = g.sightings[s, PART]
             if landmark < 0:
                 continue
             if part <= FIX:
-                e = fix_off(x[0], x[1], x[2], values[landmark, 0], g.fixed, FIX - part)
+                e = fix_off(x, y, heading, values[landmark, 0], g.fixed, FIX - part)
                 total += square_of(g.fixed[FIX - part], 3, e[0], e[1], e[2])
                 continue
-            m = values[landmark]
+            mx, my = values[landmark, 0], values[landmark, 1]
             if part == PRIOR:
-                for i in range(2):
-                    total += g.seen[s, 2 + 2 * i] * (m[i] - g.seen[s, i]) ** 2
+                total += g.seen[s, 2] * (mx - g.seen[s, 0]) ** 2
+                total += g.seen[s, 4] * (my - g.seen[s, 1]) ** 2
                 continue
             if part >= 0 and g.seen[s, 4] > 0.0:
-                total += g.seen[s, 4] * (m[0] - values[part, 0]) ** 2
+                total += g.seen[s, 4] * (mx - values[part, 0]) ** 2
                 continue
             if part >= 0:
-                off = range_off(x[0], x[1], m[0], m[1], values[part, 0], values[part, 1], g.seen[s, 0])[3]
+                off = range_off(x, y, mx, my, values[part, 0], values[part, 1], g.seen[s, 0])[3]
                 q = g.seen[s, 2] * off * off
             else:
-                q = distance(x[0], x[1], x[2], m[0], m[1], g.seen, s)[4]
+                q = distance(x, y, heading, mx, my, g.seen, s)[4]
             total += loss(g.settings[LOSS], g.settings[SCALE], q)
     for c in range(1, 1 + g.state[GIVEN]):
         total += given_cost(g, c, values)

@@ -259,19 +259,19 @@ def factor_root(g: Graph) -> int:
 @compiled
 def solve_rows(R: Array, o: int, rows: int, m: int, y: Array) -> None:
     """Solves R y = d for y[:rows], the rest of y (m,) being known; R's rows of m + 1 numbers begin at `o`."""
+    one, two, three, four = unsigned(1), unsigned(2), unsigned(3), unsigned(4)
     for i in range(rows - 1, -1, -1):
-        b = o + i * (m + 1)
+        b, k, many = o + i * (m + 1), unsigned(i + 1), m - 1 - i
+        a, fours = unsigned(b) + k, unsigned(many // 4)
         s0 = s1 = s2 = s3 = 0.0  # four sums at a time: a single one waits for each addition
-        j = i + 1
-        while j + 3 < m:
-            s0 += R[b + j] * y[j]
-            s1 += R[b + j + 1] * y[j + 1]
-            s2 += R[b + j + 2] * y[j + 2]
-            s3 += R[b + j + 3] * y[j + 3]
-            j += 4
-        while j < m:
-            s0 += R[b + j] * y[j]
-            j += 1
+        for t in range(fours):
+            j = four * t
+            s0 += R[a + j] * y[k + j]
+            s1 += R[a + j + one] * y[k + j + one]
+            s2 += R[a + j + two] * y[k + j + two]
+            s3 += R[a + j + three] * y[k + j + three]
+        for j in range(four * fours, unsigned(many)):
+            s0 += R[a + j] * y[k + j]
         y[i] = (R[b + m] - (s0 + s1) - (s2 + s3)) / R[b + i]
 
 

@@ -11,9 +11,7 @@ form every step would leave the difference of two nearly equal matrices.
 
 from math import cos, sin
 
-import numpy as np
-
-from ...core.kernels._planar import add_turned, information, levered, wrap
+from ...core.kernels._planar import Six, inverse, lever, turned, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
 from ._factors import square_of, weight
@@ -36,6 +34,8 @@ from ._graph import (
     Graph,
 )  # fmt: skip
 
+Row = tuple[float, float, float]
+
 
 @compiled
 def motion_offset(
@@ -47,17 +47,22 @@ def motion_offset(
 
 
 @compiled
-def carry(g: Graph, k: int, off: Array, S: Array) -> None:
-    """Propagates offset `off` (3,) and covariance S (6,) of step k - 1 to step k."""
+def offset_of(g: Graph, k: int) -> tuple[float, float, float, float, float]:
+    """`motion_offset` of the motion to step `k`, at the linearisation points of its ends."""
     p, q = g.steps[k - 1], g.steps[k]
-    x, y, heading, x2, y2 = p[POINT], p[POINT + 1], p[POINT + 2], q[POINT], q[POINT + 1]
-    e0, e1, e2, c, s = motion_offset(x, y, heading, x2, y2, q[POINT + 2], q[DELTA], q[DELTA + 1], q[DELTA + 2])
-    gx, gy = y - y2, x2 - x
-    off[0] += gx * off[2] + e0
-    off[1] += gy * off[2] + e1
-    off[2] += e2
-    levered(S, gx, gy)
-    add_turned(S, c, s, q, NOISE)
+    return motion_offset(
+        p[POINT], p[POINT + 1], p[POINT + 2], q[POINT], q[POINT + 1], q[POINT + 2], q[DELTA], q[DELTA + 1], q[DELTA + 2]
+    )
+
+
+# In numbers: arrays of a few are allocated at each call, which took half of the time.
+@compiled
+def carry(g: Graph, k: int, c: float, s: float, S: Six) -> Six:
+    """Propagates a covariance of step k - 1, of whose heading these are cosine and sine, to step k."""
+    p, q = g.steps[k - 1], g.steps[k]
+    a = lever(S[0], S[1], S[2], S[3], S[4], S[5], p[POINT + 1] - q[POINT + 1], q[POINT] - p[POINT])
+    b = turned(c, s, q, NOISE)
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
 
 
 @compiled
@@ -65,25 +70,30 @@ def relink(g: Graph, k: int) -> bool:
     """Linearises link `k` at its poses, weighs a loop closure; False where the covariance is not positive definite."""
     first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
     L = g.linked[k]
-    S = np.zeros(6)
+    S = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if g.links[k, LOOP] == TURN:
         return True
     if g.links[k, LOOP]:
         p, q = g.steps[first], g.steps[last]
-        e0, e1, e2, c, s = motion_offset(
+        o0, o1, o2, c, s = motion_offset(
             p[POINT], p[POINT + 1], p[POINT + 2], q[POINT], q[POINT + 1], q[POINT + 2],
             L[MOTION], L[MOTION + 1], L[MOTION + 2],
         )  # fmt: skip
-        L[OFFSET], L[OFFSET + 1], L[OFFSET + 2] = e0, e1, e2
-        add_turned(S, c, s, L, COVARIANCE)
+        S = turned(c, s, L, COVARIANCE)
     else:
-        off = np.zeros(3)
+        o0, o1, o2 = 0.0, 0.0, 0.0
         for j in range(first + 1, last + 1):
-            carry(g, j, off, S)
-        L[OFFSET], L[OFFSET + 1], L[OFFSET + 2] = off[0], off[1], off[2]
-    definite = information(S, 0, L, INFORMATION)
-    if definite and g.links[k, LOOP]:
-        weigh(L, g.settings[LOSS], g.settings[SCALE])
+            e0, e1, e2, c, s = offset_of(g, j)
+            gx, gy = g.steps[j - 1, POINT + 1] - g.steps[j, POINT + 1], g.steps[j, POINT] - g.steps[j - 1, POINT]
+            o0, o1, o2 = o0 + (gx * o2 + e0), o1 + (gy * o2 + e1), o2 + e2
+            S = carry(g, j, c, s, S)
+    L[OFFSET], L[OFFSET + 1], L[OFFSET + 2] = o0, o1, o2
+    definite, W = inverse(S[0], S[1], S[2], S[3], S[4], S[5])
+    if definite:
+        for i in range(6):
+            L[INFORMATION + i] = W[i]
+        if g.links[k, LOOP]:
+            weigh(L, g.settings[LOSS], g.settings[SCALE])
     return definite
 
 
@@ -96,19 +106,21 @@ def weigh(L: Array, kind: float, scale: float) -> None:
 
 
 @compiled
-def gain(S: Array, N: Array, K: Array) -> bool:
-    """K (3, 3) = S (S + N)^-1 for covariances S, N (6,)."""
-    T, W = np.empty(6), np.empty(6)
-    for i in range(6):
-        T[i] = S[i] + N[i]
-    if not information(T, 0, W, 0):
-        return False
-    for i in range(3):
-        s0, s1, s2 = S[i], S[i + 1 if i == 0 else (3 if i == 1 else 4)], S[2 if i == 0 else (4 if i == 1 else 5)]
-        K[i, 0] = s0 * W[0] + s1 * W[1] + s2 * W[2]
-        K[i, 1] = s0 * W[1] + s1 * W[3] + s2 * W[4]
-        K[i, 2] = s0 * W[2] + s1 * W[4] + s2 * W[5]
-    return True
+def gain(S: Six, N: Six) -> tuple[bool, Row, Row, Row]:
+    """The rows of K = S (S + N)^-1 for covariances S and N; whether their sum is positive definite."""
+    definite, W = inverse(S[0] + N[0], S[1] + N[1], S[2] + N[2], S[3] + N[3], S[4] + N[4], S[5] + N[5])
+    rows = product(S[0], S[1], S[2], W), product(S[1], S[3], S[4], W), product(S[2], S[4], S[5], W)
+    return definite, rows[0], rows[1], rows[2]
+
+
+@compiled
+def product(a: float, b: float, c: float, W: Six) -> Row:
+    """(a, b, c) W, W being symmetric."""
+    return (
+        a * W[0] + b * W[1] + c * W[2],
+        a * W[1] + b * W[3] + c * W[4],
+        a * W[2] + b * W[4] + c * W[5],
+    )
 
 
 @compiled
@@ -122,44 +134,42 @@ def inner(g: Graph, first: int, last: int, out: Array) -> bool:
     N: the gain is K = S (S + N)^-1, and C = K N.
     """
     n = last - first - 1
-    S, off, K = np.zeros(6), np.zeros(3), np.empty((3, 3))
+    S, o0, o1, o2 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
+    e0, e1, e2, c, s = offset_of(g, first + 1)
     for i in range(n):
-        carry(g, first + 1 + i, off, S)
-        for j in range(6):
-            out[i, j] = S[j]
-        for j in range(3):
-            out[i, 18 + j] = off[j]
-    N, back = np.zeros(6), np.zeros(3)  # of the pose relative to `last`
+        j = first + 1 + i
+        gx, gy = g.steps[j - 1, POINT + 1] - g.steps[j, POINT + 1], g.steps[j, POINT] - g.steps[j - 1, POINT]
+        o0, o1, o2 = o0 + (gx * o2 + e0), o1 + (gy * o2 + e1), o2 + e2
+        S = carry(g, j, c, s, S)
+        for u in range(6):
+            out[i, u] = S[u]
+        out[i, 18], out[i, 19], out[i, 20] = o0, o1, o2
+        e0, e1, e2, c, s = offset_of(g, j + 1)
+        out[i, 6], out[i, 7], out[i, 8], out[i, 9], out[i, 10] = e0, e1, e2, c, s  # until the way back has come by
+    N, b0, b1, b2 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0  # of the pose relative to `last`
     ax, ay = g.steps[first, POINT], g.steps[first, POINT + 1]
     bx, by = g.steps[last, POINT], g.steps[last, POINT + 1]
     for i in range(n - 1, -1, -1):
         p, q = g.steps[first + 1 + i], g.steps[first + 2 + i]
         x, y, x2, y2 = p[POINT], p[POINT + 1], q[POINT], q[POINT + 1]
-        e0, e1, e2, c, s = motion_offset(x, y, p[POINT + 2], x2, y2, q[POINT + 2], q[DELTA], q[DELTA + 1], q[DELTA + 2])
-        add_turned(N, c, s, q, NOISE)
+        T = turned(out[i, 9], out[i, 10], q, NOISE)
         gx, gy = y2 - y, x - x2  # back along the motion
-        levered(N, gx, gy)
-        for j, e in ((0, e0), (1, e1), (2, e2)):
-            back[j] -= e
-        back[0] += gx * back[2]
-        back[1] += gy * back[2]
-        row = out[i]
-        way = row[0:6].copy()
-        f0, f1, f2 = row[18], row[19], row[20]
-        if not gain(way, N, K):
+        N = lever(N[0] + T[0], N[1] + T[1], N[2] + T[2], N[3] + T[3], N[4] + T[4], N[5] + T[5], gx, gy)
+        b2 -= out[i, 8]
+        b0, b1 = b0 - out[i, 6] + gx * b2, b1 - out[i, 7] + gy * b2
+        f0, f1, f2 = out[i, 18], out[i, 19], out[i, 20]
+        definite, K0, K1, K2 = gain((out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5]), N)
+        if not definite:
             return False
         ux, uy = ay - y, x - ax  # from first to here
         vx, vy = by - y, x - bx  # from last back to here
         for r in range(3):
-            k0, k1, k2 = K[r, 0], K[r, 1], K[r, 2]
+            k0, k1, k2 = K0 if r == 0 else (K1 if r == 1 else K2)
             i0, i1, i2 = (1.0 if r == 0 else 0.0) - k0, (1.0 if r == 1 else 0.0) - k1, (1.0 if r == 2 else 0.0) - k2
-            row[3 * r], row[3 * r + 1], row[3 * r + 2] = i0, i1, i0 * ux + i1 * uy + i2
-            row[9 + 3 * r], row[10 + 3 * r], row[11 + 3 * r] = k0, k1, k0 * vx + k1 * vy + k2
-            row[18 + r] = i0 * f0 + i1 * f1 + i2 * f2 + k0 * back[0] + k1 * back[1] + k2 * back[2]
-        row[21] = K[0, 0] * N[0] + K[0, 1] * N[1] + K[0, 2] * N[2]
-        row[22] = K[0, 0] * N[1] + K[0, 1] * N[3] + K[0, 2] * N[4]
-        row[23] = K[0, 0] * N[2] + K[0, 1] * N[4] + K[0, 2] * N[5]
-        row[24] = K[1, 0] * N[1] + K[1, 1] * N[3] + K[1, 2] * N[4]
-        row[25] = K[1, 0] * N[2] + K[1, 1] * N[4] + K[1, 2] * N[5]
-        row[26] = K[2, 0] * N[2] + K[2, 1] * N[4] + K[2, 2] * N[5]
+            out[i, 3 * r], out[i, 3 * r + 1], out[i, 3 * r + 2] = i0, i1, i0 * ux + i1 * uy + i2
+            out[i, 9 + 3 * r], out[i, 10 + 3 * r], out[i, 11 + 3 * r] = k0, k1, k0 * vx + k1 * vy + k2
+            out[i, 18 + r] = i0 * f0 + i1 * f1 + i2 * f2 + k0 * b0 + k1 * b1 + k2 * b2
+        out[i, 21], out[i, 22], out[i, 23] = product(K0[0], K0[1], K0[2], N)
+        out[i, 24], out[i, 25] = product(K1[0], K1[1], K1[2], N)[1:]
+        out[i, 26] = product(K2[0], K2[1], K2[2], N)[2]
     return True

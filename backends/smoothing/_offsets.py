@@ -35,23 +35,24 @@ from ._links import inner, motion_offset
 
 @compiled
 def top_down(g: Graph) -> Ints:
-    """All cliques, parents before their children."""
-    out = np.empty(len(g.cliques), np.int64)
-    n = 0
-    for head in (g.state[NEAR], g.state[FAR]):
+    """All cliques, parents before their children, and each with all below it at once: so they lie in the arenas."""
+    out, waiting = np.empty(len(g.cliques), np.int64), np.empty(len(g.cliques), np.int64)
+    n = m = 0
+    for head in (g.state[FAR], g.state[NEAR]):
         c = head
         while c > 0:
-            out[n] = c
-            n += 1
+            waiting[m] = c
+            m += 1
             c = g.cliques[c, NEXT]
-    i = 0
-    while i < n:
-        c = g.cliques[out[i], CHILD]
+    while m > 0:
+        m -= 1
+        out[n] = waiting[m]
+        c = g.cliques[waiting[m], CHILD]
+        n += 1
         while c > 0:
-            out[n] = c
-            n += 1
+            waiting[m] = c
+            m += 1
             c = g.cliques[c, NEXT]
-        i += 1
     return out[:n]
 
 
@@ -125,11 +126,10 @@ def inner_offsets(g: Graph, off: Array, threshold: float, out: Array) -> bool:
         if not inner(g, first, last, rows):
             return False
         for i in range(n):
-            row = rows[i]
             for j in range(3):
-                t = row[18 + j]
+                t = rows[i, 18 + j]
                 for i2 in range(3):
-                    t += row[3 * j + i2] * off[a, i2] + row[9 + 3 * j + i2] * off[b, i2]
+                    t += rows[i, 3 * j + i2] * off[a, i2] + rows[i, 9 + 3 * j + i2] * off[b, i2]
                 out[first + 1 + i, j] = t
     return True
 
@@ -145,12 +145,11 @@ def candidate(
     most = turn = 0.0
     n = g.variables[g.state[LAST], STEP] + 1
     for k in range(n):
-        o = steps_off[k]
-        far = max(abs(o[0]), abs(o[1]), abs(o[2]))
-        most, turn = max(most, far), max(turn, abs(o[2]))
+        far = max(abs(steps_off[k, 0]), abs(steps_off[k, 1]), abs(steps_off[k, 2]))
+        most, turn = max(most, far), max(turn, abs(steps_off[k, 2]))
         go = share if far > threshold else 0.0
         for i in range(3):
-            path[k, i] = g.steps[k, POINT + i] + go * o[i]
+            path[k, i] = g.steps[k, POINT + i] + go * steps_off[k, i]
         path[k, 2] = wrap(path[k, 2])
     for k in range(n, g.state[STEPS]):  # after the last variable: propagated by the motions
         p, q, d = path[k - 1], path[k], g.steps[k]
@@ -162,9 +161,8 @@ def candidate(
             k = g.variables[v, STEP]
             values[v, 0], values[v, 1], values[v, 2] = path[k, 0], path[k, 1], path[k, 2]
             continue
-        o = off[v]
-        far = max(abs(o[0]), abs(o[1])) if width == 2 else 0.0
+        far = max(abs(off[v, 0]), abs(off[v, 1])) if width == 2 else 0.0
         most = max(most, far)
         go = share if far > threshold else 0.0
-        values[v, 0], values[v, 1] = g.values[v, 0] + go * o[0], g.values[v, 1] + go * o[1]
+        values[v, 0], values[v, 1] = g.values[v, 0] + go * off[v, 0], g.values[v, 1] + go * off[v, 1]
     return most, turn

@@ -9,6 +9,7 @@ the halves are cut again (George, "Nested dissection of a regular finite element
 
 import numpy as np
 
+from ...core.kernels._arrays import lent
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from . import _graph
@@ -116,7 +117,10 @@ def plan(
         g.state[STAMP] += 1
     names, kept = concerned(g, x, wanted, touched, open_, everything)
     order = ranks(g, names, kept) if everything and dissected else np.zeros(0, np.int64)
-    Q, pool, top, count = quotient(g, names, kept, staying(g, open_, everything), order)
+    owner, pool, top, count = quotient(g, names, kept, staying(g, open_, everything), order)
+    Q = Quotient(
+        lent(owner.variables), lent(owner.elements), lent(owner.of), lent(owner.seen), lent(owner.heads)
+    )  # counting references took a third of the time
     V, E, n = Q.variables, Q.elements, len(names)
     near, gone, room = np.full(n, -1, np.int64), np.empty(len(E), np.int64), np.zeros(4, np.int64)
     out, at, made, least, left, rank = np.empty(16 * n + 64, np.int64), 0, 0, 0, n - kept, 0
@@ -162,8 +166,8 @@ def plan(
         left -= 1
     lost = 0
     for e in range(count):
-        if E[e, ALIVE]:
-            gone[lost] = E[e, NAMED]
+        if owner.elements[e, ALIVE]:
+            gone[lost] = owner.elements[e, NAMED]
             lost += 1
     return open_, out[:at], made, gone[:lost], room
 

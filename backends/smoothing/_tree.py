@@ -51,6 +51,7 @@ from ._graph import (
     reserve_reals,
     triangle,
 )  # fmt: skip
+from ._ordering import HEAD
 
 
 @compiled
@@ -194,11 +195,12 @@ def rebuild(g: Graph, x: int, wanted: Ints, opened: Ints, plan: Ints, count: int
             drop_clique(g, opened[t])
         forget_dropped(g)
     made = np.empty(count, np.int64)
-    at = 0
-    for i in range(count):
+    begins, order = neighbourly(plan, count)
+    for i in order:
+        at = begins[i]
         frontals, members, bound, children = plan[at], plan[at + 1], plan[at + 2], plan[at + 3]
         front, size = plan[at + 4], plan[at + 5]
-        at += 6
+        at += HEAD
         c = new_clique(g, frontals, members, bound, front, size)
         made[i] = c
         o = g.cliques[c, LISTED]
@@ -214,7 +216,6 @@ def rebuild(g: Graph, x: int, wanted: Ints, opened: Ints, plan: Ints, count: int
             g.cliques[child, PARENT] = c
             g.cliques[child, NEXT] = g.cliques[c, CHILD]
             g.cliques[c, CHILD] = child
-        at += children
         g.todo[g.state[TODO]] = c
         g.state[TODO] += 1
     g.state[ROOT] = g.state[NEAR] = g.state[FAR] = 0
@@ -232,3 +233,39 @@ def rebuild(g: Graph, x: int, wanted: Ints, opened: Ints, plan: Ints, count: int
         q[NEXT] = g.state[to]
         g.state[to] = c
     g.state[RESUM] = 1
+
+
+@compiled
+def neighbourly(plan: Ints, count: int) -> tuple[Ints, Ints]:
+    """Where each clique of a plan begins in it; and their order, each after its children, all below it just before.
+
+    Then what a substitution or an elimination passes one after the other is adjacent in memory.
+    """
+    begins, parent = np.empty(count, np.int64), np.full(count, -1, np.int64)
+    at = 0
+    for i in range(count):
+        begins[i] = at
+        first = at + HEAD + plan[at + 1] + plan[at + 2]
+        at = first + plan[at + 3]
+        for t in range(first, at):
+            if plan[t] < 0:
+                parent[-1 - plan[t]] = i
+    below, beside = np.full(count, -1, np.int64), np.empty(count, np.int64)
+    order, waiting = np.empty(count, np.int64), np.empty(count, np.int64)
+    m, n = 0, count
+    for i in range(count):
+        if parent[i] < 0:
+            waiting[m] = i
+            m += 1
+        else:
+            beside[i], below[parent[i]] = below[parent[i]], i
+    while m > 0:
+        m -= 1
+        n -= 1
+        order[n] = waiting[m]
+        child = below[order[n]]
+        while child >= 0:
+            waiting[m] = child
+            m += 1
+            child = beside[child]
+    return begins, order

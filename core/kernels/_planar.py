@@ -70,56 +70,79 @@ def propagate(P: Array, gx: float, gy: float, heading: float, motion: Array) -> 
     add_rotated(P, cos(heading), sin(heading), motion)
 
 
+Six = tuple[float, float, float, float, float, float]
+"""A covariance or an information in compiled code that allocates nothing."""
+
+
+@compiled
+def lever(xx: float, xy: float, xt: float, yy: float, yt: float, tt: float, gx: float, gy: float) -> Six:
+    """G S G' for a covariance S and G = [1, 0, gx; 0, 1, gy; 0, 0, 1]."""
+    return (
+        xx + (2 * gx * xt + gx * gx * tt),
+        xy + (gx * yt + gy * xt + gx * gy * tt),
+        xt + gx * tt,
+        yy + (2 * gy * yt + gy * gy * tt),
+        yt + gy * tt,
+        tt,
+    )
+
+
 @compiled
 def levered(S: Array, gx: float, gy: float) -> None:
-    """S = G S G' for a covariance S (6,) and G = [1, 0, gx; 0, 1, gy; 0, 0, 1]."""
-    xt, yt, tt = S[2], S[4], S[5]
-    S[0] += 2 * gx * xt + gx * gx * tt
-    S[1] += gx * yt + gy * xt + gx * gy * tt
-    S[3] += 2 * gy * yt + gy * gy * tt
-    S[2] = xt + gx * tt
-    S[4] = yt + gy * tt
+    """S = G S G' for a covariance S (6,)."""
+    S[0], S[1], S[2], S[3], S[4], S[5] = lever(S[0], S[1], S[2], S[3], S[4], S[5], gx, gy)
+
+
+@compiled
+def turned(c: float, s: float, Q: Array, k: int) -> Six:
+    """R Q R' for a covariance Q[k : k + 6], R the rotation of cosine `c` and sine `s`."""
+    xx, xy, yy = rotated(c, s, Q[k], Q[k + 1], Q[k + 3])
+    xt, yt = Q[k + 2], Q[k + 4]
+    return xx, xy, c * xt - s * yt, yy, s * xt + c * yt, Q[k + 5]
 
 
 @compiled
 def add_turned(S: Array, c: float, s: float, Q: Array, k: int) -> None:
-    """S += R Q R' for covariances S (6,) and Q[k : k + 6], R the rotation of cosine `c` and sine `s`."""
-    xx, xy, yy = rotated(c, s, Q[k], Q[k + 1], Q[k + 3])
-    xt, yt = Q[k + 2], Q[k + 4]
+    """S += R Q R' for a covariance S (6,)."""
+    xx, xy, xt, yy, yt, tt = turned(c, s, Q, k)
     S[0] += xx
     S[1] += xy
-    S[2] += c * xt - s * yt
+    S[2] += xt
     S[3] += yy
-    S[4] += s * xt + c * yt
-    S[5] += Q[k + 5]
+    S[4] += yt
+    S[5] += tt
 
 
 @compiled
-def information(S: Array, i: int, W: Array, k: int) -> bool:
-    """W[k : k + 6] = S^-1 for a covariance S[i : i + 6]; False where it is not positive definite.
+def inverse(xx: float, xy: float, xt: float, yy: float, yt: float, tt: float) -> tuple[bool, Six]:
+    """Whether a covariance is positive definite, and its inverse if it is.
 
     By the Cholesky factor and its reciprocals: variances along a long way differ by many orders of magnitude.
     """
-    if not S[i] > 0.0:
-        return False
-    a = 1.0 / sqrt(S[i])
-    l10, l20 = S[i + 1] * a, S[i + 2] * a
-    d = S[i + 3] - l10 * l10
+    none = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if not xx > 0.0:
+        return False, none
+    a = 1.0 / sqrt(xx)
+    l10, l20 = xy * a, xt * a
+    d = yy - l10 * l10
     if not d > 0.0:
-        return False
+        return False, none
     b = 1.0 / sqrt(d)
-    l21 = (S[i + 4] - l20 * l10) * b
-    d = S[i + 5] - l20 * l20 - l21 * l21
+    l21 = (yt - l20 * l10) * b
+    d = tt - l20 * l20 - l21 * l21
     if not d > 0.0:
-        return False
+        return False, none
     c = 1.0 / sqrt(d)
     i10 = -l10 * a * b
     i21 = -l21 * b * c
     i20 = -(l20 * a + l21 * i10) * c
-    W[k] = a * a + i10 * i10 + i20 * i20
-    W[k + 1] = i10 * b + i20 * i21
-    W[k + 2] = i20 * c
-    W[k + 3] = b * b + i21 * i21
-    W[k + 4] = i21 * c
-    W[k + 5] = c * c
-    return True
+    return True, (a * a + i10 * i10 + i20 * i20, i10 * b + i20 * i21, i20 * c, b * b + i21 * i21, i21 * c, c * c)
+
+
+@compiled
+def information(S: Array, i: int, W: Array, k: int) -> bool:
+    """W[k : k + 6] = S^-1 for a covariance S[i : i + 6]; False where it is not positive definite."""
+    definite, found = inverse(S[i], S[i + 1], S[i + 2], S[i + 3], S[i + 4], S[i + 5])
+    if definite:
+        W[k], W[k + 1], W[k + 2], W[k + 3], W[k + 4], W[k + 5] = found
+    return definite
