@@ -235,7 +235,7 @@ class Smoother:
         values = estimate.values
         if not (np.isfinite(estimate.path).all() and np.isfinite(values).all()):
             raise Diverged("the optimum is not finite")
-        path, covs = self._whole(estimate.path)
+        path, covs = self._whole(estimate.path, values)
         landmarks = self._newcomers.added_to(self._parts.added_to(self._map(values), path), path)
         constant = self._parts.constant(values, landmarks.ids)
         bias = self.gyro_bias
@@ -245,8 +245,9 @@ class Smoother:
         """The joint covariance of landmarks with these ids and the last pose that is a variable."""
         return self._forest.joint(np.array([self._variable[i] for i in landmarks], np.int64))
 
-    def _whole(self, path: Array) -> tuple[Array, Array]:
-        """The `path` (n, 3) of all steps, and their covariances (n, 3, 3)."""
+    def _whole(self, path: Array, values: Array) -> tuple[Array, Array]:
+        """The `path` (n, 3) of all steps, and their covariances (n, 3, 3), with all variables at `values` (v, 3)."""
+        del values
         return path, self._forest.pose_covariances()
 
     def _due(self) -> bool:

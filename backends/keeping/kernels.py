@@ -4,7 +4,7 @@ import numpy as np
 
 from ...core.kernels.compile_ahead import Kernels
 from ..smoothing.arrays import made
-from . import _condensed, _rehung, _stretches
+from . import _condensed, _following, _rehung, _stretches
 
 
 def kernels() -> Kernels:
@@ -16,4 +16,6 @@ def kernels() -> Kernels:
         (_stretches.stretches, (g, 0, 0, 0.0, 0)),
         (_stretches.seen_in, (g, 0, 0)),
         (_rehung.rehang, (g,)),
+        (_following.follow, (table, table, table, table, ints, ints, ints, 0.0)),
+        (_following.with_frames, (table, table, table, tables, ints, tables)),
     ]

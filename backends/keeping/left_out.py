@@ -1,51 +1,54 @@
-"""The poses of marginalised steps, relative to the frame of a submap."""
+"""The poses of marginalised steps, and where they are once the landmarks around them have moved."""
 
 import numpy as np
 
-from ...core.se2 import Array, Ints, wrap
-from .submaps import turn_of
+from ...core.se2 import Array, Ints
+from ._following import follow, with_frames
 
 
 class LeftOut:
     """Poses as they were when they were marginalised, with their covariances given the landmarks around them.
 
-    A frame moves with its landmarks, and these poses with it.
+    Beside these, the map of each time: landmarks are named by their row there, and keep it.
     """
 
     def __init__(self) -> None:
-        self._frame = np.full(0, -1, np.int64)  # of each step; -1 of one that is not marginalised
-        self._poses, self._covs = np.zeros((0, 3)), np.zeros((0, 6))  # in that frame
+        self._of = np.full((0, 2), -1, np.int32)  # of each step, the map and the submap; -1: it is not marginalised
+        self._poses, self._covs = np.zeros((0, 3)), np.zeros((0, 6))
+        self._maps = list[Array]()
 
-    def add(self, steps: Ints, frame: int, at: Array, poses: Array, left: Array) -> None:
-        """Adds the poses (k, 3) of steps, and their covariances `left` (k, 3, 3), as seen from a frame at `at` (3,)."""
-        while len(steps) and steps[-1] >= len(self._frame):
-            more = max(1024, len(self._frame))
-            self._frame = np.concatenate((self._frame, np.full(more, -1, np.int64)))
+    def begin(self, landmarks: Array) -> None:
+        """What is added next is as of this map (l, 2)."""
+        self._maps.append(landmarks)
+
+    def add(self, steps: Ints, submap: int, poses: Array, left: Array) -> None:
+        """Adds the poses (k, 3) of steps that are told of in a submap, and their covariances `left` (k, 3, 3)."""
+        while len(steps) and steps[-1] >= len(self._of):
+            more = max(1024, len(self._of))
+            self._of = np.concatenate((self._of, np.full((more, 2), -1, np.int32)))
             self._poses = np.concatenate((self._poses, np.zeros((more, 3))))
             self._covs = np.concatenate((self._covs, np.zeros((more, 6))))
-        c, s = np.cos(at[2]), np.sin(at[2])
-        dx, dy = (poses[:, :2] - at[:2]).T
-        self._frame[steps] = frame
-        self._poses[steps] = np.stack((c * dx + s * dy, c * dy - s * dx, wrap(poses[:, 2] - at[2])), axis=-1)
-        T = turn_of(-at[2])
-        self._covs[steps] = (T @ left @ T.T)[:, *np.triu_indices(3)]
+        self._of[steps] = len(self._maps) - 1, submap
+        self._poses[steps] = poses
+        self._covs[steps] = left[:, *np.triu_indices(3)]
 
-    def fill(self, path: Array, covs: Array, frames: Array, frame_covs: Array) -> None:
-        """Fills their rows of a path (n, 3) and of covariances (n, 3, 3), which are in the world.
+    def fill(
+        self, path: Array, covs: Array, landmarks: Array, around: list[Ints], frames: Array, shared: Array, reach: float
+    ) -> None:
+        """Fills their rows of a path (n, 3) and of covariances (n, 3, 3).
 
-        `frames` (f, 3) has where the frames are now, `frame_covs` (f, 3, 3) the covariances that poses share with them.
+        They follow the `landmarks` (l, 2), which `around` (f,) has for each submap, those within `reach` (m) most of all.
+        `frames` (f, 3) are the submaps' poses, and `shared` (f, 3, 3) the covariances that others have in common with them.
         """
-        steps = np.flatnonzero(self._frame[: len(path)] >= 0)
-        for some in np.array_split(steps, max(1, len(steps) // 65536)):  # bounded scratch
-            of = self._frame[some]
-            at, pose = frames[of], self._poses[some]
-            c, s = np.cos(at[:, 2]), np.sin(at[:, 2])
-            dx, dy = c * pose[:, 0] - s * pose[:, 1], s * pose[:, 0] + c * pose[:, 1]
-            path[some] = np.stack((at[:, 0] + dx, at[:, 1] + dy, wrap(at[:, 2] + pose[:, 2])), axis=-1)
-            left, T, G = np.zeros((len(some), 3, 3)), np.zeros((len(some), 3, 3)), np.tile(np.eye(3), (len(some), 1, 1))
-            left[:, *np.triu_indices(3)] = self._covs[some]
-            left += np.triu(left, 1).transpose(0, 2, 1)
-            T[:, 0, 0] = T[:, 1, 1] = c
-            T[:, 0, 1], T[:, 1, 0], T[:, 2, 2] = -s, s, 1.0
-            G[:, 0, 2], G[:, 1, 2] = -dy, dx
-            covs[some] = T @ left @ T.transpose(0, 2, 1) + G @ frame_covs[of] @ G.transpose(0, 2, 1)
+        n = min(len(path), len(self._of))
+        sizes = [len(rows) for rows in around]
+        ends, rows = np.cumsum([0, *sizes]), np.concatenate(around)
+        steps = np.flatnonzero(self._of[:n, 0] >= 0)
+        bounds = np.flatnonzero(np.diff(self._of[steps, 0], prepend=-1))  # one map after the other
+        for some in np.split(steps, bounds[1:]):
+            submaps = self._of[some, 1].astype(np.int64)
+            poses, left = self._poses[some], self._covs[some]
+            follow(poses, left, self._maps[self._of[some[0], 0]], landmarks, submaps, ends, rows, reach)
+            path[some], out = poses, np.empty((len(some), 3, 3))
+            with_frames(poses, left, frames, shared, submaps, out)
+            covs[some] = out

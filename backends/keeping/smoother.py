@@ -21,7 +21,7 @@ from ...core.se2 import Array
 from ..api import COMPILED_HERE, Builder, Diverged, Pose, Unsuited
 from ..common_options import without_loss
 from ..incremental.smoother import Options, Smoother
-from ..smoothing._graph import LAST, ROOT, STEP, STEPS, VARIABLES, Graph
+from ..smoothing._graph import LAST, ROOT, FURTHEST, STEP, STEPS, VARIABLES, WIDTH, Graph
 from ._condensed import condense
 from ._stretches import seen_in, stretches
 from .compacted import Which, compacted
@@ -33,6 +33,7 @@ OFTEN = 1000
 """Steps between two looks for what can be marginalised: fewer than half of all that is kept would cost too much."""
 
 LONGEST = 1000  # steps of a stretch
+NEAR = 0.5  # m for each of `keep`, from the middle of a stretch to the frame of its submap
 
 
 class Stretch(NamedTuple):
@@ -108,7 +109,9 @@ class Keeping(Smoother):
         """Marginalises stretches, first and last rows, at the present estimate."""
         forest = self._forest
         forest.relinearise(0.0)
-        g, path = forest.g, forest.estimate().path
+        estimate = forest.estimate()
+        g, path = forest.g, estimate.path
+        self._left_out.begin(estimate.values[g.variables[: len(estimate.values), WIDTH] == 2, :2])
         keeps, frames = np.ones(len(path), np.bool_), np.zeros(len(path), np.bool_)
         for first, last in gone:
             index = self._nearest(g, path[(first + last) // 2])
@@ -125,20 +128,19 @@ class Keeping(Smoother):
             else:
                 self._submaps[index].add(told, g.values[self._submaps[index].frame], g.values)
             rows = np.arange(first, last if begins else last + 1)
-            at = path[g.variables[self._submaps[index].frame, STEP]]
-            self._left_out.add(self._numbers[rows], index, at, path[rows], left[: len(rows)])
+            self._left_out.add(self._numbers[rows], index, path[rows], left[: len(rows)])
             keeps[rows] = False
         frames[[g.variables[submap.frame, STEP] for submap in self._submaps]] = True
         self._renumber(keeps, frames)
 
     def _nearest(self, g: Graph, pose: Array) -> int:
-        """The submap whose frame is nearest to a pose; their number if none is within `keep`."""
+        """The submap whose frame is nearest to a pose; their number if none is near."""
         if not self._submaps:
             return 0
         off = g.values[[submap.frame for submap in self._submaps], :2] - pose[:2]
         far = np.hypot(off[:, 0], off[:, 1])
         best = int(far.argmin())
-        return best if far[best] <= self._options.keep else len(self._submaps)
+        return best if far[best] <= NEAR * self._options.keep else len(self._submaps)
 
     def _renumber(self, keeps: Which, frames: Which) -> None:
         """Puts the tables that are left in place of the present ones, and eliminates everything."""
@@ -158,10 +160,10 @@ class Keeping(Smoother):
         self._waiting = [Stretch(*(row - int(fewer[row]) for row in of[:2]), of.new) for of in self._waiting]
         forest.reorganise(int(new.variables[last]), new.variables[root], everything=True)
 
-    def _whole(self, path: Array) -> tuple[Array, Array]:
+    def _whole(self, path: Array, values: Array) -> tuple[Array, Array]:
         """The path (n, 3) and covariances (n, 3, 3) of all steps, from the `path` of those that are left.
 
-        What is marginalised has moved with the frame of its submap since.
+        What is marginalised has moved with the landmarks around it since.
         """
         left, g, rows = self._forest.pose_covariances(), self._forest.g, len(path)
         numbers = np.concatenate((self._numbers, np.arange(self._steps - rows + len(self._numbers), self._steps)))
@@ -170,7 +172,10 @@ class Keeping(Smoother):
         if self._submaps:
             at = [int(g.variables[submap.frame, STEP]) for submap in self._submaps]
             shared = np.array([left[row] - of.own_at(path[row]) for row, of in zip(at, self._submaps, strict=True)])
-            self._left_out.fill(out, covs, path[at], shared)
+            landmarks = g.variables[: len(values), WIDTH] == 2
+            row = np.cumsum(landmarks) - 1
+            around = [row[of.landmarks] for of in self._submaps]
+            self._left_out.fill(out, covs, values[landmarks, :2], around, path[at], shared, g.settings[FURTHEST])
         return out, covs
 
 
