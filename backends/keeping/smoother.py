@@ -149,7 +149,8 @@ class Keeping(Smoother):
         last = int(state[LAST])
         new = compacted(forest.g, keeps, frames, self._submaps)
         forest.g = new.g
-        self._variable = {landmark: int(new.variables[v]) for landmark, v in self._variable.items()}
+        for landmark, v in self._variable.items():
+            self._variable[landmark] = int(new.variables[v])
         self._near = np.fromiter(self._variable.values(), np.int64, len(self._variable))
         self._newest = int(new.variables[self._newest])
         for rows in self._held.values():
