@@ -35,7 +35,7 @@ def stretches(g: Graph, first: int, last: int, length: float, longest: int) -> I
     A stretch ends further than `length` (m) from its start, or after `longest` steps, where enough is in sight on either
     side, and from the two poses themselves.
     """
-    out, n, start = np.empty(last - first + 1, np.int64), 0, first
+    out, n, start = np.empty(max(last - first, 0), np.int64), 0, first
     for k in range(first, last):
         dx, dy = g.steps[k, POINT] - g.steps[start, POINT], g.steps[k, POINT + 1] - g.steps[start, POINT + 1]
         if dx * dx + dy * dy <= length * length and k - start + 1 < longest:

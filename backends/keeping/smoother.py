@@ -49,15 +49,15 @@ class Keeping(Smoother):
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         for there, what in (
-            (prior.loops, "loop closures, which are to poses that it does not keep"),
-            (prior.partial, "sightings that tell a range or a bearing alone"),
-            (prior.fixes, "positions and headings measured in the world"),
-            (prior.gyro is not None, "a gyro's bias in the state; gyro=front estimates it in front"),
-            (prior.map is not None, "a given map, with which nothing is new"),
-            (options.loss != "none", "a robust loss, whose weights would stay as they are"),
+            (prior.loops, "no loop closures, which are to poses that it does not keep"),
+            (prior.partial, "no sightings that tell a range or a bearing alone"),
+            (prior.fixes, "no positions and headings measured in the world"),
+            (prior.gyro is not None, "no gyro's bias in the state; gyro=front estimates it in front"),
+            (prior.map is not None, "no given map, with which nothing is new"),
+            (options.loss != "none", "no robust loss, whose weights would stay as they are"),
         ):
             if there:
-                raise Unsuited(f"keep={options.keep:g} takes no {what}; keep=0 does")
+                raise Unsuited(f"keep={options.keep:g} takes {what}; keep=0 does")
         super().__init__(prior, options, rng)
         compile_ahead(f"{__package__}.kernels")
         self._submaps, self._left_out = list[Submap](), LeftOut()
@@ -71,13 +71,18 @@ class Keeping(Smoother):
     def step(self, step: Step) -> Pose:
         """The step of an incremental smoother; from time to time poses are marginalised after it."""
         pose = super().step(step)
-        if int(self._forest.g.state[STEPS]) < self._next:
+        if self.held < self._next:
             return pose
         self._look()
         pose = self._forest.pose.copy()
         if not np.isfinite(pose).all():
             raise Diverged("the latest pose is not finite")
         return pose
+
+    @property
+    def held(self) -> int:
+        """The number of steps that it still has motions or sightings of."""
+        return int(self._forest.g.state[STEPS])
 
     def _look(self) -> None:
         """Decides on all stretches that have ended but the last one, and marginalises those that show nothing new."""
@@ -96,7 +101,7 @@ class Keeping(Smoother):
         self._waiting = ended[-1:]
         if gone:
             self._marginalise(gone)
-        self._next = int(self._forest.g.state[STEPS]) + max(OFTEN, self._begin // 2)
+        self._next = self.held + max(OFTEN, self._begin // 2)
 
     def _is_new(self, first: int, last: int) -> bool:
         """Tells if a landmark is seen for the first time in these rows, or held back; from now on it is known."""
