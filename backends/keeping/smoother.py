@@ -33,7 +33,7 @@ OFTEN = 1000
 """Steps between two looks for what can be marginalised: fewer than half of all that is kept would cost too much."""
 
 LONGEST = 1000  # steps of a stretch
-NEAR = 0.5  # m for each of `keep`, from the middle of a stretch to the frame of its submap
+NEAR = 0.5  # m for each of `keep`, between the middles of two stretches that have one submap
 
 
 class Stretch(NamedTuple):
@@ -60,7 +60,7 @@ class Keeping(Smoother):
                 raise Unsuited(f"keep={options.keep:g} takes {what}; keep=0 does")
         super().__init__(prior, options, rng)
         compile_ahead(f"{__package__}.kernels")
-        self._submaps, self._left_out = list[Submap](), LeftOut()
+        self.submaps, self._left_out = list[Submap](), LeftOut()
         self._numbers = np.zeros(0, np.int64)  # steps of the rows that were there when this was last looked at
         self._known = np.zeros(0, np.bool_)  # variables of landmarks that have been seen in an earlier stretch
         self._begin = 1  # row of the first stretch that has not ended
@@ -119,9 +119,10 @@ class Keeping(Smoother):
         self._left_out.begin(estimate.values[g.variables[: len(estimate.values), WIDTH] == 2, :2])
         keeps, frames = np.ones(len(path), np.bool_), np.zeros(len(path), np.bool_)
         for first, last in gone:
-            index = self._nearest(g, path[(first + last) // 2])
+            middle = path[(first + last) // 2, :2]
+            index = self._nearest(g, middle)
             landmarks, _ = seen_in(g, first, last)
-            n, begins = 2 * len(landmarks), index == len(self._submaps)
+            n, begins = 2 * len(landmarks), index == len(self.submaps)
             W, h, left = np.zeros((n, n)), np.zeros(n), np.zeros((last - first + 1, 3, 3))
             constant = condense(g, first, last, landmarks, begins, W, h, left)
             if not np.isfinite(constant):  # it stays as it is
@@ -129,30 +130,30 @@ class Keeping(Smoother):
             told = Condensed(landmarks, W, h, constant)
             if begins:
                 v = int(g.at[last])
-                self._submaps.append(begun(v, told, g.values[v], g.values, left[-1]))
+                self.submaps.append(begun(v, told, g.values[v], g.values, left[-1], middle))
             else:
-                self._submaps[index].add(told, g.values[self._submaps[index].frame], g.values)
+                self.submaps[index].add(told, g.values[self.submaps[index].frame], g.values)
             rows = np.arange(first, last if begins else last + 1)
             self._left_out.add(self._numbers[rows], index, path[rows], left[: len(rows)])
             keeps[rows] = False
-        frames[[g.variables[submap.frame, STEP] for submap in self._submaps]] = True
+        frames[[g.variables[submap.frame, STEP] for submap in self.submaps]] = True
         self._renumber(keeps, frames)
 
-    def _nearest(self, g: Graph, pose: Array) -> int:
-        """The submap whose frame is nearest to a pose; their number if none is near."""
-        if not self._submaps:
+    def _nearest(self, g: Graph, middle: Array) -> int:
+        """The submap of the stretch whose middle is nearest to this one (2,); their number if none is near."""
+        if not self.submaps:
             return 0
-        off = g.values[[submap.frame for submap in self._submaps], :2] - pose[:2]
+        off = np.array([submap.middle_at(g.values[submap.frame]) for submap in self.submaps]) - middle
         far = np.hypot(off[:, 0], off[:, 1])
         best = int(far.argmin())
-        return best if far[best] <= NEAR * self._options.keep else len(self._submaps)
+        return best if far[best] <= NEAR * self._options.keep else len(self.submaps)
 
     def _renumber(self, keeps: Which, frames: Which) -> None:
         """Puts the tables that are left in place of the present ones, and eliminates everything."""
         forest, state = self._forest, self._forest.g.state
         root = forest.g.root[: state[ROOT]].copy()
         last = int(state[LAST])
-        new = compacted(forest.g, keeps, frames, self._submaps)
+        new = compacted(forest.g, keeps, frames, self.submaps)
         forest.g = new.g
         for landmark, v in self._variable.items():
             self._variable[landmark] = int(new.variables[v])
@@ -175,12 +176,12 @@ class Keeping(Smoother):
         numbers = np.concatenate((self._numbers, np.arange(self._steps - rows + len(self._numbers), self._steps)))
         out, covs = np.empty((self._steps, 3)), np.empty((self._steps, 3, 3))
         out[numbers], covs[numbers] = path, left
-        if self._submaps:
-            at = [int(g.variables[submap.frame, STEP]) for submap in self._submaps]
-            shared = np.array([left[row] - of.own_at(path[row]) for row, of in zip(at, self._submaps, strict=True)])
+        if self.submaps:
+            at = [int(g.variables[submap.frame, STEP]) for submap in self.submaps]
+            shared = np.array([left[row] - of.own_at(path[row]) for row, of in zip(at, self.submaps, strict=True)])
             landmarks = g.variables[: len(values), WIDTH] == 2
             row = np.cumsum(landmarks) - 1
-            around = [row[of.landmarks] for of in self._submaps]
+            around = [row[of.landmarks] for of in self.submaps]
             self._left_out.fill(out, covs, values[landmarks, :2], around, path[at], shared, g.settings[FURTHEST])
         return out, covs
 

@@ -31,6 +31,7 @@ class Submap:
     h: Array  # (2m,)
     constant: float
     own: Array  # (3, 3) covariance of the pose given the landmarks, in its own frame
+    middle: Array  # (2,) m; the middle of the stretch that it was made for, in its frame
 
     def add(self, told: Condensed, frame: Array, values: Array) -> None:
         """Adds what a stretch tells, linearised at `values` (V, 3), with the frame at `frame` (3,).
@@ -54,6 +55,10 @@ class Submap:
         T = turn_of(pose[2])
         return T @ self.own @ T.T
 
+    def middle_at(self, pose: Array) -> Array:
+        """The middle (2,) in the world, where the frame is at `pose` (3,)."""
+        return pose[:2] + turn_of(pose[2])[:2, :2] @ self.middle
+
     def _append(self, landmarks: Ints, at: Array) -> None:
         """Appends landmarks of which nothing is known yet."""
         if len(landmarks) == 0:
@@ -69,15 +74,15 @@ class Submap:
         self.frame, self.landmarks = int(variables[self.frame]), variables[self.landmarks]
 
 
-def begun(variable: int, told: Condensed, frame: Array, values: Array, own: Array) -> Submap:
+def begun(variable: int, told: Condensed, frame: Array, values: Array, own: Array, middle: Array) -> Submap:
     """The submap of a stretch whose last pose, the `variable` at `frame` (3,), is its frame and is not eliminated.
 
-    `own` (3, 3) is that pose's covariance given the landmarks, in the world.
+    `own` (3, 3) is that pose's covariance given the landmarks, and `middle` (2,) that of the stretch, both in the world.
     """
     stated = in_frame(values[told.landmarks, :2], frame)
     T = turn_of(-frame[2])
     W, h = turned(told, frame[2]), turned_side(told.h, frame[2])
-    return Submap(variable, told.landmarks, stated, W, h, told.constant, T @ own @ T.T)
+    return Submap(variable, told.landmarks, stated, W, h, told.constant, T @ own @ T.T, in_frame(middle[None], frame)[0])
 
 
 def in_frame(xy: Array, frame: Array) -> Array:
