@@ -102,8 +102,8 @@ class Options:
     gyro: str = common_options.gyro()
     keep: float = option(
         0.0,
-        "length of the stretches of the way, m, that are marginalised where nothing new is seen: cost and memory follow "
-        "the area and not the time; 0: none is",
+        "length of the stretches of the way, m, that are marginalised where nothing new is seen: "
+        "cost and memory follow the area and not the time; 0: none is",
         minimum=0,
     )
 

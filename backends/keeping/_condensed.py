@@ -74,9 +74,9 @@ def advance(F: Array, w: int) -> None:
 def condense(g: Graph, first: int, last: int, landmarks: Ints, frame: bool, W: Array, h: Array, left: Array) -> float:
     """Eliminates the poses of steps `first` to `last`, at the linearisation points, without the motion to the first.
 
-    Fills W (2m, 2m), the information about the offsets of these landmarks, and h (2m,), the right-hand side: all but the
-    last pose are eliminated where that is a `frame`, and it is held fixed. Fills `left` (n, 3, 3), the covariance of each
-    pose given the landmarks. Returns the constant that is left of J; not a number where something is indefinite.
+    Fills W (2m, 2m), the information about the offsets of these landmarks, and h (2m,), the right-hand side. Where the
+    last pose is a `frame`, it is held fixed and not eliminated. Fills `left` (n, 3, 3), the covariance of each pose
+    given the landmarks. Returns the constant that is left of J; not a number where something is indefinite.
     """
     n = 6 + 2 * len(landmarks)
     w, total, many = n + 1, 0.0, last - first + 1

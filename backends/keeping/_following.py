@@ -17,8 +17,8 @@ def follow(
     """Moves `poses` (n, 3) by the rigid motion that fits best what landmarks around them have moved by since.
 
     These were at `was` (l, 2) and are at `now`. Those of submap i are around[ends[i] : ends[i + 1]]; one at distance d
-    has the weight (d^2 + reach^2)^-2, so that the nearest say where the pose is, and those at `reach` its heading. `left`
-    (n, 6), the covariances, are turned likewise. The motion is that of Horn's closed form in the plane.
+    has the weight (d^2 + reach^2)^-2, so that the nearest say where the pose is, and those at `reach` its heading. The
+    covariances `left` (n, 6) are turned likewise. The motion is that of Horn's closed form in the plane.
     """
     for k in range(len(poses)):
         x, y = poses[k, 0], poses[k, 1]

@@ -32,8 +32,8 @@ def in_sight(g: Graph, first: int, last: int) -> int:
 def stretches(g: Graph, first: int, last: int, length: float, longest: int) -> Ints:
     """The last steps of the stretches from step `first` on that end before step `last`.
 
-    A stretch ends further than `length` (m) from its start, or after `longest` steps, where enough is in sight on either
-    side, and from the two poses themselves.
+    A stretch ends further than `length` (m) from its start, or after `longest` steps, between two poses with sightings
+    where enough is in sight on either side.
     """
     out, n, start = np.empty(max(last - first, 0), np.int64), 0, first
     for k in range(first, last):

@@ -98,7 +98,10 @@ def compacted(g: Graph, keeps: Which, frames: Which, submaps: Sequence[Submap]) 
     seen[named, LANDMARK], seen[:, POSE] = variable[seen[named, LANDMARK]], variable[seen[:, POSE]]
 
     new.links[: counts[LINKS]], new.linked[: counts[LINKS]] = links[linked], g.linked[:K][linked]
-    new.links[: counts[LINKS], A], new.links[: counts[LINKS], B] = variable[links[linked, A]], variable[links[linked, B]]
+    new.links[: counts[LINKS], A], new.links[: counts[LINKS], B] = (
+        variable[links[linked, A]],
+        variable[links[linked, B]],
+    )
     rehang(new)
 
     ways, at = new.steps[: counts[STEPS]], g.at[:T][keeps]
@@ -119,7 +122,9 @@ def compacted(g: Graph, keeps: Which, frames: Which, submaps: Sequence[Submap]) 
         frame[FIRST], frame[END], frame[SUBMAP] = row, row + m, o
         new.sightings[row : row + m, LANDMARK], new.sightings[row : row + m, PART] = submap.landmarks, MEMBER
         new.sightings[row : row + m, POSE] = submap.frame
-        block = np.concatenate(([submap.constant], submap.stated.reshape(-1), submap.h, submap.W.reshape(-1)))
+        block = np.concatenate(
+            ([submap.constant], submap.stated.reshape(-1), submap.side, submap.information.reshape(-1))
+        )
         new.submaps[o : o + len(block)] = block
         row, o = row + m, o + len(block)
     return Compacted(new, variable, sighting)

@@ -37,8 +37,9 @@ class LeftOut:
     ) -> None:
         """Fills their rows of a path (n, 3) and of covariances (n, 3, 3).
 
-        They follow the `landmarks` (l, 2), which `around` (f,) has for each submap, those within `reach` (m) most of all.
-        `frames` (f, 3) are the submaps' poses, and `shared` (f, 3, 3) the covariances that others have in common with them.
+        They follow the `landmarks` (l, 2), of which `around` (f,) has the rows for each submap, and those within
+        `reach` (m) most of all. `frames` (f, 3) are the submaps' poses, and `shared` (f, 3, 3) what covariances of
+        poses nearby have in common with them.
         """
         n = min(len(path), len(self._of))
         sizes = [len(rows) for rows in around]

@@ -1,13 +1,14 @@
 """The incremental smoother, and one whose cost and memory follow the area that the robot drives in, not the time.
 
-With `keep`, the way is divided into stretches of that length. One from which a landmark is seen for the first time stays
-as it is, and so do its neighbours: all poses, all motions, all sightings. Another one adds nothing but accuracy. Its
-poses are marginalised, and what it told of its landmarks is added to a submap nearby: dense information about
+With `keep`, the way is divided into stretches of that length. One from which a landmark is seen for the first time
+stays as it is, and so do its neighbours: all poses, all motions, all sightings. Another one adds nothing but accuracy.
+Its poses are marginalised, and what it told of its landmarks is added to a submap nearby: dense information about
 coordinates in the frame of one pose. The motions into such a stretch and out of it are left out, so that it has factors
-with landmarks alone: the robot is located anew from the map, and no information is used twice or made up (Walter, Eustice
-and Leonard, "Exactly sparse extended information filters for feature-based SLAM", IJRR 26(4), 2007; nodes where the robot
-has been before: Kretzschmar and Stachniss, IJRR 31(11), 2012). Within a stretch nothing is approximated but the point of
-linearisation. So there are as many factors as there are places, and what is lost are these motions.
+with landmarks alone. The robot is located anew from the map, and no information is used twice or made up (Walter,
+Eustice and Leonard, "Exactly sparse extended information filters for feature-based SLAM", IJRR 26(4), 2007). Within a
+stretch nothing is approximated but the point of linearisation. There are as many factors as there are places, and what
+is lost are these motions. Kretzschmar and Stachniss (IJRR 31(11), 2012) and Carlevaris-Bianco, Kaess and Eustice (T-RO
+30(6), 2014) sparsify what marginalising leaves between poses; here there is nothing between poses.
 """
 
 from itertools import pairwise
@@ -21,7 +22,7 @@ from ...core.se2 import Array
 from ..api import COMPILED_HERE, Builder, Diverged, Pose, Unsuited
 from ..common_options import without_loss
 from ..incremental.smoother import Options, Smoother
-from ..smoothing._graph import LAST, ROOT, FURTHEST, STEP, STEPS, VARIABLES, WIDTH, Graph
+from ..smoothing._graph import FURTHEST, LAST, ROOT, STEP, STEPS, VARIABLES, WIDTH, Graph
 from ._condensed import condense
 from ._stretches import seen_in, stretches
 from .compacted import Which, compacted
@@ -164,7 +165,10 @@ class Keeping(Smoother):
         self._known, self._numbers = self._known[new.variables >= 0], self._numbers[keeps]
         fewer = np.concatenate(([0], np.cumsum(~keeps)))
         self._begin -= int(fewer[self._begin])
-        self._waiting = [Stretch(*(row - int(fewer[row]) for row in of[:2]), of.new) for of in self._waiting]
+        self._waiting = [
+            of._replace(first=of.first - int(fewer[of.first]), last=of.last - int(fewer[of.last]))
+            for of in self._waiting
+        ]
         forest.reorganise(int(new.variables[last]), new.variables[root], everything=True)
 
     def _whole(self, path: Array, values: Array) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Submaps: what marginalised poses told of landmarks, as coordinates in the frame of one pose, with their information."""
+"""Submaps: what marginalised poses told of landmarks, as coordinates in the frame of one pose."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,23 +12,24 @@ class Condensed(NamedTuple):
     """What a stretch tells of m landmarks: see `_condensed.condense`."""
 
     landmarks: Ints  # (m,) variables
-    W: Array  # (2m, 2m) information about their offsets in the world
-    h: Array  # (2m,) its right-hand side
+    information: Array  # (2m, 2m) information about their offsets in the world
+    side: Array  # (2m,) its right-hand side
     constant: float  # of J
 
 
 @dataclass
 class Submap:
-    """A part of J, y' W y - 2 h' y + constant: y are the coordinates of landmarks in its frame, less the stated ones.
+    """A part of J, y' information y - 2 side' y + constant.
 
+    y are the coordinates of landmarks in its frame, less the stated ones.
     It does not change when the frame and its landmarks move together: so it stays true when the map bends.
     """
 
     frame: int  # variable of the pose
     landmarks: Ints  # (m,) variables
     stated: Array  # (m, 2) m
-    W: Array  # (2m, 2m)
-    h: Array  # (2m,)
+    information: Array  # (2m, 2m)
+    side: Array  # (2m,)
     constant: float
     own: Array  # (3, 3) covariance of the pose given the landmarks, in its own frame
     middle: Array  # (2,) m; the middle of the stretch that it was made for, in its frame
@@ -38,7 +39,7 @@ class Submap:
 
         A stretch whose poses are all eliminated says nothing of where its landmarks are together: the frame stays.
         """
-        W, h, at = turned(told, frame[2]), turned_side(told.h, frame[2]), in_frame(values[told.landmarks, :2], frame)
+        W, h, at = turned(told, frame[2]), turned_side(told.side, frame[2]), in_frame(values[told.landmarks, :2], frame)
         row = {int(v): t for t, v in enumerate(self.landmarks)}
         new = np.array([int(v) not in row for v in told.landmarks], np.bool_)
         self._append(told.landmarks[new], at[new])
@@ -46,8 +47,8 @@ class Submap:
         rows = np.array([row[int(v)] for v in told.landmarks], np.int64)
         y = (at - self.stated[rows]).reshape(-1)
         scalars = (2 * rows[:, None] + np.arange(2)).reshape(-1)
-        self.W[np.ix_(scalars, scalars)] += W
-        self.h[scalars] += W @ y + h
+        self.information[np.ix_(scalars, scalars)] += W
+        self.side[scalars] += W @ y + h
         self.constant += told.constant + float(y @ W @ y + 2 * h @ y)
 
     def own_at(self, pose: Array) -> Array:
@@ -65,9 +66,9 @@ class Submap:
             return
         m, n = len(self.landmarks), len(self.landmarks) + len(landmarks)
         W, h = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
-        W[: 2 * m, : 2 * m], h[: 2 * m] = self.W, self.h
+        W[: 2 * m, : 2 * m], h[: 2 * m] = self.information, self.side
         self.landmarks = np.concatenate((self.landmarks, landmarks))
-        self.stated, self.W, self.h = np.concatenate((self.stated, at)), W, h
+        self.stated, self.information, self.side = np.concatenate((self.stated, at)), W, h
 
     def renumbered(self, variables: Ints) -> None:
         """Takes other numbers of variables, by the present ones."""
@@ -77,12 +78,14 @@ class Submap:
 def begun(variable: int, told: Condensed, frame: Array, values: Array, own: Array, middle: Array) -> Submap:
     """The submap of a stretch whose last pose, the `variable` at `frame` (3,), is its frame and is not eliminated.
 
-    `own` (3, 3) is that pose's covariance given the landmarks, and `middle` (2,) that of the stretch, both in the world.
+    `own` (3, 3) is that pose's covariance given the landmarks, and `middle` (2,) the stretch's; both in the world.
     """
     stated = in_frame(values[told.landmarks, :2], frame)
     T = turn_of(-frame[2])
-    W, h = turned(told, frame[2]), turned_side(told.h, frame[2])
-    return Submap(variable, told.landmarks, stated, W, h, told.constant, T @ own @ T.T, in_frame(middle[None], frame)[0])
+    W, h = turned(told, frame[2]), turned_side(told.side, frame[2])
+    return Submap(
+        variable, told.landmarks, stated, W, h, told.constant, T @ own @ T.T, in_frame(middle[None], frame)[0]
+    )
 
 
 def in_frame(xy: Array, frame: Array) -> Array:
@@ -96,7 +99,7 @@ def turned(told: Condensed, heading: float) -> Array:
     """The information (2m, 2m) about offsets in a frame of that heading."""
     n = len(told.landmarks)
     R = turn_of(heading)[:2, :2]
-    return np.einsum("ba,ibjc,cd->iajd", R, told.W.reshape(n, 2, n, 2), R).reshape(2 * n, 2 * n)
+    return np.einsum("ba,ibjc,cd->iajd", R, told.information.reshape(n, 2, n, 2), R).reshape(2 * n, 2 * n)
 
 
 def turned_side(h: Array, heading: float) -> Array:

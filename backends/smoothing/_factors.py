@@ -359,12 +359,12 @@ def submap_cost(g: Graph, pose: int, at: Array, values: Array) -> float:
     o, M = g.variables[pose, SUBMAP], g.submaps
     X, y = np.empty(n), np.empty(n)
     in_frame(g, pose, at, values, X, y)
-    total, b = M[o], o + 1 + 2 * n
+    total, b = float(M[o]), o + 1 + 2 * n
     for i in range(n):
-        a = -2.0 * M[o + 1 + n + i]
+        a = -2.0 * float(M[o + 1 + n + i])
         for j in range(n):
-            a += M[b + i * n + j] * y[j]
-        total += a * y[i]
+            a += float(M[b + i * n + j] * y[j])
+        total += a * float(y[i])
     return total
 
 

@@ -48,9 +48,10 @@ WIDTH, CLIQUE, SLOT, MARK, PLACE, FIRST, END, LINK, STEP, SUBMAP = range(10)
 # sightings; without landmark: held back; PART says what a row is
 LANDMARK, POSE, PART = range(3)
 # PART: a whole sighting; a range or a bearing alone, the other's information being zero; the prior of constant errors,
-# whose variable is the landmark; MEMBER: a landmark of the pose's submap; FIX - n: the fix in row n of `fixed`, whose landmark is the variable of a heading's
-# constant error, or one that is held fixed; else a range alone with constant errors, and the variable of its scale and
-# offset, or, with the information of a bearing, the walk of a gyro's bias, the landmark, since that variable
+# whose variable is the landmark; MEMBER: a landmark of the pose's submap; FIX - n: the fix in row n of `fixed`, whose
+# landmark is the variable of a heading's constant error, or one that is held fixed; else a range alone with constant
+# errors, and the variable of its scale and offset, or, with the information of a bearing, the walk of a gyro's bias,
+# the landmark, since that variable
 WHOLE, ALONE, PRIOR, MEMBER, FIX = -1, -2, -3, -4, -5
 # links: from A to B; of a loop closure LOOP is 1, of a gyro's turn TURN, which has the variable of its BIAS
 A, B, NEXT_A, NEXT_B, LOOP, BIAS = range(6)

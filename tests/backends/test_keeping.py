@@ -23,14 +23,13 @@ from slamduel.backends.smoothing._graph import (
     PLACE,
     POSE,
     SIGHTINGS,
-    STEPS,
     SUBMAP,
     Graph,
 )
 from slamduel.backends.smoothing.arrays import made, with_rows
 from slamduel.core.factors import Dataset, Prior
 from slamduel.core.gyro import Bias
-from slamduel.core.se2 import Array, between, wrap
+from slamduel.core.se2 import Array, Ints, between, wrap
 from slamduel.datasets.worlds.city import Options, city
 from tiers import first_quick
 
@@ -56,7 +55,8 @@ def a_stretch(rng: np.random.Generator, poses: int = 6, landmarks: int = 5) -> G
     pose, cov = np.array([1.0, -2.0, 2.9]), 0.01 * np.eye(3)
     _log.move(g, np.concatenate((pose[None], cov)), pose, cov)
     newest = _log.add_pose_after(g, NO_VARIABLE, 0)
-    variables = np.array([_log.add_variable(g, 2, *(pose[:2] + rng.uniform(2, 5, 2)), 0.0) for _ in range(landmarks)])
+    places = pose[:2] + rng.uniform(2, 5, (landmarks, 2))
+    variables = np.array([_log.add_variable(g, 2, x, y, 0.0) for x, y in places.tolist()])
     for k in range(1, poses + 1):
         motion = np.concatenate((np.array([[0.5, 0.1, 0.3]]), random_covariance(rng, [0.1, 0.2, 0.05])))
         _log.move(g, motion, pose, cov)
@@ -81,7 +81,7 @@ def residuals(g: Graph, poses: Array, landmarks: dict[int, Array]) -> Array:
             e[2] = wrap(e[2])
             a = g.steps[k, 3:9]
             cov = np.array([[a[0], a[1], a[2]], [a[1], a[3], a[4]], [a[2], a[4], a[5]]])
-            out.append(np.linalg.solve(np.linalg.cholesky(cov), e))
+            out.append(np.array(np.linalg.solve(np.linalg.cholesky(cov), e), np.float64))
         pose = g.at[k]
         for s in range(g.variables[pose, FIRST], g.variables[pose, END]):
             d = landmarks[int(g.sightings[s, LANDMARK])] - x[:2]
@@ -91,7 +91,7 @@ def residuals(g: Graph, poses: Array, landmarks: dict[int, Array]) -> Array:
     return np.concatenate(out)
 
 
-def dense(g: Graph, poses: int, variables: Array) -> tuple[Array, Array, float]:
+def dense(g: Graph, poses: int, variables: Ints) -> tuple[Array, Array, float]:
     """Information, right-hand side and J of all poses, then all landmarks of a stretch, by central differences."""
     start = np.concatenate((g.steps[1 : poses + 1, 9:12].ravel(), g.values[variables, :2].ravel()))
 
@@ -132,7 +132,7 @@ def test_a_condensed_stretch_is_a_schur_complement(frame: bool) -> None:
         assert np.abs(W @ together.T).max() < 1e-8 * scale
 
 
-def test_a_submap_in_a_front_has_the_derivatives_of_its_part_of_J() -> None:
+def test_a_submap_in_a_front_has_the_derivatives_of_its_part_of_the_cost() -> None:
     rng = np.random.default_rng(6)
     g = a_stretch(rng)
     variables, _ = _stretches.seen_in(g, 1, 6)
@@ -153,7 +153,7 @@ def test_a_submap_in_a_front_has_the_derivatives_of_its_part_of_J() -> None:
     g.sightings[first : first + m, LANDMARK], g.sightings[first : first + m, POSE] = variables, pose
     g.sightings[first : first + m, PART] = MEMBER
     g.variables[pose, FIRST], g.variables[pose, END], g.variables[pose, SUBMAP] = first, first + m, 1
-    block = np.concatenate(([submap.constant], submap.stated.ravel(), submap.h, submap.W.ravel()))
+    block = np.concatenate(([submap.constant], submap.stated.ravel(), submap.side, submap.information.ravel()))
     g.submaps[1 : 1 + len(block)] = block
     assert _factors.submap_cost(g, pose, g.values[pose], g.values) == pytest.approx(told.constant + constant, rel=1e-9)
 
@@ -178,9 +178,9 @@ def test_a_submap_in_a_front_has_the_derivatives_of_its_part_of_J() -> None:
 
     v = np.concatenate((g.values[pose], g.values[variables, :2].ravel()))
     J = np.stack([(y(v + 1e-6 * e) - y(v - 1e-6 * e)) / 2e-6 for e in np.eye(size)], axis=1)
-    assert np.abs(found - J.T @ submap.W @ J).max() < 1e-7 * np.abs(found).max()
-    assert np.abs(side - J.T @ (submap.h - submap.W @ y(v))).max() < 1e-7 * np.abs(side).max()
-    J_here = y(v) @ submap.W @ y(v) - 2 * submap.h @ y(v) + submap.constant
+    assert np.abs(found - J.T @ submap.information @ J).max() < 1e-7 * np.abs(found).max()
+    assert np.abs(side - J.T @ (submap.side - submap.information @ y(v))).max() < 1e-7 * np.abs(side).max()
+    J_here = y(v) @ submap.information @ y(v) - 2 * submap.side @ y(v) + submap.constant
     assert _factors.submap_cost(g, pose, g.values[pose], g.values) == pytest.approx(J_here, rel=1e-9)
 
 
