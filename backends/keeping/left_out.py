@@ -18,7 +18,7 @@ class LeftOut:
         self._maps = list[Array]()
 
     def begin(self, landmarks: Array) -> None:
-        """What is added next is as of this map (l, 2)."""
+        """Takes the map (l, 2) of the poses that are added next."""
         self._maps.append(landmarks)
 
     def add(self, steps: Ints, submap: int, poses: Array, left: Array) -> None:

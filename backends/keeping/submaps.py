@@ -9,7 +9,7 @@ from ...core.se2 import Array, Ints
 
 
 class Condensed(NamedTuple):
-    """What a stretch tells of m landmarks: see `_condensed.condense`."""
+    """Information of a stretch about m landmarks: see `_condensed.condense`."""
 
     landmarks: Ints  # (m,) variables
     information: Array  # (2m, 2m) information about their offsets in the world
