@@ -28,7 +28,7 @@ BUILTIN = {
     "kf": "slamduel.backends.gaussian.kf:build",
     "mcl": "slamduel.backends.particles.mcl:build",
     "mrpt-ekf": "slamduel.backends.programs.mrpt_ekf:build",
-    "smoother": "slamduel.backends.incremental.smoother:build",
+    "smoother": "slamduel.backends.keeping.smoother:build",
     "symforce": "slamduel.backends.programs.symforce:build",
     "textbook-ekf": "slamduel.backends.programs.textbook_ekf:build",
     "textbook-fastslam": "slamduel.backends.programs.textbook_fastslam:build",

@@ -23,8 +23,8 @@ from ...core.partial import NO_PARTIAL
 from ...core.se2 import Array, Ints
 from .. import common_options
 from .._expected_arrays import ExpectedArrays
-from ..api import COMPILED_HERE, Belief, Builder, Diverged, Expected, Pose, Solution
-from ..common_options import LOSSES, without_loss
+from ..api import Belief, Diverged, Expected, Pose, Solution
+from ..common_options import LOSSES
 from ..expected import as_expected, filled, room_for, roomier
 from ..newcomers import Newcomers
 from ..smoothing import _log, _opening, _step
@@ -38,6 +38,7 @@ from ..smoothing._graph import (
     PENDING,
     POSE,
     SIGHTINGS,
+    STEPS,
     WHOLE,
     WIDTH,
     WORK,
@@ -99,6 +100,12 @@ class Options:
     loss: str = common_options.loss("sightings and loops")
     loss_scale: float = common_options.loss_scale()
     gyro: str = common_options.gyro()
+    keep: float = option(
+        0.0,
+        "length of the stretches of the way, m, that are marginalised where nothing new is seen: "
+        "cost and memory follow the area and not the time; 0: none is",
+        minimum=0,
+    )
 
 
 class Smoother:
@@ -225,17 +232,23 @@ class Smoother:
         """Relinearises until nothing moves; returns the path with the covariances of its poses, and the map."""
         forest = self._forest
         estimate, converged = settled(forest, self._options.final_iterations)
-        path, values = estimate.path, estimate.values
-        if not (np.isfinite(path).all() and np.isfinite(values).all()):
+        values = estimate.values
+        if not (np.isfinite(estimate.path).all() and np.isfinite(values).all()):
             raise Diverged("the optimum is not finite")
+        path, covs = self._whole(estimate.path, values)
         landmarks = self._newcomers.added_to(self._parts.added_to(self._map(values), path), path)
         constant = self._parts.constant(values, landmarks.ids)
         bias = self.gyro_bias
-        return Solution(path, landmarks, forest.pose_covariances(), converged, constant=constant, gyro_bias=bias)
+        return Solution(path, landmarks, covs, converged, constant=constant, gyro_bias=bias)
 
     def joint(self, landmarks: list[int]) -> Array:
         """The joint covariance of landmarks with these ids and the last pose that is a variable."""
         return self._forest.joint(np.array([self._variable[i] for i in landmarks], np.int64))
+
+    def _whole(self, path: Array, values: Array) -> tuple[Array, Array]:
+        """The `path` (n, 3) of all steps, and their covariances (n, 3, 3), with all variables at `values` (v, 3)."""
+        del values
+        return path, self._forest.pose_covariances()
 
     def _due(self) -> bool:
         """Tells if a relinearisation check is due, by the steps since the last and the root's offsets.
@@ -307,7 +320,7 @@ class Smoother:
             _log.move(g, self._motion, forest.pose, forest.cov)
         ends = [self._pose_at(to, touched) for to in step.loops.to.tolist()]
         if k > 0:
-            before, self._newest = self._newest, _checked(_log.add_pose_after(g, self._newest, k))
+            before, self._newest = self._newest, _checked(_log.add_pose_after(g, self._newest, int(g.state[STEPS]) - 1))
             if turned is not None and turned.turn[2] > 0:
                 _log.add_turn(g, before, self._newest, turned.variable, *turned.turn.tolist())
         for a, delta, cov in zip(ends, step.loops.delta, step.loops.cov, strict=True):
@@ -438,15 +451,3 @@ def _checked(variable: int) -> int:
     if variable < 0:
         raise Diverged(NO_COVARIANCE)
     return variable
-
-
-build = Builder(
-    Smoother,
-    options=Options,
-    loops=True,
-    partial=True,
-    fixes=True,
-    gyro=True,
-    minimises=without_loss,
-    implementation=COMPILED_HERE,
-)

@@ -5,10 +5,11 @@ import numpy as np
 from ...core.kernels._planar import information, inverse, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._factors import distance, fix_off, loss, range_off, square_of, turn_off
+from ._factors import distance, fix_off, loss, range_off, square_of, submap_cost, turn_off
 from ._graph import (
     BIAS,
     COVARIANCE,
+    CUT,
     DELTA,
     END,
     FACTOR,
@@ -28,6 +29,7 @@ from ._graph import (
     SCALE,
     STEP,
     STEPS,
+    SUBMAP,
     TURN,
     UPDATE,
     VARIABLES,
@@ -68,7 +70,8 @@ def cost(g: Graph, path: Array, values: Array) -> float:
         return np.inf
     total = square_of(W, 0, path[0, 0] - p[0], path[0, 1] - p[1], wrap(path[0, 2] - p[2]))
     for k in range(1, g.state[STEPS]):
-        total += motion_cost(path, k - 1, k, g.steps[k], DELTA, NOISE)
+        if g.steps[k, NOISE] != CUT:
+            total += motion_cost(path, k - 1, k, g.steps[k], DELTA, NOISE)
     for k in range(g.state[LINKS]):
         if g.links[k, LOOP]:
             first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
@@ -82,6 +85,9 @@ def cost(g: Graph, path: Array, values: Array) -> float:
         if g.variables[v, WIDTH] != 3:
             continue
         k = g.variables[v, STEP]
+        if g.variables[v, SUBMAP] > 0:
+            total += submap_cost(g, v, path[k], values)
+            continue
         x, y, heading = path[k, 0], path[k, 1], path[k, 2]
         for s in range(g.variables[v, FIRST], g.variables[v, END]):
             landmark = g.sightings[s, LANDMARK]

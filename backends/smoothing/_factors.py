@@ -11,10 +11,30 @@ right-hand side in its last column.
 
 from math import atan2, cos, log, sin, sqrt
 
+import numpy as np
+
 from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._graph import BIAS, FIX, INFORMATION, LANDMARK, LOSS, MOTION, OFFSET, PART, POSE, SCALE, A, B, Graph
+from ._graph import (
+    BIAS,
+    END,
+    FIRST,
+    FIX,
+    INFORMATION,
+    LANDMARK,
+    LOSS,
+    MOTION,
+    OFFSET,
+    PART,
+    PLACE,
+    POSE,
+    SCALE,
+    SUBMAP,
+    A,
+    B,
+    Graph,
+)
 
 NONE, HUBER, CAUCHY, GEMAN_MCCLURE = range(4)
 """Robust losses of sightings and loop closures."""
@@ -242,10 +262,15 @@ def add_link(g: Graph, k: int, F: Array, w: int, ia: int, ib: int) -> None:
 
     The link is b = G a + offset, G = [1, 0, gx; 0, 1, gy; 0, 0, 1], with its information W: see `_links`.
     """
-    W = g.linked[k]
     before, after = g.links[k, A], g.links[k, B]
     gx = g.values[before, 1] - g.values[after, 1]
     gy = g.values[after, 0] - g.values[before, 0]
+    add_linked(g.linked[k], gx, gy, F, w, ia, ib)
+
+
+@compiled
+def add_linked(W: Array, gx: float, gy: float, F: Array, w: int, ia: int, ib: int) -> None:
+    """Likewise of W, the offset and the information of a link."""
     e0, e1, e2 = W[OFFSET], W[OFFSET + 1], W[OFFSET + 2]
     add_pose(W, INFORMATION, e0, e1, e2, F, w, ib)
     xx, xy, xt = W[INFORMATION], W[INFORMATION + 1], W[INFORMATION + 2]
@@ -311,3 +336,84 @@ def add_walked(e: float, W: float, F: Array, w: int, il: int, ie: int) -> None:
     F[min(il, ie) * w + max(il, ie)] -= W
     F[il * w + w - 1] -= W * e
     F[ie * w + w - 1] += W * e
+
+
+@compiled
+def in_frame(g: Graph, pose: int, at: Array, values: Array, X: Array, y: Array) -> None:
+    """The coordinates X (2m,) of a submap's landmarks in the frame of its pose, and y, how far they are from stated.
+
+    The pose is at `at` (3,), the variables at `values` (V, 3).
+    """
+    first, o, c, s = g.variables[pose, FIRST], g.variables[pose, SUBMAP] + 1, cos(at[2]), sin(at[2])
+    for i in range(g.variables[pose, END] - first):
+        v = g.sightings[first + i, LANDMARK]
+        dx, dy = values[v, 0] - at[0], values[v, 1] - at[1]
+        X[2 * i], X[2 * i + 1] = c * dx + s * dy, c * dy - s * dx
+        y[2 * i], y[2 * i + 1] = X[2 * i] - g.submaps[o + 2 * i], X[2 * i + 1] - g.submaps[o + 2 * i + 1]
+
+
+@compiled
+def submap_cost(g: Graph, pose: int, at: Array, values: Array) -> float:
+    """Contribution of the submap of a pose, which is at `at` (3,), to J."""
+    n = 2 * (g.variables[pose, END] - g.variables[pose, FIRST])
+    o, M = g.variables[pose, SUBMAP], g.submaps
+    X, y = np.empty(n), np.empty(n)
+    in_frame(g, pose, at, values, X, y)
+    total, b = float(M[o]), o + 1 + 2 * n
+    for i in range(n):
+        a = -2.0 * float(M[o + 1 + n + i])
+        for j in range(n):
+            a += float(M[b + i * n + j] * y[j])
+        total += a * float(y[i])
+    return total
+
+
+@compiled
+def add_submap(g: Graph, pose: int, F: Array, w: int) -> None:
+    """Adds the submap of a pose to front F: y' W y - 2 h' y + constant, a part of J.
+
+    y are the coordinates of its m landmarks in the frame of the pose, less the stated ones. From SUBMAP on, `submaps`
+    has the constant, the stated coordinates (2m), h (2m) and W (2m, 2m). These do not change when all moves together,
+    so nothing is linearised but the frame.
+    """
+    first, o = g.variables[pose, FIRST], g.variables[pose, SUBMAP]
+    m, at, M = g.variables[pose, END] - first, g.values[pose], g.submaps
+    n, ip, c, s = 2 * m, g.variables[pose, PLACE], cos(at[2]), sin(at[2])
+    X, u, P, b = np.empty(n), np.empty(n), np.zeros((n, 3)), o + 1 + 4 * m
+    in_frame(g, pose, at, g.values, X, u)
+    y = u.copy()
+    for i in range(n):
+        u[i] = M[o + 1 + n + i]
+        for j in range(m):
+            W0, W1 = M[b + i * n + 2 * j], M[b + i * n + 2 * j + 1]
+            u[i] -= W0 * y[2 * j] + W1 * y[2 * j + 1]
+            P[i, 0] += s * W1 - c * W0
+            P[i, 1] -= s * W0 + c * W1
+            P[i, 2] += W0 * X[2 * j + 1] - W1 * X[2 * j]
+    for i in range(m):
+        il = g.variables[g.sightings[first + i, LANDMARK], PLACE]
+        k = 2 * i
+        for q in range(3):
+            p0, p1 = P[k, q], P[k + 1, q]
+            left = (-c * p0 + s * p1, -s * p0 - c * p1, X[k + 1] * p0 - X[k] * p1)
+            for r in range(q + 1):
+                F[(ip + r) * w + ip + q] += left[r]
+            for r in range(2):
+                F[min(il + r, ip + q) * w + max(il + r, ip + q)] -= left[r]
+        F[ip * w + w - 1] += s * u[k + 1] - c * u[k]
+        F[(ip + 1) * w + w - 1] -= s * u[k] + c * u[k + 1]
+        F[(ip + 2) * w + w - 1] += X[k + 1] * u[k] - X[k] * u[k + 1]
+        F[il * w + w - 1] += c * u[k] - s * u[k + 1]
+        F[(il + 1) * w + w - 1] += s * u[k] + c * u[k + 1]
+        for j in range(m):
+            jl = g.variables[g.sightings[first + j, LANDMARK], PLACE]
+            if jl < il:
+                continue
+            t = b + k * n + 2 * j
+            a00, a01 = c * M[t] - s * M[t + n], c * M[t + 1] - s * M[t + n + 1]
+            a10, a11 = s * M[t] + c * M[t + n], s * M[t + 1] + c * M[t + n + 1]
+            F[il * w + jl] += a00 * c - a01 * s
+            F[il * w + jl + 1] += a00 * s + a01 * c
+            if jl > il:
+                F[(il + 1) * w + jl] += a10 * c - a11 * s
+            F[(il + 1) * w + jl + 1] += a10 * s + a11 * c

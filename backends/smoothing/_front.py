@@ -10,7 +10,7 @@ from ...core.kernels._cholesky import factor, unsigned
 from ...core.kernels._planar import information, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
-from ._factors import add_fix, add_held, add_link, add_pose, add_range, add_sighting, add_turn, add_walk
+from ._factors import add_fix, add_held, add_link, add_pose, add_range, add_sighting, add_submap, add_turn, add_walk
 from ._graph import (
     BIAS,
     BOUND,
@@ -39,6 +39,7 @@ from ._graph import (
     RESUM,
     ROOT,
     SIZE,
+    SUBMAP,
     TODO,
     TURN,
     UPDATE,
@@ -99,7 +100,10 @@ def add_child(g: Graph, c: int, F: Array, w: int) -> None:
 
 @compiled
 def add_sightings(g: Graph, pose: int, F: Array, w: int) -> None:
-    """Adds the sightings from a pose, and its fixes, to front F."""
+    """Adds the sightings from a pose, and its fixes, or its submap, to front F."""
+    if g.variables[pose, SUBMAP] > 0:
+        add_submap(g, pose, F, w)
+        return
     ip = g.variables[pose, PLACE]
     for s in range(g.variables[pose, FIRST], g.variables[pose, END]):
         landmark = g.sightings[s, LANDMARK]

@@ -15,11 +15,12 @@ class Graph(Arrays):
     """All arrays of a smoother; each has spare rows."""
 
     state: Integers  # (STATE,) counts and heads of lists
-    variables: IntegerTable  # (V, 9)
+    variables: IntegerTable  # (V, 10)
     values: Table  # (V, 3) linearisation points: x, y (m), heading (rad)
     sightings: IntegerTable  # (S, 3)
     seen: Table  # (S, 5) range, bearing, and their information: rr, rb, bb
     fixed: Table  # (F, 11) fixes: x, y, heading; their information, as of a pose; the antenna's place (2)
+    submaps: Numbers  # landmarks as known in the frame of a pose: see `_factors.add_submap`; number 0 is unused
     links: IntegerTable  # (K, 6)
     linked: Table  # (K, 19)
     steps: Table  # (T, 12) odometry (3), its covariance (6), linearisation point (3)
@@ -42,15 +43,16 @@ graph = at(Graph)
 # state
 VARIABLES, SIGHTINGS, LINKS, STEPS, CLIQUES, SPARE, INTS, REALS, STAMP, ROOT, NEAR, FAR, LAST = range(13)
 TODO, RESUM, FAILED, WORK, FULL, WIDEST, GIVEN, GIVEN_INTS, GIVEN_REALS, DSYRK, FIXED, STATE = range(13, 25)
-# variables; CLIQUE is 0 in the root, SLOT -1 outside it
-WIDTH, CLIQUE, SLOT, MARK, PLACE, FIRST, END, LINK, STEP = range(9)
+# variables; CLIQUE is 0 in the root, SLOT -1 outside it; SUBMAP is 0, or where that of the pose begins in `submaps`
+WIDTH, CLIQUE, SLOT, MARK, PLACE, FIRST, END, LINK, STEP, SUBMAP = range(10)
 # sightings; without landmark: held back; PART says what a row is
 LANDMARK, POSE, PART = range(3)
 # PART: a whole sighting; a range or a bearing alone, the other's information being zero; the prior of constant errors,
-# whose variable is the landmark; FIX - n: the fix in row n of `fixed`, whose landmark is the variable of a heading's
-# constant error, or one that is held fixed; else a range alone with constant errors, and the variable of its scale and
-# offset, or, with the information of a bearing, the walk of a gyro's bias, the landmark, since that variable
-WHOLE, ALONE, PRIOR, FIX = -1, -2, -3, -4
+# whose variable is the landmark; MEMBER: a landmark of the pose's submap; FIX - n: the fix in row n of `fixed`, whose
+# landmark is the variable of a heading's constant error, or one that is held fixed; else a range alone with constant
+# errors, and the variable of its scale and offset, or, with the information of a bearing, the walk of a gyro's bias,
+# the landmark, since that variable
+WHOLE, ALONE, PRIOR, MEMBER, FIX = -1, -2, -3, -4, -5
 # links: from A to B; of a loop closure LOOP is 1, of a gyro's turn TURN, which has the variable of its BIAS
 A, B, NEXT_A, NEXT_B, LOOP, BIAS = range(6)
 TURN = 2
@@ -61,8 +63,9 @@ OFFSET, INFORMATION, MOTION, COVARIANCE, WEIGHT = 0, 3, 9, 12, 18
 # CLOSEST is the range of the nearest sighting, or NEAR_SDS standard deviations of that range
 LOSS, SCALE, FURTHEST, DAMPING, LATEST, ENOUGH, CLOSEST = 0, 1, 2, 3, 4, 7, 8
 NEAR_SDS = 3.0
-# steps
+# steps; where the first number of NOISE is CUT, no motion leads to the step
 DELTA, NOISE, POINT = 0, 3, 9
+CUT = -1.0
 # cliques: MEMBERS variables, the first FRONTALS of them frontal; SIZE scalars, the first FRONT of them frontal
 PARENT, FRONTALS, MEMBERS, FRONT, SIZE, BOUND, LISTED, FACTOR, UPDATE, CHILD, NEXT, FLAG = range(12)
 

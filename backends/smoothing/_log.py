@@ -36,6 +36,7 @@ from ._graph import (
     SLOT,
     STEP,
     STEPS,
+    SUBMAP,
     TURN,
     VARIABLES,
     WEIGHT,
@@ -96,7 +97,7 @@ def add_variable(g: Graph, width: int, x: float, y: float, heading: float) -> in
     g.state[VARIABLES] = v + 1
     row = g.variables[v]
     row[WIDTH], row[CLIQUE], row[SLOT], row[MARK] = width, 0, -1, 0
-    row[FIRST], row[END], row[LINK], row[STEP] = 0, 0, -1, -1
+    row[FIRST], row[END], row[LINK], row[STEP], row[SUBMAP] = 0, 0, -1, -1, 0
     g.values[v, 0], g.values[v, 1], g.values[v, 2] = x, y, heading
     return v
 

@@ -13,6 +13,7 @@ TOGETHER = {
     "variables": ("variables", "values"),
     "sightings": ("sightings", "seen"),
     "fixed": ("fixed",),
+    "submaps": ("submaps",),
     "links": ("links", "linked"),
     "steps": ("steps", "at"),
     "cliques": ("cliques", "todo"),
@@ -26,11 +27,12 @@ def made(loss: int, scale: float, enough: float = 0.0) -> Graph:
     """The arrays of an empty smoother, with a robust loss; `enough` is of `_relinearise`."""
     g = Graph(
         state=np.zeros(STATE, np.int64),
-        variables=np.zeros((64, 9), np.int64),
+        variables=np.zeros((64, 10), np.int64),
         values=np.zeros((64, 3)),
         sightings=np.zeros((256, 3), np.int64),
         seen=np.zeros((256, 5)),
         fixed=np.zeros((0, 11)),
+        submaps=np.zeros(1),
         links=np.zeros((64, 6), np.int64),
         linked=np.zeros((64, 19)),
         steps=np.zeros((64, 12)),

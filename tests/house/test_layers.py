@@ -57,6 +57,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "particles": {TOP, "locating", "starting"},
         "smoothing": {TOP},
         "incremental": {TOP, "smoothing", "starting"},
+        "keeping": {TOP, "smoothing", "incremental"},
         "window": {TOP, "smoothing", "incremental"},
         "graphs": {TOP, "smoothing", "incremental", "window", "starting"},
         "programs": {TOP},

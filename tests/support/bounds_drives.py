@@ -26,6 +26,7 @@ from gyro_logs import with_gyro
 from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.gaussian import compressed
+from slamduel.backends.keeping import smoother
 from slamduel.backends.locating.locating import begin
 from slamduel.backends.smoothing import forest
 from slamduel.bench.noise.measured import measured
@@ -100,6 +101,12 @@ def wide() -> None:
     """Maps so large that they are cut into parts."""
     rng = np.random.default_rng(5)
     drive("graph", with_loops(rng, random_log(rng, 400, 90, width=30.0, radius=3.0), 0.05))
+
+
+def keeping() -> None:
+    """Poses that are marginalised into submaps."""
+    smoother.OFTEN, smoother.NEWEST = 50, 10
+    drive("smoother", slamduel.load("city[landmarks=40,steps=400]", 0).log, keep=8.0)
 
 
 def parts() -> None:
@@ -200,6 +207,6 @@ if __name__ == "__main__":
     forest.WIDE = 0  # scalars of a front from which dissection is tried
     compressed.MOST, compressed.KEPT = 15, 4  # a part so small that it is settled with the rest every few steps
     Settings.by_words = 2  # loop search by words from the third place on
-    for part in (random_drives, wide, parts, turns, association, maps, front_ends, hills, noise):
+    for part in (random_drives, wide, keeping, parts, turns, association, maps, front_ends, hills, noise):
         part()
     print(*entered.never(), sep="\n")

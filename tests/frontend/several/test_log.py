@@ -7,7 +7,7 @@ import pytest
 
 from refusals import refused
 from several_drives import Driven, driven, true_poses
-from slamduel.backends.incremental.smoother import build as smoother
+from slamduel.backends.keeping.smoother import build as smoother
 from slamduel.bench.measure.nees import nees
 from slamduel.core.factors import Log
 from slamduel.core.se2 import act, between

@@ -1,0 +1,1 @@
+"""The smoother whose cost follows the area: poses where nothing is new are marginalised into submaps of landmarks."""

@@ -1,0 +1,21 @@
+"""The inner loops of this room, each with arguments of its types, for parallel compilation."""
+
+import numpy as np
+
+from ...core.kernels.compile_ahead import Kernels
+from ..smoothing.arrays import made
+from . import _condensed, _following, _rehung, _stretches
+
+
+def kernels() -> Kernels:
+    """Kernels in order of first use."""
+    g = made(0, 0.0)
+    ints, numbers, table, tables = np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
+    return [
+        (_condensed.condense, (g, 0, 0, ints, True, table, numbers, tables)),
+        (_stretches.stretches, (g, 0, 0, 0.0, 0)),
+        (_stretches.seen_in, (g, 0, 0)),
+        (_rehung.rehang, (g,)),
+        (_following.follow, (table, table, table, table, ints, ints, ints, 0.0)),
+        (_following.with_frames, (table, table, table, tables, ints, tables)),
+    ]

@@ -1,0 +1,213 @@
+"""The incremental smoother, and one whose cost and memory follow the area that the robot drives in, not the time.
+
+With `keep`, the way is divided into stretches of that length. One from which a landmark is seen for the first time
+stays as it is, and so do its neighbours: all poses, all motions, all sightings. Another one adds nothing but accuracy.
+Its poses are marginalised, and what it told of its landmarks is added to a submap nearby: dense information about
+coordinates in the frame of one pose. The motions into such a stretch and out of it are left out, so that it has factors
+with landmarks alone. The robot is located anew from the map, and no information is used twice or made up (Walter,
+Eustice and Leonard, "Exactly sparse extended information filters for feature-based SLAM", IJRR 26(4), 2007). Within a
+stretch nothing is approximated but the point of linearisation. There are as many factors as there are places, and what
+is lost are these motions. Kretzschmar and Stachniss (IJRR 31(11), 2012) and Carlevaris-Bianco, Kaess and Eustice (T-RO
+30(6), 2014) sparsify what marginalising leaves between poses; here there is nothing between poses.
+"""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core.factors import Prior, Step
+from ...core.kernels.compile_ahead import compile_ahead
+from ...core.se2 import Array
+from ..api import COMPILED_HERE, Builder, Diverged, Pose, Unsuited
+from ..common_options import without_loss
+from ..incremental.smoother import Options, Smoother
+from ..smoothing._graph import FURTHEST, LAST, ROOT, STEP, STEPS, VARIABLES, WIDTH, Graph
+from ._condensed import condense
+from ._stretches import seen_in, stretches
+from .compacted import Which, compacted
+from .left_out import LeftOut
+from .submaps import Condensed, Submap, begun
+
+NEWEST = 100  # steps at the end that stay as they are: what follows them still moves them
+OFTEN = 1000
+"""Steps between two looks for what can be marginalised: fewer than half of all that is kept would cost too much."""
+
+LONGEST = 1000  # steps of a stretch
+NEAR = 0.5  # m for each of `keep`, between the middles of two stretches that have one submap
+
+
+class Stretch(NamedTuple):
+    """Rows of steps that are decided on together."""
+
+    first: int
+    last: int
+    new: bool  # something is seen for the first time
+
+
+class Keeping(Smoother):
+    """Incremental smoothing with submaps in place of poses from which nothing new is seen."""
+
+    def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
+        for there, what in (
+            (prior.loops, "no loop closures, which are to poses that it does not keep"),
+            (prior.partial, "no sightings that tell a range or a bearing alone"),
+            (prior.fixes, "no positions and headings measured in the world"),
+            (prior.gyro is not None, "no gyro's bias in the state; gyro=front estimates it in front"),
+            (prior.map is not None, "no given map, with which nothing is new"),
+            (options.loss != "none", "no robust loss, whose weights would stay as they are"),
+        ):
+            if there:
+                raise Unsuited(f"keep={options.keep:g} takes {what}; keep=0 does")
+        super().__init__(prior, options, rng)
+        compile_ahead(f"{__package__}.kernels")
+        self.submaps, self._left_out = list[Submap](), LeftOut()
+        self._numbers = np.zeros(0, np.int64)  # steps of the rows that were there when this was last looked at
+        self._known = np.zeros(0, np.bool_)  # variables of landmarks that have been seen in an earlier stretch
+        self._begin = 1  # row of the first stretch that has not ended
+        self._waiting = list[Stretch]()  # the last one that has
+        self._news = True  # the one before that showed something new
+        self._next = OFTEN  # rows at which to look next
+
+    def step(self, step: Step) -> Pose:
+        """The step of an incremental smoother; from time to time poses are marginalised after it."""
+        pose = super().step(step)
+        if self.held < self._next:
+            return pose
+        self._look()
+        pose = self._forest.pose.copy()
+        if not np.isfinite(pose).all():
+            raise Diverged("the latest pose is not finite")
+        return pose
+
+    @property
+    def held(self) -> int:
+        """The number of steps that it still has motions or sightings of."""
+        return int(self._forest.g.state[STEPS])
+
+    def _look(self) -> None:
+        """Decides on all stretches that have ended but the last one, and marginalises those that show nothing new."""
+        g = self._forest.g
+        rows = int(g.state[STEPS])
+        self._known = np.concatenate((self._known, np.zeros(int(g.state[VARIABLES]) - len(self._known), np.bool_)))
+        self._numbers = np.concatenate((self._numbers, np.arange(self._steps - rows + len(self._numbers), self._steps)))
+        ended, gone = self._waiting, list[tuple[int, int]]()
+        for end in stretches(g, self._begin, rows - NEWEST, self._options.keep, LONGEST).tolist():
+            ended.append(Stretch(self._begin, end, self._is_new(self._begin, end)))
+            self._begin = end + 1
+        for this, after in pairwise(ended):
+            if not (self._news or this.new or after.new):
+                gone.append((this.first, this.last))
+            self._news = this.new
+        self._waiting = ended[-1:]
+        if gone:
+            self._marginalise(gone)
+        self._next = self.held + max(OFTEN, self._begin // 2)
+
+    def _is_new(self, first: int, last: int) -> bool:
+        """Tells if a landmark is seen for the first time in these rows, or held back; from now on it is known."""
+        seen, held = seen_in(self._forest.g, first, last)
+        new = held or not self._known[seen].all()
+        self._known[seen] = True
+        return new
+
+    def _marginalise(self, gone: list[tuple[int, int]]) -> None:
+        """Marginalises stretches, first and last rows, at the present estimate."""
+        forest = self._forest
+        forest.relinearise(0.0)
+        estimate = forest.estimate()
+        g, path = forest.g, estimate.path
+        self._left_out.begin(estimate.values[g.variables[: len(estimate.values), WIDTH] == 2, :2])
+        keeps, frames = np.ones(len(path), np.bool_), np.zeros(len(path), np.bool_)
+        for first, last in gone:
+            middle = path[(first + last) // 2, :2]
+            index = self._nearest(g, middle)
+            landmarks, _ = seen_in(g, first, last)
+            n, begins = 2 * len(landmarks), index == len(self.submaps)
+            W, h, left = np.zeros((n, n)), np.zeros(n), np.zeros((last - first + 1, 3, 3))
+            constant = condense(g, first, last, landmarks, begins, W, h, left)
+            if not np.isfinite(constant):  # it stays as it is
+                continue
+            told = Condensed(landmarks, W, h, constant)
+            if begins:
+                v = int(g.at[last])
+                self.submaps.append(begun(v, told, g.values[v], g.values, left[-1], middle))
+            else:
+                self.submaps[index].add(told, g.values[self.submaps[index].frame], g.values)
+            rows = np.arange(first, last if begins else last + 1)
+            self._left_out.add(self._numbers[rows], index, path[rows], left[: len(rows)])
+            keeps[rows] = False
+        frames[[g.variables[submap.frame, STEP] for submap in self.submaps]] = True
+        self._renumber(keeps, frames)
+
+    def _nearest(self, g: Graph, middle: Array) -> int:
+        """The submap of the stretch whose middle is nearest to this one (2,); their number if none is near."""
+        if not self.submaps:
+            return 0
+        off = np.array([submap.middle_at(g.values[submap.frame]) for submap in self.submaps]) - middle
+        far = np.hypot(off[:, 0], off[:, 1])
+        best = int(far.argmin())
+        return best if far[best] <= NEAR * self._options.keep else len(self.submaps)
+
+    def _renumber(self, keeps: Which, frames: Which) -> None:
+        """Puts the tables that are left in place of the present ones, and eliminates everything."""
+        forest, state = self._forest, self._forest.g.state
+        root = forest.g.root[: state[ROOT]].copy()
+        last = int(state[LAST])
+        new = compacted(forest.g, keeps, frames, self.submaps)
+        forest.g = new.g
+        for landmark, v in self._variable.items():
+            self._variable[landmark] = int(new.variables[v])
+        self._near = np.fromiter(self._variable.values(), np.int64, len(self._variable))
+        self._newest = int(new.variables[self._newest])
+        for rows in self._held.values():
+            rows[:] = [int(new.sightings[row]) for row in rows if new.sightings[row] >= 0]
+        self._known, self._numbers = self._known[new.variables >= 0], self._numbers[keeps]
+        fewer = np.concatenate(([0], np.cumsum(~keeps)))
+        self._begin -= int(fewer[self._begin])
+        self._waiting = [
+            of._replace(first=of.first - int(fewer[of.first]), last=of.last - int(fewer[of.last]))
+            for of in self._waiting
+        ]
+        forest.reorganise(int(new.variables[last]), new.variables[root], everything=True)
+
+    def _whole(self, path: Array, values: Array) -> tuple[Array, Array]:
+        """The path (n, 3) and covariances (n, 3, 3) of all steps, from the `path` of those that are left.
+
+        What is marginalised has moved with the landmarks around it since.
+        """
+        left, g, rows = self._forest.pose_covariances(), self._forest.g, len(path)
+        numbers = np.concatenate((self._numbers, np.arange(self._steps - rows + len(self._numbers), self._steps)))
+        out, covs = np.empty((self._steps, 3)), np.empty((self._steps, 3, 3))
+        out[numbers], covs[numbers] = path, left
+        if self.submaps:
+            at = [int(g.variables[submap.frame, STEP]) for submap in self.submaps]
+            shared = np.array([left[row] - of.own_at(path[row]) for row, of in zip(at, self.submaps, strict=True)])
+            landmarks = g.variables[: len(values), WIDTH] == 2
+            row = np.cumsum(landmarks) - 1
+            around = [row[of.landmarks] for of in self.submaps]
+            self._left_out.fill(out, covs, values[landmarks, :2], around, path[at], shared, g.settings[FURTHEST])
+        return out, covs
+
+
+def make(prior: Prior, options: Options, rng: np.random.Generator) -> Smoother:
+    """Incremental smoothing, by this package: a causal pose each step, the smoothed path and map at the end."""
+    return (Keeping if options.keep else Smoother)(prior, options, rng)
+
+
+def exact(options: Options) -> bool:
+    """True if the end is the minimum of J."""
+    return without_loss(options) and not options.keep
+
+
+build = Builder(
+    make,
+    options=Options,
+    loops=True,
+    partial=True,
+    fixes=True,
+    gyro=True,
+    minimises=exact,
+    implementation=COMPILED_HERE,
+    expects=True,
+)
