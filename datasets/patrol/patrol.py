@@ -69,7 +69,7 @@ class Options(FalseLoops, HiddenIds, OnMap, Parts, WorldFixes, WorldGyro, WorldS
 
 
 def patrol(options: Options, rng: np.random.Generator) -> Dataset:
-    """A robot on the same round through a building, for days, past landmarks or closing loops; one building per seed."""
+    """The same round through a building, for days, past landmarks or closing loops; one building per seed."""
     _check(options)
     building, driving, moving, seeing, starting, furnishing, walking, closing, failing = rng.spawn(9)
     plan = floor_plan(*SIZE, DEPTH, building)
@@ -89,9 +89,7 @@ def patrol(options: Options, rng: np.random.Generator) -> Dataset:
     assert truth is not None
     if options.furniture:
         day = drive.round // options.day
-        log, truth = rearranged(
-            log, truth, options.furniture, day, options.furniture_moves, options.reach, furnishing
-        )
+        log, truth = rearranged(log, truth, options.furniture, day, options.furniture_moves, options.reach, furnishing)
     if options.people:
         log, truth, seen = with_people(
             log, truth, plan, options.people, options.people_ids, options.reach, options.sighting, walking

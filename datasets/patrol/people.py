@@ -26,12 +26,12 @@ def with_people(
     They have no id or, if `ids` is "meeting", a new one whenever one of them comes into view. Their true id is UNKNOWN.
     """
     walking, seeing = rng.spawn(2)
-    people = list(zip(*_people(plan, count, walking).T.tolist(), strict=True))
+    people = _people(plan, count, walking)
     parts, who = list[tuple[Ints, Array]](), list[Ints]()
     for begin in range(0, len(log), BLOCK):
         rows = slice(begin, begin + BLOCK)
         for number, person in enumerate(people):
-            xy, poses = _along(plan, *person, log.t[rows]), truth.poses[rows]
+            xy, poses = _along(plan, person, log.t[rows]), truth.poses[rows]
             away = hypot(*(xy - poses[:, :2]).T)
             near = np.flatnonzero((away >= CLEAR) & (away <= reach))
             near = near[is_free(plan, poses[near], xy[near])]
@@ -65,8 +65,9 @@ def _people(plan: Plan, count: int, rng: np.random.Generator) -> Array:
     return np.stack((rng.uniform(0, around, count), speed, rng.uniform(-ASIDE, ASIDE, count)), axis=-1)
 
 
-def _along(plan: Plan, start: float, speed: float, aside: float, t: Array) -> Array:
-    """(n, 2) m: where somebody is at the times `t` (n,)."""
+def _along(plan: Plan, person: Array, t: Array) -> Array:
+    """(n, 2) m: where one of `_people` is at the times `t` (n,)."""
+    start, speed, aside = person
     sides = np.diff(plan.ring, axis=0, append=plan.ring[:1])
     lengths = np.abs(sides).sum(axis=1)
     ends = np.cumsum(lengths)

@@ -1,5 +1,6 @@
 """The patrol: the same round for days, what stands on its way, and what does not stay there."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,7 @@ def test_a_round_ends_where_it_began_and_goes_through_no_wall() -> None:
         np.testing.assert_allclose(path.xy[-1], path.xy[0])
         assert np.cos(path.turned) == pytest.approx(1)
         way = places(path, np.linspace(0, path.period, 2000, endpoint=False))
-        assert sum(blocked(floor.walls, *leg) for leg in zip(way[:-1], way[1:], strict=True)) == 0
+        assert sum(blocked(floor.walls, *leg) for leg in itertools.pairwise(way)) == 0
 
 
 def test_the_robot_is_no_faster_than_it_says() -> None:
@@ -298,6 +299,7 @@ def test_sightings_of_what_stays_fit_its_place_whatever_else_happens() -> None:
     assert truth is not None
     assert truth.assigned is not None
     assert truth.map is not None
+    assert truth.moving is not None
     stays = (truth.assigned != UNKNOWN) & ~np.isin(truth.assigned, truth.moving)
     off = log.z[stays] - seen(truth.poses[log.sighting_step[stays]], truth.map.xy[truth.assigned[stays]])
     off[:, 1] = wrap(off[:, 1])
@@ -338,5 +340,7 @@ def test_options_of_all_worlds_apply() -> None:
     )
     assert log.gyro is not None
     assert log.partial is not None
+    assert truth is not None
+    assert truth.false_loops is not None
     assert len(truth.false_loops) == round(0.1 * (len(log.loop_to) - len(truth.false_loops)))
     assert (log.ids == UNKNOWN).sum() > (truth.assigned == UNKNOWN).sum() > 0
