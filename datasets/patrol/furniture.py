@@ -17,8 +17,8 @@ def rearranged(
     """Moves a random `share` of the landmarks between two days; `day` (n,) is that of each step.
 
     On the first day they are at their places of the map, on each other one anywhere at most `far` m from there in x and
-    in y. Sightings keep their errors, and are those of the steps in which the first place is in view; where a landmark is
-    now nearer than NEAREST or farther than `reach` m, they are left out. The truth's `moving` has the ids. A larger
+    in y. Sightings keep their errors, and are those of the steps in which the first place is in view; where a landmark
+    is now nearer than NEAREST or farther than `reach` m, they are left out. The truth's `moving` has the ids. A larger
     share includes the landmarks of a smaller one, with the same places.
     """
     assert truth.map is not None

@@ -1,4 +1,4 @@
-"""What a robot on its round sees: landmarks on walls, unless another wall is in between."""
+"""The view of a robot on its round: landmarks on walls, unless another wall is in between."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
