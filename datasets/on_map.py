@@ -31,7 +31,7 @@ class OnMap:
 def on_map(dataset: Dataset, options: OnMap, rng: np.random.Generator) -> Dataset:
     """Puts a map into the log's prior, each landmark with an error of its own, and what is known of the start.
 
-    InputError for an unknown start without a map.
+    InputError for an unknown start without a map, and for a world without landmarks.
     """
     log, truth = dataset
     if options.map == NONE:
@@ -43,6 +43,8 @@ def on_map(dataset: Dataset, options: OnMap, rng: np.random.Generator) -> Datase
         return dataset
     if truth is None or truth.map is None:
         raise ValueError("the map that is given is the true one")
+    if not len(truth.map.ids):
+        raise InputError(f"dataset {log.name}: option map={options.map}: there is no landmark to put on a map.")
     errors, moved = rng.standard_normal((2, *truth.map.xy.shape))
     xy = truth.map.xy if options.map == SURVEYED else elsewhere(truth.map.xy, moved)
     xy, cov = xy + options.map_sd * errors, options.map_sd**2 * np.eye(2 * len(xy))

@@ -95,6 +95,7 @@ BUILTIN = {
     "mit-csail": ".published.laser_logs:mit_csail",
     "mrclam": ".published.mrclam:source",
     "mrclam-all": ".published.mrclam:all_sets",
+    "patrol": ".patrol.patrol:source",
     "plaza": ".beacons.plaza:source",
     "pyfg": ".graphs.pyfg:source",
     "recording": ".recordings.any_recording:source",

@@ -19,6 +19,9 @@ from .known_log import KnownLog, known_log
 LARGEST = 800
 """Most numbers of landmarks and of poses that loop closures come back to: a step of the filter costs their square."""
 
+LONGEST = 50_000
+"""Most steps: six sightings each take 1 GB and a minute then, as measured."""
+
 STRAIGHT = 1e-6  # share of a path's extent that it may extend to the side and still be straight
 
 VAGUE = 1e-9
@@ -36,7 +39,9 @@ class Bound(NamedTuple):
 
 def bound(log: Log, truth: Truth | None) -> Bound | None:
     """Computes it; None where truth or precision does not suffice, with a gyro, or where the log is too large."""
-    known = None if log.prior.start != "known" or log.gyro is not None else known_log(log, truth)
+    if len(log) > LONGEST or log.prior.start != "known" or log.gyro is not None:
+        return None
+    known = known_log(log, truth)
     if known is None or 2 * len(known.landmarks.ids) + 3 * len(np.unique(known.log.loop_to)) > LARGEST:
         return None
     try:

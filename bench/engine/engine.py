@@ -98,7 +98,8 @@ class _Engine:
 
     def run(self, request: RunRequest, about: About) -> Tally:
         work, store = self.work, self.store
-        store.put_about(facts(work, self.executor) | dict(about(store.about())))
+        known = store.about() if store.planned() else {}  # else of one that was killed before anything was planned
+        store.put_about(facts(work, self.executor) | dict(about(known)))
         self.logs = KnownLogs(store, work)
         self.log_keys = [self.logs.key(cell) for cell in work.cells]
         self.statuses = store.statuses(arrays=work.keep)

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from ...core.errors import InputError
-from ...core.factors import Dataset
 from ...datasets import archive
 from ..plan.variant import DatasetVariant, OneLog
 from ..plan.work import PlannedCell, Work
@@ -126,15 +125,17 @@ class KnownLogs:
 
     def _keep(self, cell: PlannedCell, made_now: LogFacts) -> str:
         """Keeps a new log, or stays with an earlier one that differs by rounding alone."""
-        key, dataset, made = self.key(cell), cell.cell.log.dataset.name, archive.unpacked(made_now.archive)
-        log = facts_of(self._files.like(dataset, made, self._comparable(cell, made)) or made)
+        key, dataset = self.key(cell), cell.cell.log.dataset.name
+        earlier = list(self._comparable(cell, made_now.digest))  # mostly none: the log need not be unpacked here
+        like = self._files.like(dataset, archive.unpacked(made_now.archive), earlier) if earlier else None
+        log = made_now if like is None else facts_of(like)
         before, known = self.known.get(key), Known(*log[:3])
         self._refuse_another(cell, known)
         if self._files.read(dataset, known) is None:
             self._files.keep(dataset, known, made_now.archive)
         is_lost = before not in (None, known) and self._files.read(dataset, before) is None
-        self.know(cell, log._replace(sketch=made_now.sketch))
-        self.kept[key] = self._files.entry(dataset, known)
+        self.know(cell, log._replace(sketch=made_now.sketch, archive=b""))
+        self.kept[key] = self._files.entry(dataset, known)._replace(mistaken=log.mistaken)
         return _told(cell, self._files.entry(dataset, before).path) if before is not None and is_lost else ""
 
     def _refuse_another(self, cell: PlannedCell, now: Known) -> None:
@@ -154,8 +155,8 @@ class KnownLogs:
             f"this run was begun: its digest is {found}, expected {expected}; run into another folder."
         )
 
-    def _comparable(self, cell: PlannedCell, made: Dataset) -> Iterator[Known]:
-        """Yields earlier logs that the new one may equal but for rounding, the cell's own first.
+    def _comparable(self, cell: PlannedCell, digest: str) -> Iterator[Known]:
+        """Yields earlier logs that the new one, of that digest, may equal but for rounding, the cell's own first.
 
         A portable source makes a different log only from other files or by other code: of its logs, only the references
         are comparable.
@@ -163,7 +164,7 @@ class KnownLogs:
         own = self.known.get(self.key(cell))
         if own is not None and not cell.cell.log.dataset.source.portable:
             yield own
-        same = [known for known in self._made.get(_name(cell), ()) if known.digest == made.log.digest]
+        same = [known for known in self._made.get(_name(cell), ()) if known.digest == digest]
         yield from sorted(same, key=lambda known: known != own)
 
 

@@ -8,10 +8,11 @@ bit, or speed and accuracy would be those of two different runs. A repeat is a t
 import gc
 import hashlib
 import time
-from collections.abc import Callable, Mapping
+from array import array
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,33 @@ from .answers import (
 WARM_UP = 20
 """Steps that a separate backend runs through before the clock starts, so that most compilation and imports are over.
 The timing pass is repeated if a compiled function of ours is first called after that."""
+
+
+BLOCK = 10_000
+"""Steps of a log that exist as objects at once: all of 10^6 steps take 1 GB."""
+
+
+class InBlocks:
+    """The steps of a log, made as objects block by block between calls that are timed."""
+
+    def __init__(self, log: Log) -> None:
+        self._log = log
+
+    def __len__(self) -> int:
+        return len(self._log)
+
+    def __iter__(self) -> Iterator[Step]:
+        ahead = iter(self._log)
+        while block := list(islice(ahead, BLOCK)):
+            yield from block
+
+
+class Steps(Protocol):
+    """Some steps, whose number is known."""
+
+    def __len__(self) -> int: ...
+
+    def __iter__(self) -> Iterator[Step]: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +145,7 @@ def drive(
 def _driven(
     builder: Builder, options: Any, log: Log, generator: Callable[[], np.random.Generator], truth: Truth | None
 ) -> Outcome:
-    steps = list(log)
+    steps = InBlocks(log)
     timed = _timed(builder, options, log, steps, generator, truth)
     backend = begin(builder, log.prior, options, generator())
     _tell(backend, truth)
@@ -140,14 +168,14 @@ def timed_again(
     log = log if builder.associating(options) else log.identified()
     warm_up(builder, options, log, generator, truth)
     with one_thread():
-        return _timed(builder, options, log, list(log), generator, truth)
+        return _timed(builder, options, log, InBlocks(log), generator, truth)
 
 
 def _timed(
     builder: Builder,
     options: Any,
     log: Log,
-    steps: list[Step],
+    steps: Steps,
     generator: Callable[[], np.random.Generator],
     truth: Truth | None,
 ) -> Timing:
@@ -208,10 +236,10 @@ def warm_up(
     backend.finish()
 
 
-def timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints, Ints]:
+def timing_pass(backend: Backend, steps: Steps) -> tuple[Array | None, Ints, Ints]:
     """The online path (n, 3), and each step's CPU and wall time in ns."""
     poses = bytearray()
-    cpu, wall = [0] * len(steps), [0] * len(steps)
+    cpu, wall = (array("q", bytes(8 * len(steps))) for _ in range(2))
     cpu_clock, wall_clock = time.process_time_ns, time.perf_counter_ns
     for k, step in enumerate(steps):
         cpu_start = cpu_clock()
@@ -222,21 +250,22 @@ def timing_pass(backend: Backend, steps: list[Step]) -> tuple[Array | None, Ints
         wall[k] = wall_end - wall_start
         if pose is not None:
             poses += checked_pose(pose, k)
-    times = np.array(cpu, np.int64), np.array(wall, np.int64)
+    times = np.frombuffer(cpu, np.int64), np.frombuffer(wall, np.int64)
     online = np.frombuffer(poses).reshape(-1, *POSE)
     if len(online) not in (0, len(steps)):
         raise Broken("step() returned a pose at some steps and None at others, expected one or the other throughout")
     return (online if len(online) else None, *times)
 
 
-def _belief_pass(backend: Backend, steps: list[Step], timed: Timing) -> Beliefs:
+def _belief_pass(backend: Backend, steps: Steps, timed: Timing) -> Beliefs:
     """Asks for the belief after every step; Broken where asking has changed the path."""
     online = timed.online
-    n, clock, ns = len(steps), time.process_time_ns, [0] * len(steps)
-    nis, n_eff, ancestors = (list[Any]([None]) * n for _ in range(3))
-    nis_dof, refused, located, left_out = [0] * n, [0] * n, [True] * n, [0] * n
+    n, clock = len(steps), time.process_time_ns
+    nis, n_eff, ancestors = (array("d", [np.nan]) * n for _ in range(3))
+    ns, nis_dof, refused = (array("q", bytes(8 * n)) for _ in range(3))
+    located, left_out = bytearray(b"\1") * n, 0
     path = b"" if online is None else online.tobytes()
-    known, covs, believed, poses = list[int](), bytearray(), list[int](), bytearray()
+    known, covs, believed, poses = array("q"), bytearray(), array("q"), bytearray()
     try:
         for k, step in enumerate(steps):
             pose = backend.step(step)
@@ -249,7 +278,11 @@ def _belief_pass(backend: Backend, steps: list[Step], timed: Timing) -> Beliefs:
                 continue
             if not isinstance(belief, Belief):  # pyright: ignore[reportUnnecessaryIsInstance] - a backend may return anything
                 raise Broken(f"belief() returned {type(belief).__name__} at step {k}, expected Belief or None")
-            place, cov, nis[k], nis_dof[k], n_eff[k], ancestors[k], refused[k], _, located[k], left_out[k] = belief
+            place, cov, k_nis, nis_dof[k], k_n_eff, k_ancestors, refused[k], _, found, lost = belief
+            located[k], left_out = bool(found), left_out + lost
+            nis[k], n_eff[k], ancestors[k] = (
+                np.nan if value is None else value for value in (k_nis, k_n_eff, k_ancestors)
+            )
             poses += (
                 place if is_floats(place, POSE) else finite(place, POSE, f"step {k}: the belief's pose")
             ).tobytes()
@@ -258,16 +291,16 @@ def _belief_pass(backend: Backend, steps: list[Step], timed: Timing) -> Beliefs:
                 covs += (cov if is_floats(cov, COV) else finite_cov(cov, k)).tobytes()
                 known.append(k)
     finally:  # what is not finite was there before any error
-        found = checked_covs(covs, known, n)
+        all_covs = checked_covs(covs, known, n)
     check_believed(np.frombuffer(poses).reshape(-1, *POSE), believed, online)
     return Beliefs(
-        cov=found,
-        nis=np.array(nis, np.float64).reshape(n),
-        nis_dof=np.array(nis_dof, np.int64).reshape(n),
-        n_eff=np.array([np.nan if value is None else value for value in n_eff]),
-        ancestors=np.array([np.nan if value is None else value for value in ancestors]),
-        refused=np.array(refused, np.int64).reshape(n),
-        located=np.array(located, np.bool),
-        left_out=sum(left_out),
-        belief_ns=np.maximum(np.array(ns, np.int64) - timed.clock_ns, 0),
+        cov=all_covs,
+        nis=np.frombuffer(nis, np.float64),
+        nis_dof=np.frombuffer(nis_dof, np.int64),
+        n_eff=np.frombuffer(n_eff, np.float64),
+        ancestors=np.frombuffer(ancestors, np.float64),
+        refused=np.frombuffer(refused, np.int64),
+        located=np.frombuffer(located, np.bool),
+        left_out=left_out,
+        belief_ns=np.maximum(np.frombuffer(ns, np.int64) - timed.clock_ns, 0),
     )

@@ -26,6 +26,8 @@ from ...core.factors import UNKNOWN, Log, Map
 from ...core.se2 import Array, between
 from ...core.truth.errors import difference, rows_of
 
+BLOCK = 1 << 16  # sightings or motions that are worked on at once: the Jacobians of all may not fit
+
 STEPS = 20  # of the batch solver, from an estimate whose J is judged
 
 
@@ -57,7 +59,7 @@ def misfit(log: Log, path: Array, landmarks: Map, constant: Constant | None = No
         return None
     return Misfit(
         prior=_prior(log, path, landmarks) + _fixed(log, path, constant),
-        odometry=_squared(difference(between(path[:-1], path[1:]), log.delta[1:]), log.delta_cov[1:]),
+        odometry=float(motion_misfits(log, path).sum()),
         sightings=float(sighted.sum() + parts.sum()),
         loops=float(loop_misfits(log, path).sum()),
     )
@@ -77,13 +79,16 @@ def lowest_near(log: Log, path: Array, landmarks: Map, constant: Constant | None
 
 def misfits(log: Log, path: Array, landmarks: Map) -> Array | None:
     """Computes the squared Mahalanobis distance (s,) of each sighting with an id; None where one is not mapped."""
-    seen = log.ids != UNKNOWN
-    row = rows_of(landmarks.ids, log.ids[seen])
+    seen = np.flatnonzero(log.ids != UNKNOWN)
+    row, step = rows_of(landmarks.ids, log.ids[seen]), log.sighting_step
     if (row < 0).any():
         return None
-    z = log.z[seen]
-    expected = sight(path[log.sighting_step[seen]], landmarks.xy[row])[0] if len(z) else z
-    return _each_squared(innovation(z.copy(), expected), log.z_cov[seen])
+    squares = np.empty(len(seen))
+    for first in range(0, len(seen), BLOCK):
+        some, of = seen[first : first + BLOCK], slice(first, first + BLOCK)
+        expected = sight(path[step[some]], landmarks.xy[row[of]])[0]
+        squares[of] = _each_squared(innovation(log.z[some], expected), log.z_cov[some])
+    return squares
 
 
 def partial_misfits(log: Log, path: Array, landmarks: Map, constant: Constant | None = None) -> Array | None:
@@ -98,6 +103,16 @@ def partial_misfits(log: Log, path: Array, landmarks: Map, constant: Constant | 
 def loop_misfits(log: Log, path: Array) -> Array:
     """Computes the squared Mahalanobis distance (l,) of each loop closure."""
     return _each_squared(difference(between(path[log.loop_to], path[log.loop_step]), log.loop_delta), log.loop_cov)
+
+
+def motion_misfits(log: Log, path: Array) -> Array:
+    """Computes the squared Mahalanobis distance (n - 1,) of each motion."""
+    squares = np.empty(max(len(log) - 1, 0))
+    for first in range(0, len(squares), BLOCK):
+        to = slice(first + 1, first + 1 + BLOCK)
+        off = difference(between(path[first : first + len(path[to])], path[to]), log.delta[to])
+        squares[first : first + BLOCK] = _each_squared(off, log.delta_cov[to])
+    return squares
 
 
 def _prior(log: Log, path: Array, landmarks: Map) -> float:

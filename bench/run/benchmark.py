@@ -20,7 +20,7 @@ from ..verdict.statistics import MOST
 from ..words.numerals import listed
 from ..workers.executor import Executor
 from .progress import Screen
-from .runner import recorded_plan, run
+from .runner import killed_plan, recorded_plan, run
 
 DEFAULTS: dict[str, Any] = {
     "backend": "dead-reckoning,ekf,fastslam,isam2,smoother",
@@ -58,7 +58,9 @@ def benchmark(
             "expected one that can, on Dask by workers with the resource MACHINE: times of cells that run side by side "
             "are not compared."
         )
-    if not given and not begun(out):
+    if not given and killed_plan(out) is not None:
+        watcher.say(f"The run in {out} was killed before all of its logs were made: it begins again.")
+    elif not given and not begun(out):
         watcher.say(f"A new run in {out}: {DEFAULTS['backend']} on {DEFAULTS['dataset']}, {DEFAULTS['seeds']} seeds.")
     try:
         run(plan, out, executor, command, watcher, retry=retry, strict=strict)
@@ -74,6 +76,8 @@ def benchmark(
 def planned(given: Mapping[str, Any], out: Path) -> Plan:
     """The plan of the run in `out`, else that of `given` and DEFAULTS; InputError as `benchmark`."""
     plan = recorded_plan(out)
+    if plan is None and not given:
+        plan = killed_plan(out)
     if plan is None:
         if not given:
             _refuse_a_misspelling(out)

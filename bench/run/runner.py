@@ -20,7 +20,7 @@ from ..record.schema import FILE
 from ..record.store import Store
 from ..workers.executor import Executor
 
-__all__ = ["LOGS", "recorded_plan", "run"]
+__all__ = ["LOGS", "killed_plan", "recorded_plan", "run"]
 
 
 def run(
@@ -64,6 +64,16 @@ def recorded_plan(folder: Path) -> Plan | None:
     if folder.exists() and (not folder.is_dir() or any(item.name not in (LOCK, LOGS) for item in folder.iterdir())):
         found = f"a run's files without their record, {FILE}" if (folder / "run.json").is_file() else "no run"
         raise InputError(f"--out {folder}: found {found}; expected a new or empty folder, or a run's.")
+    return None
+
+
+def killed_plan(folder: Path) -> Plan | None:
+    """Reads the plan of a run that was killed before all of its logs were made; None where `folder` holds no such."""
+    if (folder / FILE).is_file():
+        with contextlib.suppress(Empty), Store(folder) as store:
+            known = store.about()
+            if known.get("kind") == "run" and not store.planned():
+                return Plan.from_words(known.get("plan"))
     return None
 
 

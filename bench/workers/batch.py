@@ -34,6 +34,7 @@ class KeptLog(NamedTuple):
     path: Path  # of an archive
     digests: tuple[str, str]  # of the log and of its truth
     content: bytes = b""  # of the file, on the way to a machine that may not have it
+    mistaken: bool | None = None  # of its facts; None: not known here, so that whoever loads it finds out
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ class Logs:
         if found is None:
             options = batch.dataset, batch.options, batch.seed, batch.map, batch.start
             dataset = _loaded(batch.kept) if batch.kept else made_with_reference(*options)
-            found = dataset, digested(dataset) if batch.round > 1 else facts_of(dataset)  # a repeat is not scored
+            found = dataset, _facts(batch, dataset)
         self._kept[name] = found
         while len(self._kept) > LOGS_KEPT:
             del self._kept[next(iter(self._kept))]
@@ -163,6 +164,15 @@ def unmade(batch: Batch, result: Result, seconds: float) -> Iterator[Finished]:
     """Ends all jobs of a batch whose log could not be made, with that result."""
     for index in [index for index, _ in batch.jobs] or [None]:
         yield Finished(batch, index, None, result, seconds, False, HOST)
+
+
+def _facts(batch: Batch, dataset: Dataset) -> LogFacts:
+    """The facts of a batch's log, as far as they are needed: a repeat is not scored, those of a kept log are known."""
+    if batch.round > 1:
+        return digested(dataset)
+    if batch.kept is None or batch.kept.mistaken is None:
+        return facts_of(dataset)
+    return digested(dataset)._replace(mistaken=batch.kept.mistaken)
 
 
 def _loaded(kept: KeptLog) -> Dataset:

@@ -137,7 +137,7 @@ def test_a_log_without_loops_has_none_to_add_to() -> None:
 def test_every_dataset_with_loops_of_its_own_can_have_false_ones() -> None:
     able = {name for name in registry.BUILTIN if issubclass(registry.find(name).options, FalseLoops)}
     files = {"aces", "city10000", "fr079", "intel-lab", "killian", "manhattan", "mit-csail", "w10000", "w20000"}
-    assert able == {"carmen", "g2o", "gtsam", "jrl", "laser-floor", "pyfg", "toro", *files}
+    assert able == {"carmen", "g2o", "gtsam", "jrl", "laser-floor", "patrol", "pyfg", "toro", *files}
 
 
 @pytest.mark.parametrize("share", ["0.6", "-0.1", "some"])

@@ -31,6 +31,7 @@ QUICK = {
     "city": "city[landmarks=60,steps=60]",
     "linear": "linear[steps=100]",
     "matlab-report": "matlab-report",
+    "patrol": "patrol[steps=60]",
     "victoria-park": "victoria-park",
 }
 PUBLISHED = {"dlr": "dlr[path={}/dlr]", "freiburg": "freiburg[path={}/freiburg]", "mrclam": "mrclam[path={}/mrclam]"}

@@ -34,7 +34,17 @@ def true(truth: Truth) -> Map:
 
 def test_every_simulated_world_can_give_one() -> None:
     able = {name for name in registry.BUILTIN if issubclass(registry.find(name).options, OnMap)}
-    assert able == {"aruco-robot", "aruco-room", "bailey", "circle", "city", "linear", "matlab-report", "world"}
+    assert able == {
+        "aruco-robot",
+        "aruco-room",
+        "bailey",
+        "circle",
+        "city",
+        "linear",
+        "matlab-report",
+        "patrol",
+        "world",
+    }
 
 
 @pytest.mark.parametrize("kind", ["surveyed", "foreign"])

@@ -23,12 +23,14 @@ from slamduel.datasets.truth import digest
 from tiers import first_quick
 
 DATA = os.environ.get("SLAMDUEL_DATA")
-WORLDS = ("aruco-robot", "bailey", "circle", "city", "linear", "matlab-report")
+WORLDS = ("aruco-robot", "bailey", "circle", "city", "linear", "matlab-report", "patrol")
 FAULTS = {
     "sensor_scale": 1.5, "odometry_scale": 1.3, "tails": 4.0, "slip": 0.3, "missing": 0.1, "gap": 0.1,
     "wrong_ids": 0.05, "clutter": 0.3, "jitter": 0.05, "moving": 0.3, "motion": "stop-and-go", "kidnap": 5.0,
     "correlated": 0.5, "stated": "thinned",
 }  # fmt: skip
+PATROL = {"loops": 7, "furniture": 0.3, "day": 2, "people": 3, "people_ids": "meeting", "clutter": 0.1}
+"""What a patrol does not have by default, and not beside all faults."""
 
 
 def made(name: str, seed: int = 0, **options: Any) -> Dataset:
@@ -52,6 +54,7 @@ def logs(whole: bool) -> dict[str, Callable[[], Dataset]]:
     for name in WORLDS:
         found |= {f"{name} {seed}": partial(made, name, seed) for seed in (0, 1)}
         found[f"{name} with faults"] = partial(made, name, 3, **FAULTS)
+    found["patrol of days"] = partial(made, "patrol", 1, **PATROL)
     found["victoria-park"] = partial(made, "victoria-park")
     found["w20000 drawn"] = partial(drawn, "w20000", 1, noise="true")
     if DATA is not None:

@@ -36,6 +36,7 @@ SHORTER = {
     "aruco-room": {"seconds": 6.0},
     "circle": {"steps": 60},
     "city": {"steps": 80},
+    "patrol": {"steps": 80},
     "laser-floor": {"laps": 0.3},
     "depth-room": {"laps": 0.2},
 }

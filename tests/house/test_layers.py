@@ -71,6 +71,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "tables": {TOP, "formats", "inertial"},
         "noise": {TOP},
         "own_worlds": {TOP, "worlds", "formats", "on_demand"},
+        "patrol": {TOP, "worlds", "rendering", "on_demand"},
         "graphs": {TOP, "formats"},
         "published": {TOP, "on_demand", "formats", "graphs", "bags", "depth", "noise"},
         "beacons": {TOP, "formats", "graphs", "noise"},

@@ -23,7 +23,8 @@ from slamduel.bench.plan.plan import Plan
 from slamduel.bench.record.lock import claimed
 from slamduel.bench.record.schema import COLUMNS, Row
 from slamduel.bench.record.store import Store
-from slamduel.bench.run.runner import recorded_plan
+from slamduel.bench.run.benchmark import planned
+from slamduel.bench.run.runner import killed_plan, recorded_plan
 from slamduel.bench.workers.tasks import execute
 from slamduel.core.errors import InputError
 from slamduel.core.factors import REMARKS, Log
@@ -272,6 +273,38 @@ def test_a_run_killed_before_it_wrote_anything_is_begun_again(tmp_path: Path, lo
     (tmp_path / "run" / "results.sqlite").touch()
     assert recorded_plan(tmp_path / "run") is None
     assert len(go(tmp_path / "run", "ekf", log_folder)) == 1
+
+
+def killed_while_its_logs_were_made(folder: Path, undisturbed: Path) -> None:
+    """What such a run leaves: its facts, and no plan of cells."""
+    with Store(undisturbed) as store:
+        facts = store.about()
+    folder.mkdir()
+    with Store(folder, writing=True) as store:
+        store.put_about({name: value for name, value in facts.items() if name != "finished"})
+
+
+def test_a_run_killed_while_its_logs_were_made_is_begun_again_as_it_was(tmp_path: Path, log_folder: Path) -> None:
+    go(tmp_path / "undisturbed", "ekf", log_folder)
+    out = tmp_path / "run"
+    killed_while_its_logs_were_made(out, tmp_path / "undisturbed")
+    assert recorded_plan(out) is None
+    plan = planned({}, out)
+    assert (plan, [one.label for one in plan.backends]) == (killed_plan(out), ["ekf"])
+    assert len(again(plan, out, Silent())) == 1
+    assert killed_plan(out) is None
+    assert recorded_plan(out) is not None
+    assert without_times(out) == without_times(tmp_path / "undisturbed")
+
+
+def test_another_run_may_take_its_folder_and_has_nothing_of_it(tmp_path: Path, log_folder: Path) -> None:
+    """Its facts were kept once: the names of folders, and the record was refused at the end."""
+    go(tmp_path / "undisturbed", "ekf", log_folder)
+    killed_while_its_logs_were_made(tmp_path / "run", tmp_path / "undisturbed")
+    found = go(tmp_path / "run", "dead-reckoning", "circle[steps=30]")
+    assert {row.columns["dataset"] for row in found.values()} == {"circle"}
+    with Store(tmp_path / "run") as store:
+        assert store.run()["plan"]["backend"] == "dead-reckoning"
 
 
 def test_a_worker_starts_with_all_backends_imported_and_numba_at_work() -> None:

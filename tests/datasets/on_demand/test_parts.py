@@ -42,7 +42,8 @@ def rows(dataset: Dataset, kind: int) -> set[tuple[int, int, float, float]]:
 def test_every_simulated_world_has_them() -> None:
     worlds = {name for name in registry.BUILTIN if issubclass(registry.find(name).options, Parts)}
     assert worlds == {
-        "aruco-robot", "aruco-room", "bailey", "circle", "city", "depth-room", "linear", "matlab-report", "world",
+        "aruco-robot", "aruco-room", "bailey", "circle", "city", "depth-room", "linear", "matlab-report",
+        "patrol", "world",
     }  # fmt: skip
     fixed = {name for name in registry.BUILTIN if issubclass(registry.find(name).options, WorldFixes)}
     assert fixed == {*worlds, "laser-floor"}

@@ -19,6 +19,7 @@ SMALL = {
     "circle": {"steps": "60"},
     "city": {"steps": "60", "landmarks": "60"},
     "matlab-report": {},
+    "patrol": {"steps": "60"},
 }
 LONG = {"clutter", "landmarks", "loops", "markers", "seconds", "steps", "tags"}
 """Options whose greatest value makes a log that takes long."""

@@ -1,0 +1,1 @@
+"""A simulated building that a robot patrols for days."""
