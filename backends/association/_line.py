@@ -39,27 +39,35 @@ def polar(xy: Array, cov: Array) -> tuple[Array, Array, Array]:
 
 
 @compiled
-def agreeing(xy: Array, cov: Array, of: Ints, rows: Ints, gate: float) -> Ints:
+def agreeing(xy: Array, cov: Array, of: Ints, rows: Ints, gate: float, crowded: bool) -> Ints:
     """Counts the steps after the first one with a place within `gate` of that of each of `rows` (m,).
 
-    xy (k, 2) are places with joint covariance (2k, 2k), `of` (k,) their steps, ascending.
+    xy (k, 2) are places with joint covariance (2k, 2k), `of` (k,) their steps, ascending from 0. Where it may be
+    `crowded`, such a step has as many places there as the first one: else the sightings of a landmark agree with
+    clutter beside it.
     """
     out = np.zeros(len(rows), np.int64)
     for m in range(len(rows)):
-        i, last = rows[m], 0
+        i, least, step, many = rows[m], 1, 0, 0
         a = 2 * i
         for j in range(len(xy)):
-            if of[j] == last:
+            if not crowded and of[j] == 0:
                 continue
+            if of[j] != step:
+                step, many = of[j], 0
             b = 2 * j
-            near = distance(
+            near = j == i or distance(
                 xy[i, 0] - xy[j, 0],
                 xy[i, 1] - xy[j, 1],
                 cov[a, a] + cov[b, b] - 2.0 * cov[a, b],
                 cov[a + 1, a] + cov[b + 1, b] - cov[a + 1, b] - cov[b + 1, a],
                 cov[a + 1, a + 1] + cov[b + 1, b + 1] - 2.0 * cov[a + 1, b + 1],
-            )
-            if near < gate:
+            ) < gate  # fmt: skip
+            if not near:
+                continue
+            many += 1
+            if step == 0:
+                least = many
+            elif many == least:
                 out[m] += 1
-                last = of[j]
     return out

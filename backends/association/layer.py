@@ -409,7 +409,7 @@ class Associating:
             steps.append(later)
             looks += len(later.sightings.ids) > 0
         frame = virtual(steps)
-        agreed = agreeing(frame.xy, frame.cov, frame.step, np.array(new, np.int64), self._apart).tolist()
+        agreed = agreeing(frame.xy, frame.cov, frame.step, np.array(new, np.int64), self._apart, self._merging is not None).tolist()
         return [i for i, times in zip(new, agreed, strict=True) if times >= self._options.confirm]
 
     def _forget(self, named: list[int], new: set[int]) -> None:
