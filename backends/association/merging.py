@@ -18,7 +18,7 @@ from ..api import Expected
 from ._merging import ALONE, likeliest_group
 from .quantiles import gates
 
-CLEAR = 3.0
+CLEAR = 4.5
 """Logarithm of how much likelier a sighting at its place is of that landmark than by chance, for it to be asked about."""
 
 SURE = 7.0
@@ -127,7 +127,12 @@ class Merging:
             return []
         if gain - likeliest_group(xy, cov, allowed, self._gates, chance, FLOOR, seeds, pair, other) < SURE:
             return []
-        return [(b, old[int(a)]) for b, a in zip(recent, pair, strict=True) if a != ALONE]
+        found = {b: old[int(a)] for b, a in zip(recent, pair, strict=True) if a != ALONE}
+        for b, a in found.items():
+            while a in found:  # earlier landmarks alone: it ends
+                a = found[a]
+            found[b] = a
+        return list(found.items())
 
     def merge(self, pairs: list[tuple[int, int]]) -> None:
         """Takes landmarks for others."""
