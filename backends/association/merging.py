@@ -21,6 +21,7 @@ from .quantiles import gates
 CLEAR = 4.5
 """Logarithm of how much likelier a sighting at its place is of that landmark than by chance, for it to be asked about."""
 
+CLEAR_OLD = 5.5
 SURE = 7.0
 """Logarithm of how much likelier a group has to be than chance, and than any other group."""
 
@@ -67,7 +68,8 @@ class Merging:
         rows = 2 * np.arange(n)
         s00, s10, s11 = c[rows, rows] + noise[0, 0], c[rows + 1, rows] + noise[1, 0], c[rows + 1, rows + 1] + noise[1, 1]
         area = tau * np.sqrt(np.maximum(s00 * s11 - s10 * s10, 1e-300)) * expected.z[:, 0]
-        return np.flatnonzero(np.log(area * self.density()) < -CLEAR).tolist()
+        old = np.array([self._last.get(i, 0) <= self._looks - RECENT for i in expected.ids.tolist()], np.bool)
+        return np.flatnonzero(np.log(area * self.density()) < np.where(old, -CLEAR_OLD, -CLEAR)).tolist()
 
     def sighted(self, landmarks: list[int]) -> None:
         """Takes the landmarks of a step's sightings."""
