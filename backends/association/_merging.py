@@ -78,8 +78,8 @@ def extend(L: Array, y: Array, m: int, row: Array, h: Array) -> None:
 
 @compiled
 def likeliest_group(
-    xy: Array, cov: Array, allowed: Array, gates: Array, density: float, floor: float, seeds: int, against: Ints,
-    pair: Ints,
+    xy: Array, cov: Array, allowed: Array, gates: Array, density: float, floor: float, seeds: int, most_weighed: int,
+    against: Ints, pair: Ints,
 ) -> float:  # fmt: skip
     """Finds which of b recent landmarks are which of the old ones; the logarithm of how much likelier that is than none.
 
@@ -87,13 +87,14 @@ def likeliest_group(
     may be one. A group is grown from each two pairs, of the first `seeds` recent landmarks, as long as a pair raises
     its likelihood over chance: that of old landmarks strewn by `density` (1/m²). Its squared distance is within
     gates[pairs]. A group that has half of its pairs or more in common with `against` (b,) is passed over. `pair` (b,)
-    gets the best group.
+    gets the best group; none where more than `most_weighed` pairs would have to be weighed.
     """
     b, n = allowed.shape
     L, y, row, h = np.zeros((2 * b, 2 * b)), np.zeros(2 * b), np.zeros((2, 2 * b + 2)), np.zeros(2)
     chosen, used, most, own = np.zeros((b + 1, 2), np.int64), np.zeros(n, np.bool_), 0.0, np.full(b, ALONE)
     chance = log(density)
     pair[:] = ALONE
+    weighed = 0
     for i in range(min(seeds, b)):
         for a in range(n):
             if not allowed[i, a]:
@@ -106,6 +107,10 @@ def likeliest_group(
                 for c in range(n):
                     if not allowed[j, c] or c == a:
                         continue
+                    weighed += 1
+                    if weighed > most_weighed:
+                        pair[:] = ALONE
+                        return 0.0
                     difference(xy, cov, i, a, b, chosen, 0, row, h)
                     weigh(L, y, 0, row, h, floor)
                     extend(L, y, 0, row, h)
@@ -128,6 +133,7 @@ def likeliest_group(
                         for e in range(n):
                             if not allowed[k, e] or used[e]:
                                 continue
+                            weighed += 1
                             difference(xy, cov, k, e, b, chosen, m, row, h)
                             more, likelier = weigh(L, y, m, row, h, floor)
                             if likelier > best_gain and d2 + more <= gates[m + 1]:

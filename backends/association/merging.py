@@ -25,11 +25,18 @@ CLEAR_OLD = 5.5
 SURE = 7.0
 """Logarithm of how much likelier a group has to be than chance, and than any other group."""
 
+SHARP = 4.0
+"""A landmark may always be told where a sighting's covariance has at most that many times the determinant of the
+sensor's: later sightings could not tell it any better."""
+
+TINY = 1e-300
+NOW = 3  # looks since a landmark was sighted, for it to be in view: what it tells of the robot is taken as known
 RECENT = 60  # looks since a landmark was sighted, for it to be a recent one
 GROUP, SEEDS = 12, 6  # recent landmarks of a group at most, and those that a group may start from
 JOINT = 0.9999  # probability that the differences of a right group are within their joint gate
 WITHIN = 6.0  # standard deviations of the robot's place that an old landmark may be off by
 TWICE = 2  # sightings of a landmark from which on it may be merged
+MOST = 100_000  # pairs weighed at most in search of a group: the search is given up where there are more
 FLOOR = 1e-6  # m²; added to the covariance of each difference
 
 
@@ -60,16 +67,18 @@ class Merging:
     def clear(self, expected: Expected, seen: RangeBearing) -> list[int]:
         """The rows of landmarks that a sighting can be told to be of."""
         self._furthest = max(self._furthest, float(seen.z[:, 0].max(initial=0.0)))
-        if not self._looks:
+        if not self._looks or not len(seen.ids):
             return list(range(len(expected.ids)))
-        noise = seen.cov.mean(axis=0) if len(seen.cov) else np.zeros((2, 2))
-        c = expected.cov
-        n = len(expected.ids)
-        rows = 2 * np.arange(n)
-        s00, s10, s11 = c[rows, rows] + noise[0, 0], c[rows + 1, rows] + noise[1, 0], c[rows + 1, rows + 1] + noise[1, 1]
-        area = tau * np.sqrt(np.maximum(s00 * s11 - s10 * s10, 1e-300)) * expected.z[:, 0]
-        old = np.array([self._last.get(i, 0) <= self._looks - RECENT for i in expected.ids.tolist()], np.bool)
-        return np.flatnonzero(np.log(area * self.density()) < np.where(old, -CLEAR_OLD, -CLEAR)).tolist()
+        R = seen.cov.mean(axis=0)
+        seen_last = np.array([self._last.get(i, 0) for i in expected.ids.tolist()], np.int64)
+        now = seen_last > self._looks - NOW
+        c = _given(expected.cov, np.flatnonzero(now), R)
+        rows = 2 * np.arange(len(expected.ids))
+        S = (c[rows, rows] + R[0, 0]) * (c[rows + 1, rows + 1] + R[1, 1]) - (c[rows + 1, rows] + R[1, 0]) ** 2
+        area = np.log(tau * np.sqrt(np.maximum(S, TINY)) * np.maximum(expected.z[:, 0], TINY) * self.density())
+        exact = (SHARP * (R[0, 0] * R[1, 1] - R[1, 0] ** 2)) >= S
+        old = seen_last <= self._looks - RECENT
+        return np.flatnonzero(exact | (area < np.where(old, -CLEAR_OLD, -CLEAR))).tolist()
 
     def sighted(self, landmarks: list[int]) -> None:
         """Takes the landmarks of a step's sightings."""
@@ -123,11 +132,11 @@ class Merging:
 
     def _decided(self, xy: Array, cov: Array, allowed: Any, recent: list[int], old: list[int]) -> list[tuple[int, int]]:
         pair, other, none = (np.full(len(recent), ALONE) for _ in range(3))
-        seeds, chance = SEEDS, self.density()
-        gain = likeliest_group(xy, cov, allowed, self._gates, chance, FLOOR, seeds, none, pair)
+        chance = self.density()
+        gain = likeliest_group(xy, cov, allowed, self._gates, chance, FLOOR, SEEDS, MOST, none, pair)
         if gain < SURE:
             return []
-        if gain - likeliest_group(xy, cov, allowed, self._gates, chance, FLOOR, seeds, pair, other) < SURE:
+        if gain - likeliest_group(xy, cov, allowed, self._gates, chance, FLOOR, SEEDS, MOST, pair, other) < SURE:
             return []
         found = {b: old[int(a)] for b, a in zip(recent, pair, strict=True) if a != ALONE}
         for b, a in found.items():
@@ -148,3 +157,12 @@ class Merging:
         for beside in self._beside.values():
             if not beside.isdisjoint(gone):
                 beside.update([gone[b] for b in beside if b in gone])
+
+
+def _given(cov: Array, known: Ints, noise: Array) -> Array:
+    """The covariance (2n, 2n) of n expected sightings once those `known` (k,) have been made, with that noise (2, 2)."""
+    if not len(known):
+        return cov
+    entries = np.stack((2 * known, 2 * known + 1), axis=1).ravel()
+    S = cov[np.ix_(entries, entries)] + np.kron(np.eye(len(known)), noise)
+    return cov - cov[:, entries] @ np.linalg.solve(S, cov[entries])
