@@ -170,8 +170,7 @@ class Unites(Protocol):
     def unite(self, pairs: list[tuple[int, int]]) -> Pose:
         """Takes the first landmark of each pair for the second, and returns the last step's pose by that.
 
-        It need not offer the first any more, nor have it in its map. Without this method the layer calls it by the
-        second's id from its next sighting on.
+        The first is not sighted again. Its map may still have it.
         """
         ...
 

@@ -3,6 +3,7 @@
 from math import log, pi, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
@@ -10,15 +11,15 @@ from ...core.se2 import Array, Ints
 ALONE = -1
 """In place of an old landmark: none."""
 
-TWO = 2
+TWO = 2  # pairs that a group has at least
 
 
 @compiled
 def difference(xy: Array, cov: Array, i: int, a: int, old: int, chosen: Ints, m: int, row: Array, h: Array) -> None:
     """The covariance `row` (2, 2m + 2) of pair (i, a) with the m chosen ones and itself, and its difference h (2,).
 
-    A pair's difference is the place of the recent landmark i less that of the old one a, entries 2 (`old` + a) of `cov`;
-    `chosen` (m, 2) are pairs.
+    A pair's difference is the place of the recent landmark i less that of the old one a, which is at entries
+    2 (`old` + a) of `cov`; `chosen` (m, 2) are pairs.
     """
     p, q = 2 * i, 2 * (old + a)
     for g in range(2):
@@ -28,9 +29,7 @@ def difference(xy: Array, cov: Array, i: int, a: int, old: int, chosen: Ints, m:
         s = q if k == m else 2 * (old + chosen[k, 1])
         for g in range(2):
             for e in range(2):
-                row[g, 2 * k + e] = (
-                    cov[p + g, r + e] - cov[p + g, s + e] - cov[q + g, r + e] + cov[q + g, s + e]
-                )
+                row[g, 2 * k + e] = cov[p + g, r + e] - cov[p + g, s + e] - cov[q + g, r + e] + cov[q + g, s + e]
 
 
 @compiled
@@ -78,10 +77,10 @@ def extend(L: Array, y: Array, m: int, row: Array, h: Array) -> None:
 
 @compiled
 def likeliest_group(
-    xy: Array, cov: Array, allowed: Array, gates: Array, density: float, floor: float, seeds: int, most_weighed: int,
-    against: Ints, pair: Ints,
+    xy: Array, cov: Array, allowed: NDArray[np.bool], gates: Array, density: float, floor: float, seeds: int,
+    most_weighed: int, against: Ints, pair: Ints,
 ) -> float:  # fmt: skip
-    """Finds which of b recent landmarks are which of the old ones; the logarithm of how much likelier that is than none.
+    """Finds which of b recent landmarks are old ones, and by the logarithm how much likelier that is than none.
 
     xy (b + n, 2) and cov (2 (b + n), 2 (b + n)) are of the recent landmarks, then of the old; `allowed` (b, n) pairs
     may be one. A group is grown from each two pairs, of the first `seeds` recent landmarks, as long as a pair raises

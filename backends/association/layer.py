@@ -21,7 +21,7 @@ from ...core.se2 import Array, Ints, compose
 from .._expected import carried
 from .._joint_compatibility import Frame, Gates
 from .._rules import NEW, Decision, decide, decide_frame, decision_by
-from ..api import Backend, Belief, Expected, Foresees, Pose, Solution, TakenOut, TakesOut, Unites, WantsTruth
+from ..api import Backend, Belief, Expected, Foresees, Pose, Solution, TakenOut, TakesOut, WantsTruth
 from ..expected import filled, fills, room_for
 from ..locating.locate import locate
 from ..locating.virtual import virtual
@@ -61,7 +61,6 @@ class Associating:
         self._gates = gates(options.joint, LARGEST, self._each)
         self._waits = options.lookahead > 0 or options.confirm > 0
         self._plain = not self._waits and not options.retire and not prior.signatures and not options.merge
-        self._unites = isinstance(inner, Unites)
         self._into, self._arrays = fills(inner), room_for(ROOM)
         self._foresees = prior.gyro is not None and isinstance(inner, Foresees)
         self._decision = self._decided_by(self._gates)
@@ -209,7 +208,7 @@ class Associating:
             return self._pose
         merging.merge(pairs)
         self._retired.update(gone for gone, _ in pairs)
-        return self._inner.unite(pairs) if self._unites else self._pose
+        return self._inner.unite(pairs)
 
     def _named_at_once(self, step: Step) -> Ints | None:
         """The ids of a step whose sightings have none, as `_name` finds them, by as few calls as there can be.
@@ -409,7 +408,8 @@ class Associating:
             steps.append(later)
             looks += len(later.sightings.ids) > 0
         frame = virtual(steps)
-        agreed = agreeing(frame.xy, frame.cov, frame.step, np.array(new, np.int64), self._apart, self._merging is not None).tolist()
+        rows, nearest = np.array(new, np.int64), self._merging is not None
+        agreed = agreeing(frame.xy, frame.cov, frame.step, rows, self._apart, nearest).tolist()
         return [i for i, times in zip(new, agreed, strict=True) if times >= self._options.confirm]
 
     def _forget(self, named: list[int], new: set[int]) -> None:

@@ -115,10 +115,10 @@ class Joint:
         gain = np.linalg.solve(S, PH.T).T
         self.mean[: n + 3] -= gain @ (H @ self.mean[: n + 3])
         self.mean[2] = wrap(self.mean[2])
-        P -= gain @ PH.T
-        P = (P + P.T) / 2
-        self.pose[:], self.cross[:, :n] = P[:3, :3], P[:3, 3:]
-        _triangle.store(self.flat, np.ascontiguousarray(P[3:, 3:]))
+        left = P - gain @ PH.T
+        left = (left + left.T) / 2
+        self.pose[:], self.cross[:, :n] = left[:3, :3], left[:3, 3:]
+        _triangle.store(self.flat, np.ascontiguousarray(left[3:, 3:]))
 
     def xy(self) -> Array:
         """The means (n, 2) of all pairs."""
