@@ -40,7 +40,7 @@ __all__ = [
     "BEARING", "COMPILED_HERE", "GTSAM_WHEEL", "RANGE", "UNKNOWN", "Array", "Associates", "AssociatesPartial",
     "Backend", "Belief", "Bias", "Builder", "Constant", "Diverged", "Expected", "Expects", "Fixes", "Foresees",
     "Ints", "Map", "NoOptions", "Odometry", "Partial", "Pose", "Prior", "RangeBearing", "RelativePoses", "Signatures",
-    "Solution", "Step", "Systematic", "TakenOut", "TakesOut", "Truth", "TruthWanted", "Turn", "Unsuited",
+    "Solution", "Step", "Systematic", "TakenOut", "TakesOut", "Truth", "TruthWanted", "Turn", "Unites", "Unsuited",
     "WantsTruth", "act", "act_jacobians", "between", "compose", "compose_jacobians", "option", "wrap",
 ]  # fmt: skip
 
@@ -159,6 +159,18 @@ class Foresees(Protocol):
 
         It changes no later result otherwise, not even in the last bit. A backend without this method expects by the
         odometry alone.
+        """
+        ...
+
+
+@runtime_checkable
+class Unites(Protocol):
+    """A backend, with the method of `Expects`, that learns that landmarks are one: it may do so at any step's end."""
+
+    def unite(self, pairs: list[tuple[int, int]]) -> Pose:
+        """Takes the first landmark of each pair for the second, and returns the last step's pose by that.
+
+        The first is not sighted again. Its map may still have it.
         """
         ...
 

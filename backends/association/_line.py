@@ -39,27 +39,37 @@ def polar(xy: Array, cov: Array) -> tuple[Array, Array, Array]:
 
 
 @compiled
-def agreeing(xy: Array, cov: Array, of: Ints, rows: Ints, gate: float) -> Ints:
+def apart(xy: Array, cov: Array, i: int, j: int) -> float:
+    """Squared Mahalanobis distance of places i and j of xy (k, 2), of joint covariance (2k, 2k)."""
+    a, b = 2 * i, 2 * j
+    return distance(
+        xy[i, 0] - xy[j, 0],
+        xy[i, 1] - xy[j, 1],
+        cov[a, a] + cov[b, b] - 2.0 * cov[a, b],
+        cov[a + 1, a] + cov[b + 1, b] - cov[a + 1, b] - cov[b + 1, a],
+        cov[a + 1, a + 1] + cov[b + 1, b + 1] - 2.0 * cov[a + 1, b + 1],
+    )
+
+
+@compiled
+def agreeing(xy: Array, cov: Array, of: Ints, rows: Ints, gate: float, nearest: bool) -> Ints:
     """Counts the steps after the first one with a place within `gate` of that of each of `rows` (m,).
 
-    xy (k, 2) are places with joint covariance (2k, 2k), `of` (k,) their steps, ascending.
+    xy (k, 2) are places with joint covariance (2k, 2k), `of` (k,) their steps, ascending. With `nearest`, a place
+    agrees only with the nearest of the first step's: else the sightings of a landmark agree with clutter beside it.
     """
     out = np.zeros(len(rows), np.int64)
     for m in range(len(rows)):
         i, last = rows[m], 0
-        a = 2 * i
         for j in range(len(xy)):
             if of[j] == last:
                 continue
-            b = 2 * j
-            near = distance(
-                xy[i, 0] - xy[j, 0],
-                xy[i, 1] - xy[j, 1],
-                cov[a, a] + cov[b, b] - 2.0 * cov[a, b],
-                cov[a + 1, a] + cov[b + 1, b] - cov[a + 1, b] - cov[b + 1, a],
-                cov[a + 1, a + 1] + cov[b + 1, b + 1] - 2.0 * cov[a + 1, b + 1],
-            )
-            if near < gate:
+            near = apart(xy, cov, i, j)
+            agrees, k = near < gate, 0
+            while nearest and agrees and of[k] == 0:
+                agrees = k == i or apart(xy, cov, k, j) > near
+                k += 1
+            if agrees:
                 out[m] += 1
                 last = of[j]
     return out

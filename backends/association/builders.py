@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...core.factors import Prior
-from ..api import Backend, Builder, Expects, Unsuited
+from ..api import Backend, Builder, Expects, Unites, Unsuited
 from .layer import Associating
 from .options import options_with
 from .standing import Standing
@@ -39,6 +39,8 @@ def associating(builder: Builder) -> Builder:
             raise Unsuited(f"with these options the backend cannot state what it expects to see: no {what}")
         if prior.map is not None and prior.map.cov is None:
             raise Unsuited(f"{what} needs the covariance of the given map, which has none")
+        if associates(options) and options.merge and (takes_out or not isinstance(inner, Unites)):
+            raise Unsuited("merge=true needs a backend that can unite landmarks, ekf or smoother, without moved=out")
         if takes_out:
             inner = Standing(inner, prior)
         return Associating(inner, prior, options) if associates(options) else inner

@@ -27,6 +27,7 @@ from ..locating.locate import locate
 from ..locating.virtual import virtual
 from . import parts
 from ._line import agreeing, polar
+from .merging import Merging
 from .options import RULES
 from .quantiles import gates, quantile
 from .signatures import SignatureFilters, joined
@@ -59,13 +60,14 @@ class Associating:
         self._apart_part = quantile(options.match, 1, 1)  # of a range or a bearing alone
         self._gates = gates(options.joint, LARGEST, self._each)
         self._waits = options.lookahead > 0 or options.confirm > 0
-        self._plain = not self._waits and not options.retire and not prior.signatures
+        self._plain = not self._waits and not options.retire and not prior.signatures and not options.merge
         self._into, self._arrays = fills(inner), room_for(ROOM)
         self._foresees = prior.gyro is not None and isinstance(inner, Foresees)
         self._decision = self._decided_by(self._gates)
         self._line = deque[Step]()
         self._pose: Array | None = prior.pose.copy()
         given = () if prior.map is None else prior.map.ids.tolist()
+        self._merging = Merging(given) if options.merge else None
         self._next = min((FIRST, *(landmark - 1 for landmark in given)))  # of a map made without ids, too
         self._known = set[int](given)  # ids sighted as such, or given
         self._made: dict[int, int] = {}  # known id -> made-up one of the same landmark
@@ -195,6 +197,18 @@ class Associating:
             self.ns[-1] += time.process_time_ns() - start
         self._sure += named
         self._pose = self._inner.step(step)
+        if self._merging is not None and named:
+            self._pose = self._merged(self._merging, [name for name in named if name != UNKNOWN])
+
+    def _merged(self, merging: Merging, sighted: list[int]) -> Pose | None:
+        """Merges landmarks that turn out to be one, once a step has `sighted` these; the pose by then."""
+        merging.sighted(sighted)
+        pairs = merging.found(self._inner, self._called)
+        if not pairs:
+            return self._pose
+        merging.merge(pairs)
+        self._retired.update(gone for gone, _ in pairs)
+        return self._inner.unite(pairs)
 
     def _named_at_once(self, step: Step) -> Ints | None:
         """The ids of a step whose sightings have none, as `_name` finds them, by as few calls as there can be.
@@ -344,10 +358,12 @@ class Associating:
     def _expected(self, odometry: Odometry | None, seen: RangeBearing, named: list[int]) -> Expected:
         """The backend's expectation, without landmarks that were taken out or that a sighting with an id is of."""
         expected = self._inner.expected(odometry, seen, self._far)
-        if not self._retired and named.count(UNKNOWN) == len(named):
+        clear = None if self._merging is None else self._merging.clear(expected, seen)
+        if not self._retired and named.count(UNKNOWN) == len(named) and clear is None:
             return expected
         out = self._retired.union(named) if self._retired else named
-        keep = [k for k, landmark in enumerate(expected.ids.tolist()) if landmark not in out]
+        ids = expected.ids.tolist()
+        keep = [k for k in (range(len(ids)) if clear is None else clear) if ids[k] not in out]
         if len(keep) == len(expected.ids):
             return expected
         entries = np.repeat(2 * np.array(keep, np.int64), 2)
@@ -392,7 +408,8 @@ class Associating:
             steps.append(later)
             looks += len(later.sightings.ids) > 0
         frame = virtual(steps)
-        agreed = agreeing(frame.xy, frame.cov, frame.step, np.array(new, np.int64), self._apart).tolist()
+        rows, nearest = np.array(new, np.int64), self._merging is not None
+        agreed = agreeing(frame.xy, frame.cov, frame.step, rows, self._apart, nearest).tolist()
         return [i for i, times in zip(new, agreed, strict=True) if times >= self._options.confirm]
 
     def _forget(self, named: list[int], new: set[int]) -> None:
@@ -434,6 +451,8 @@ class Associating:
 
     def _translated(self, ids: list[int]) -> Ints:
         """Ids as they are known now: of a made-up one whose landmark has got a known one, that."""
+        if self._merging is not None and self._merging.same:
+            ids = [self._merging.now(i) for i in ids]
         return np.array([self._called.get(i, i) for i in ids] if self._called else ids, np.int64)
 
     def _as_called(self, found: Map) -> Map:

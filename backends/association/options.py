@@ -55,6 +55,10 @@ class Association:
     retire: int = option(
         0, "steps with sightings after which a landmark sighted only once leaves the map; 0: never", minimum=0
     )
+    merge: bool = option(
+        False,
+        "a sighting that may be of a landmark by chance is of a new one; groups of these are merged with old ones",
+    )
     nodes: int = option(20_000, "jcbb: most nodes of a step's search", minimum=1)
 
     made_of: ClassVar[tuple[type, tuple[str, ...]]]

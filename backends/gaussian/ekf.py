@@ -236,6 +236,16 @@ class Ekf:
             into = roomier(into, 2 * len(into.ids))
         return into
 
+    def unite(self, pairs: list[tuple[int, int]]) -> Pose:
+        """Corrects by their differences, which are zero: both are at one place from then on."""
+        if self._part is not None:
+            self._part.settle_with(self._whole)
+            self._part = None
+        whole = self._whole
+        slots = np.array([(self._slot[gone], self._slot[kept]) for gone, kept in pairs], np.int64)
+        whole.equate(slots)
+        return whole.mean[:3].copy() if self._late is None else self._parts.pose()
+
     def belief(self) -> Belief:
         """The pose's marginal and the NIS of the loop closures, and sightings of known landmarks, that were used."""
         part = self._whole if self._part is None else self._part

@@ -12,6 +12,8 @@ from . import _triangle
 from ._beliefs import JointArrays
 from ._ekf import OWED
 
+EQUAL = 1e-4  # m; standard deviation of the difference of two landmarks that are one
+
 SPACE = 64
 """Landmarks the vectors have space for at first, doubled when exhausted. The matrix grows by panels."""
 
@@ -98,6 +100,25 @@ class Joint:
         self.mean[3 : 3 + n] = self.points[3 : 3 + n] = known.xy.ravel()
         if known.cov is not None:
             _triangle.store(self.flat, np.array(known.cov, np.float64))
+
+    def equate(self, pairs: Ints) -> None:
+        """Corrects by the differences of two pairs each, (k, 2): they are zero, up to `EQUAL`."""
+        n, k = 2 * self.pairs, len(pairs)
+        P = np.empty((n + 3, n + 3))
+        P[:3, :3], P[:3, 3:], P[3:, :3] = self.pose, self.cross[:, :n], self.cross[:, :n].T
+        P[3:, 3:] = self.cov()
+        H, rows = np.zeros((2 * k, n + 3)), np.arange(2 * k).reshape(k, 2)
+        for h in range(2):
+            H[rows[:, h], 3 + 2 * pairs[:, 0] + h], H[rows[:, h], 3 + 2 * pairs[:, 1] + h] = 1.0, -1.0
+        PH = P @ H.T
+        S = H @ PH + EQUAL**2 * np.eye(2 * k)
+        gain = np.linalg.solve(S, PH.T).T
+        self.mean[: n + 3] -= gain @ (H @ self.mean[: n + 3])
+        self.mean[2] = wrap(self.mean[2])
+        left = P - gain @ PH.T
+        left = (left + left.T) / 2
+        self.pose[:], self.cross[:, :n] = left[:3, :3], left[:3, 3:]
+        _triangle.store(self.flat, np.ascontiguousarray(left[3:, 3:]))
 
     def xy(self) -> Array:
         """The means (n, 2) of all pairs."""

@@ -32,6 +32,7 @@ from ..smoothing._graph import (
     CLOSEST,
     FULL,
     FURTHEST,
+    LANDMARK,
     LAST,
     NO_VARIABLE,
     PART,
@@ -139,6 +140,7 @@ class Smoother:
         self._turns = False  # the step's pose has a bias
         self._late = False  # a landmark of partial sightings starts at this step
         self._touched = list[int]()  # poses with sightings of landmarks that this step starts
+        self._gone = set[int]()  # landmarks that are others
 
     def step(self, step: Step) -> Pose:
         """Propagates by the motion; where anything is sighted, or a loop closed, the pose becomes a variable."""
@@ -210,6 +212,19 @@ class Smoother:
             found = with_held(as_expected(into), held, self._newcomers, odometry, self._steps - 1)
             into = filled(into, found, seen)
         return into
+
+    def unite(self, pairs: list[tuple[int, int]]) -> Pose:
+        """Gives the sightings of the first landmarks to the second: the factors are those of right ids from then on."""
+        forest, g = self._forest, self._forest.g
+        of = g.sightings[: g.state[SIGHTINGS], LANDMARK]
+        for gone, kept in pairs:
+            a, b = self._variable[kept], self._variable[gone]
+            of[of == b] = a
+            g.variables[b, WIDTH], g.values[b] = 0, g.values[a]
+            self._gone.add(gone)
+        self._reorganise(_opening.sighted(g, int(g.state[LAST])), NOBODY, everything=True)
+        self._settle()
+        return forest.pose.copy()
 
     def belief(self) -> Belief:
         """The latest pose and its marginal covariance, from the root's last rows."""
@@ -438,8 +453,10 @@ class Smoother:
 
     def _landmarks(self) -> tuple[Ints, Ints]:
         """The ids of all landmarks and their variables."""
-        n = len(self._variable)
-        return np.fromiter(self._variable, np.int64, n), np.fromiter(self._variable.values(), np.int64, n)
+        known = self._variable
+        if self._gone:
+            known = {landmark: v for landmark, v in known.items() if landmark not in self._gone}
+        return np.fromiter(known, np.int64, len(known)), np.fromiter(known.values(), np.int64, len(known))
 
     def _map(self, values: Array) -> Map:
         """All landmarks, at the variables' `values` (v, 3)."""

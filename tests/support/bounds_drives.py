@@ -142,6 +142,7 @@ def association() -> None:
     large, on_map = world("city[landmarks=200,steps=60,ids=hidden]"), world("city[landmarks=60,steps=30,map=surveyed]")
     for rule in ("nn", "ml", "jcbb"):
         drive("ekf", hidden, association=rule, lookahead=2, confirm=2, retire=20)
+    drive("ekf", world("circle[steps=350,ids=hidden]"), association="jcbb", confirm=2, merge=True)
     drive("fastslam", world("circle[steps=80,ids=0.5]"), association="particle", particles=20)
     for name, options in FEW.items():
         for log in (hidden, large):
