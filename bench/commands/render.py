@@ -97,7 +97,7 @@ def _depth(variant: DatasetVariant, number: int, places: Mapping[Path, str], con
 def _inertial(variant: DatasetVariant, number: int, end: float) -> Imu | None:
     """The readings of a level robot's IMU up to `end`, s; None without option gyro."""
     from ...datasets.on_demand.imu import imu_of
-    from ...datasets.worlds.aruco_room import LOOP
+    from ...datasets.worlds.rendered_world import LOOP
     from ...datasets.worlds.wheeled_robot import drive
 
     along = partial(drive, LOOP, variant.options.speed)
