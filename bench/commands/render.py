@@ -75,11 +75,12 @@ def _markers(variant: DatasetVariant, number: int, places: Mapping[Path, str], c
         raise InputError(f"bench render: found {variant.label}: outliers are added to a log, not to frames.")
 
     from ...datasets.recordings.write import write
-    from ...datasets.worlds.aruco_room import MATCHING, recorded
+    from ...datasets.worlds.aruco_room import matching, recorded
 
     recording, truth, scans, inertial = recorded(variant.options, generator(variant.name, number))
     with ProgressBar(console, "rendering", variant.options.frames * len(recording.detectors)) as bar:
-        write(places, replace(recording, frames=_watched(recording.frames, bar)), truth, inertial, scans, MATCHING)
+        recording = replace(recording, frames=_watched(recording.frames, bar))
+        write(places, recording, truth, inertial, scans, matching(variant.options))
 
 
 def _depth(variant: DatasetVariant, number: int, places: Mapping[Path, str], console: Console) -> None:

@@ -68,8 +68,8 @@ LEVELLED = ProportionalNoise(k_range=0.0006, k_bearing=2e-5, floor_range=1e-4, f
 AROUND = {"front": 0.0, "back": 180.0, "left": 90.0, "right": -90.0}
 """Names of several cameras, and by how many degrees they are turned about the robot's axis from the one ahead."""
 
-MATCHING = Settings(stamp_sd=0.0)
-"""Of the scanner's front end: its scans are taken at once, and at the times that they say."""
+MATCHING = Settings(stamp_sd=0.0, dense_start=2.0)
+"""Of the scanner's front end in the one room: its scans are taken at once, and at the times that they say."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
                     "one of them: there are no sightings."
                 )
     recording, truth, scans, _ = recorded(options, rng)
-    log = _log(recording, scans, options.sensors)
+    log = _log(recording, scans, options)
     rows = np.searchsorted(truth.t, log.t)
     truth = truth._replace(t=truth.t[rows], poses=truth.poses[rows])
     if options.unreadable:
@@ -175,13 +175,21 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
     return swapped(log, truth, options.outliers, rng.spawn(1)[0])
 
 
-def _log(recording: Recording, scans: LaserRecording | None, sensors: str) -> Log:
-    """Makes the log of the `sensors`, by the front ends of each."""
-    if scans is None or sensors == "markers":
+def matching(options: Options) -> Settings:
+    """The settings of the scanner's front end.
+
+    Those for made-up floors are for the building, too: along a corridor a match errs by more than its points know.
+    """
+    return replace(MATCHING, stamp_sd=Settings().stamp_sd) if options.building else MATCHING
+
+
+def _log(recording: Recording, scans: LaserRecording | None, options: Options) -> Log:
+    """Makes the log of the sensors that the options name, by the front ends of each."""
+    if scans is None or options.sensors == "markers":
         return build_log(recording)
-    if sensors == "laser":
-        return build_scans(scans, MATCHING)
-    return build_several(Several(recording, scans, MATCHING))
+    if options.sensors == "laser":
+        return build_scans(scans, matching(options))
+    return build_several(Several(recording, scans, matching(options)))
 
 
 class Recorded(NamedTuple):
