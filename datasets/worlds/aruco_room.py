@@ -3,6 +3,7 @@
 The world is simulated, but its frames are images, processed by the same front end as a real recording.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -23,7 +24,7 @@ from ...frontend.laser.settings import Settings
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.markers import Markers, find
 from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
-from ...frontend.markers.pipeline import Recording, build_log
+from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.several.log import Several
 from ...frontend.several.log import build_log as build_several
 from ...frontend.several.wheels_path import walked
@@ -233,32 +234,36 @@ def recorded(options: Options, rng: np.random.Generator) -> Recorded:
     ticks = count(*inside.drive(tick_times), tick_times, encoder, wheels, options.slip)
     motion = Wheels(_with_faults(ticks, encoder, options, wheels), encoder)
     cameras = _cameras(CAMERAS[options.camera], options.cameras)
-    painted, printed = paint(room, decoration), scrambled(find(DICTIONARY), unreadable, chance)
-    renderers = [
-        Renderer(
-            room,
-            camera,
-            DICTIONARY,
-            painted,
-            blur=options.blur,
-            sensor=seen_by,
-            vignetting=options.vignetting,
-            printed=printed,
-            prints=options.prints,
-        )
-        for camera in cameras
-    ]
+    printed = scrambled(find(DICTIONARY), unreadable, chance)
 
     def path(t: Array) -> Array:
         return inside.drive(t)[0]
 
+    def frames() -> Iterator[Frame]:
+        painted = paint(room, decoration)
+        renderers = [
+            Renderer(
+                room,
+                camera,
+                DICTIONARY,
+                painted,
+                blur=options.blur,
+                sensor=seen_by,
+                vignetting=options.vignetting,
+                printed=printed,
+                prints=options.prints,
+            )
+            for camera in cameras
+        ]
+        disturbances = Disturbances(options.sway, options.gain_drift, options.shadow, options.occlusion)
+        yield from take(renderers, path, frame_times, disturbances, sensor, rocking, inside.people)
+
     detector, *others = (
         Detector(Markers(DICTIONARY, SIDE), options.known(camera), unread=options.unreadable > 0) for camera in cameras
     )
-    disturbances = Disturbances(options.sway, options.gain_drift, options.shadow, options.occlusion)
     recording = Recording(
         name="aruco-room",
-        frames=take(renderers, path, frame_times, disturbances, sensor, rocking, inside.people),
+        frames=frames(),
         motion=replace(motion, max_speed=np.inf) if options.has_wheel_faults else motion,
         detector=detector,
         others=others,
