@@ -57,7 +57,7 @@ def meet(
 @compiled
 def meet_all(
     rays: Singles,
-    eye: Singles,
+    eye: NDArray[np.float64],
     walls: NDArray[np.float64],
     people: NDArray[np.float64],
     half_x: float,

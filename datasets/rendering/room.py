@@ -136,7 +136,9 @@ def furnish_along(bare: Room, way: Array, markers: int, reach: float, rng: np.ra
             left = rng.random() < 0.5
             half = SHEET * side / 2
             near = [beside(place + shift, left) for shift in (-half, 0.0, half)]
-            away = [float(cast(walls, NO_DISCS, *at, out[None], 2 * reach)[0]) for at, out in near]
+            away = [
+                float(cast(walls, NO_DISCS, float(at[0]), float(at[1]), out[None], 2 * reach)[0]) for at, out in near
+            ]
             if max(away) < reach and max(away) - min(away) < FLAT and near[0][1] @ near[2][1] > 0:
                 at, out = near[1]
                 (x, y), (nx, ny) = at + away[1] * out, -out

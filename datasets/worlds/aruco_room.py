@@ -179,9 +179,12 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
 def matching(options: Options) -> Settings:
     """The settings of the scanner's front end.
 
-    Those for made-up floors are for the building, too: along a corridor a match errs by more than its points know.
+    Those for made-up floors are for the building, too: along a corridor a match errs by more than its points know. Steps
+    are shorter, as the scans between them are lost to a log of both sensors.
     """
-    return replace(MATCHING, stamp_sd=Settings().stamp_sd) if options.building else MATCHING
+    if not options.building:
+        return MATCHING
+    return replace(MATCHING, stamp_sd=Settings().stamp_sd, step=0.2, turn=0.16)
 
 
 def _log(recording: Recording, scans: LaserRecording | None, options: Options) -> Log:

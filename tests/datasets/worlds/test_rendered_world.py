@@ -24,12 +24,13 @@ def built(seed: int, options: Options = IN_BUILDING) -> World:
     return world(options, options.seconds, np.random.default_rng(seed))
 
 
-def away(inside: World, x: float, y: float, directions: Array) -> Array:
-    """How far the next wall is along unit vectors."""
-    return cast(inside.room.outlines, np.zeros((0, 3)), x, y, directions, 50.0)
+def away(inside: World, at: Array, directions: Array) -> Array:
+    """How far the next wall is along unit vectors, from a point (2,)."""
+    return cast(inside.room.outlines, np.zeros((0, 3)), float(at[0]), float(at[1]), directions, 50.0)
 
 
-AROUND = np.stack((np.cos(np.arange(360) / 57.3), np.sin(np.arange(360) / 57.3)), axis=-1)
+ANGLES = np.deg2rad(np.arange(360.0))
+AROUND: Array = np.stack((np.cos(ANGLES), np.sin(ANGLES)), axis=-1)
 
 
 @pytest.mark.parametrize("seed", first_quick(range(8)))
@@ -37,8 +38,8 @@ def test_the_robot_keeps_clear_of_walls_and_drives_smoothly(seed: int) -> None:
     inside = built(seed)
     t = TICK / 2 * np.arange(int(2 * IN_BUILDING.seconds / TICK))
     poses, way = inside.drive(t)
-    for x, y, _ in poses[::100].tolist():
-        assert away(inside, x, y, AROUND).min() > 0.2
+    for pose in poses[::100]:
+        assert away(inside, pose, AROUND).min() > 0.2
     speed, turning = np.diff(way) / (TICK / 2), wrap(np.diff(poses[:, 2])) / (TICK / 2)
     assert 0.9 * IN_BUILDING.speed < speed.max() <= IN_BUILDING.speed + 1e-9
     assert np.abs(np.diff(speed)).max() < 0.1 * IN_BUILDING.speed + 1e-9  # TICK over the motors' LAG
@@ -52,18 +53,18 @@ def test_markers_are_on_the_floor_of_the_corridor_or_on_its_walls(seed: int) -> 
     inside = built(seed)
     assert [marker.id for marker in inside.room.markers] == list(range(50))
     for marker in inside.room.markers:
-        x, y, up = marker.pose[:3, 3].tolist()
+        place, up = marker.pose[:2, 3], marker.pose[2, 3]
         normal = marker.pose[:2, 2]
         if up == 0:
-            assert away(inside, x, y, AROUND).min() > 0.1
+            assert away(inside, place, AROUND).min() > 0.1
             continue
         assert np.hypot(*normal) == pytest.approx(1)
-        before = (np.array([x, y]) + 0.05 * normal).tolist()
-        assert away(inside, *before, -normal[None])[0] == pytest.approx(0.05)
-        assert away(inside, *before, normal[None])[0] > 0.8
+        before = place + 0.05 * normal
+        assert away(inside, before, -normal[None])[0] == pytest.approx(0.05)
+        assert away(inside, before, normal[None])[0] > 0.8
         beside = np.array([-normal[1], normal[0]]) * 0.1
         for sign in (-1, 1):
-            assert away(inside, *(np.array(before) + sign * beside).tolist(), -normal[None])[0] == pytest.approx(0.05)
+            assert away(inside, before + sign * beside, -normal[None])[0] == pytest.approx(0.05)
 
 
 def test_people_walk_in_the_corridor_and_step_aside() -> None:
