@@ -60,19 +60,17 @@ def meet_all(
     eye: NDArray[np.float64],
     walls: NDArray[np.float64],
     people: NDArray[np.float64],
-    half_x: float,
-    half_y: float,
-    top: float,
-    density: float,
+    size: tuple[float, float, float, float],
     at: Singles,
     reach: Singles,
     grey: Singles,
 ) -> None:
     """Writes what `meet` does, in a building: `reach` (n,) is how far along a ray, in its lengths, the surface is.
 
-    `walls` (w, 5) are x0, y0, x1, y1 and where on the image's walls they begin, m. `people` (c, 6) are upright
+    `size` has half_x, half_y, top and density, as `meet` does. `walls` (w, 5) are x0, y0, x1, y1 and where on the image's walls they begin, m. `people` (c, 6) are upright
     cylinders: x, y, radius, bottom and top, m, and grey level. `grey` (n,) is that of a cylinder that is met, else -1.
     """
+    half_x, half_y, top, density = size
     for k in range(rays.shape[1]):
         dx, dy, dz = float(rays[0, k]), float(rays[1, k]), float(rays[2, k])
         best = eye[2] / max(-dz, 1e-9)

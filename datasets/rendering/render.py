@@ -131,9 +131,8 @@ class Renderer:
         turned = turn @ rays
         at, reach, shade = np.empty_like(turned), np.empty_like(turned[0]), np.empty_like(turned[0])
         top = self.surfaces.wall_row / DENSITY + room.height
-        meet_all(
-            turned, eye, self._walls, people, room.length / 2, room.width / 2, top, float(DENSITY), at, reach, shade
-        )
+        size = room.length / 2, room.width / 2, top, float(DENSITY)
+        meet_all(turned, eye, self._walls, people, size, at, reach, shade)
         shape = self.lens.rays.shape[1:]
         column, row, z = at.reshape(3, *shape)
         grey = shade.reshape(shape)

@@ -179,8 +179,8 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
 def matching(options: Options) -> Settings:
     """The settings of the scanner's front end.
 
-    Those for made-up floors are for the building, too: along a corridor a match errs by more than its points know. Steps
-    are shorter, as the scans between them are lost to a log of both sensors.
+    Those for made-up floors are for the building, too: along a corridor a match errs by more than its points know.
+    Steps are shorter, as the scans between them are lost to a log of both sensors.
     """
     if not options.building:
         return MATCHING

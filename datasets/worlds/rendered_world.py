@@ -1,4 +1,4 @@
-"""What a marker robot drives through: the one room, or a building whose corridor leads round past rooms.
+"""The world of a robot among markers: the one room, or a building whose corridor leads round past rooms.
 
 The building has the plan of `laser-floor`, smaller: its walls, cupboards and furniture reach up to the ceiling. People
 walk along the corridor, and are in pictures and scans alike.
@@ -41,7 +41,7 @@ LOOP = ClosedPath(
 
 @dataclass(frozen=True)
 class WorldOptions:
-    """Where the robot drives, and among what."""
+    """The place that the robot drives through."""
 
     markers: int = option(24, "markers in the room, half of them on the floor", minimum=2, maximum=50)
     boxes: int = option(0, "boxes in the room, a third of the markers on them", minimum=0, maximum=8)

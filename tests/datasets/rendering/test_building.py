@@ -66,7 +66,8 @@ def test_rays_meet_what_the_scanner_meets(seed: int) -> None:
     slope = np.where(np.arange(500) % 2, 0.0, rng.uniform(-0.6, 0.0, 500)).astype(np.float32)
     rays, eye = np.vstack((flat.T, slope)), np.array([0.0, 0.0, 0.75])
     at, reach, grey = np.empty((3, 500), np.float32), np.empty(500, np.float32), np.empty(500, np.float32)
-    meet_all(rays, eye, np.column_stack((walls, np.zeros(len(walls)))), people, 10.0, 9.0, 20.5, 160.0, at, reach, grey)
+    size = 10.0, 9.0, 20.5, 160.0
+    meet_all(rays, eye, np.column_stack((walls, np.zeros(len(walls)))), people, size, at, reach, grey)
     level = cast(walls, people[:, :3].copy(), 0.0, 0.0, flat.astype(float), 100.0)
     with np.errstate(divide="ignore"):
         expected = np.minimum(level, np.where(slope < 0, -0.75 / np.minimum(slope, -1e-12), np.inf))

@@ -29,7 +29,7 @@ def away(inside: World, at: Array, directions: Array) -> Array:
     return cast(inside.room.outlines, np.zeros((0, 3)), float(at[0]), float(at[1]), directions, 50.0)
 
 
-ANGLES = np.deg2rad(np.arange(360.0))
+ANGLES: Array = np.arange(360) * (np.pi / 180)
 AROUND: Array = np.stack((np.cos(ANGLES), np.sin(ANGLES)), axis=-1)
 
 
