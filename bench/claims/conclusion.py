@@ -2,14 +2,16 @@
 
 A study reproduces its finding where all its claims hold. That is an intersection-union test (Berger, Technometrics
 24(4), 1982): a finding that is false in some part is called reproduced no more often than that part's claim holds
-wrongly, so the number of claims needs no correction. Each was stated before any cell ran.
+wrongly, so the number of claims needs no correction. Each was stated before any cell ran. For a reader of single claims
+Holm's correction is beside: over the tests of all of them, of `each` that of the worst value.
 """
 
 from collections.abc import Mapping, Sequence
-from math import isinf, isnan
+from math import isinf, isnan, nan
 from typing import Any, Literal, NamedTuple
 
-from ..words.numerals import counted
+from ..verdict.statistics import holm
+from ..words.numerals import chance, counted
 from .answer import Answer, Part
 from .finding import FIGURES, Verdict
 
@@ -27,6 +29,26 @@ class Conclusion(NamedTuple):
     answers: tuple[Answer, ...]
     reproduced: Literal["yes", "no", "open"]
     sentence: str
+
+    @property
+    def adjusted(self) -> tuple[float, ...]:
+        """The answers' p after Holm's correction over all of them that have a signed-rank test; NaN for the others."""
+        p = [answer.figures.get("p") for answer in self.answers]
+        return tuple(holm([nan if one is None else one for one in p]).tolist())
+
+    @property
+    def tests(self) -> str:
+        """Says what Holm's correction leaves of the tests of claims that hold; "" with fewer than two."""
+        found = [p for p, answer in zip(self.adjusted, self.answers, strict=True) if not isnan(p) and _held(answer)]
+        if len(found) < 2:
+            return ""
+        every = sum(not isnan(p) for p in self.adjusted)
+        most = chance(max(found))
+        return f"Of the {len(found)} claims that hold by a test, the largest is {most} (Holm, {every} tests)."
+
+
+def _held(answer: Answer) -> bool:
+    return answer.verdict == "holds"
 
 
 def conclude(answers: Sequence[Answer], finding: str) -> Conclusion:
@@ -59,11 +81,11 @@ def document(conclusion: Conclusion) -> dict[str, Any]:
     return {
         "reproduced": conclusion.reproduced,
         "sentence": conclusion.sentence,
-        "claims": [_claim(answer) for answer in conclusion.answers],
+        "claims": [_claim(*one) for one in zip(conclusion.answers, conclusion.adjusted, strict=True)],
     }
 
 
-def _claim(answer: Answer) -> dict[str, Any]:
+def _claim(answer: Answer, adjusted: float) -> dict[str, Any]:
     claim = answer.claim
     return {
         "says": claim.says,
@@ -79,6 +101,7 @@ def _claim(answer: Answer) -> dict[str, Any]:
         "bounds": [_plain(claim.low), _plain(claim.high)],
         "waiting": answer.waiting,
         **_figures(answer.figures),
+        "p_holm": _plain(adjusted),
         "parts": [_part(part) for part in answer.parts],
     }
 

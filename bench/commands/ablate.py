@@ -117,6 +117,7 @@ def _conclude(console: Console, study: Study, out: Path, tally: Tally, *, partly
     found = evidence(out)
     said: list[Any] = [study.question or study.title, found.conclusion.sentence]
     said += [f"  {answer.sentence}" for answer in found.answers]
+    said += [found.conclusion.tests] * bool(found.conclusion.tests)
     said += _left(tally, partly=partly)
     with Store(out) as store:
         said += [f"remark: {name}: {remark}." for name, odd in store.remarks().items() for remark in odd]

@@ -75,11 +75,12 @@ def _markers(variant: DatasetVariant, number: int, places: Mapping[Path, str], c
         raise InputError(f"bench render: found {variant.label}: outliers are added to a log, not to frames.")
 
     from ...datasets.recordings.write import write
-    from ...datasets.worlds.aruco_room import MATCHING, recorded
+    from ...datasets.worlds.aruco_room import matching, recorded
 
     recording, truth, scans, inertial = recorded(variant.options, generator(variant.name, number))
     with ProgressBar(console, "rendering", variant.options.frames * len(recording.detectors)) as bar:
-        write(places, replace(recording, frames=_watched(recording.frames, bar)), truth, inertial, scans, MATCHING)
+        recording = replace(recording, frames=_watched(recording.frames, bar))
+        write(places, recording, truth, inertial, scans, matching(variant.options))
 
 
 def _depth(variant: DatasetVariant, number: int, places: Mapping[Path, str], console: Console) -> None:
@@ -97,7 +98,7 @@ def _depth(variant: DatasetVariant, number: int, places: Mapping[Path, str], con
 def _inertial(variant: DatasetVariant, number: int, end: float) -> Imu | None:
     """The readings of a level robot's IMU up to `end`, s; None without option gyro."""
     from ...datasets.on_demand.imu import imu_of
-    from ...datasets.worlds.aruco_room import LOOP
+    from ...datasets.worlds.rendered_world import LOOP
     from ...datasets.worlds.wheeled_robot import drive
 
     along = partial(drive, LOOP, variant.options.speed)

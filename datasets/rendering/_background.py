@@ -1,4 +1,4 @@
-"""Inner loop of `render`: where rays meet the floor and the walls, compiled."""
+"""Inner loops of `render`: where rays meet the floor, walls and people, compiled."""
 
 import math
 
@@ -52,3 +52,58 @@ def meet(
         at[1, k] = density * row - one / two
         at[2, k] = z
     return highest
+
+
+@compiled
+def meet_all(
+    rays: Singles,
+    eye: NDArray[np.float64],
+    walls: NDArray[np.float64],
+    people: NDArray[np.float64],
+    size: tuple[float, float, float, float],
+    at: Singles,
+    reach: Singles,
+    grey: Singles,
+) -> None:
+    """Writes what `meet` does, in a building: `reach` (n,) is how far along a ray, in its lengths, the surface is.
+
+    `size` has half_x, half_y, top and density, as `meet` does. `walls` (w, 5) are x0, y0, x1, y1 and where on the image's walls they begin, m. `people` (c, 6) are upright
+    cylinders: x, y, radius, bottom and top, m, and grey level. `grey` (n,) is that of a cylinder that is met, else -1.
+    """
+    half_x, half_y, top, density = size
+    for k in range(rays.shape[1]):
+        dx, dy, dz = float(rays[0, k]), float(rays[1, k]), float(rays[2, k])
+        best = eye[2] / max(-dz, 1e-9)
+        wall, share = -1, 0.0
+        for i in range(len(walls)):
+            ax, ay = walls[i, 0] - eye[0], walls[i, 1] - eye[1]
+            bx, by = walls[i, 2] - walls[i, 0], walls[i, 3] - walls[i, 1]
+            across = dy * bx - dx * by
+            if abs(across) < 1e-12:
+                continue
+            r, along = (ay * bx - ax * by) / across, (dx * ay - dy * ax) / across
+            if 0.0 < r < best and 0.0 <= along <= 1.0:
+                best, wall, share = r, i, along
+        shade, flat = -1.0, dx * dx + dy * dy
+        for i in range(len(people)):
+            ax, ay, radius = people[i, 0] - eye[0], people[i, 1] - eye[1], people[i, 2]
+            along = dx * ax + dy * ay
+            inside = along * along - flat * (ax * ax + ay * ay - radius * radius)
+            if along > 0.0 and inside > 0.0 and flat > 0.0:
+                r = (along - math.sqrt(inside)) / flat
+                z = eye[2] + r * dz
+                if 0.0 < r < best and people[i, 3] <= z <= people[i, 4]:
+                    best = r
+                    side = ((r * dx - ax) * 0.6 + (r * dy - ay) * 0.8) / radius  # 1 where it faces the light
+                    shade = people[i, 5] * (0.85 + 0.15 * side)
+        x, y, z = eye[0] + best * dx, eye[1] + best * dy, eye[2] + best * dz
+        if wall < 0:
+            column, row = x + half_x, y + half_y
+        else:
+            bx, by = walls[wall, 2] - walls[wall, 0], walls[wall, 3] - walls[wall, 1]
+            column, row = walls[wall, 4] + share * math.sqrt(bx * bx + by * by), top - z
+        at[0, k] = density * column - 0.5
+        at[1, k] = density * row - 0.5
+        at[2, k] = z
+        reach[k] = best
+        grey[k] = shade

@@ -8,11 +8,15 @@ import numpy as np
 
 from ...core.se2 import Array
 from ...frontend.markers.pipeline import Frame
+from ._casting import cast
 from .lens import Singles
+from .people import People, nobody
 from .render import Conditions, Cover, Renderer
+from .room import NO_DISCS
 
 GRID = 40  # px between the pixels whose streaks are measured
 STILL = 0.02  # px; shorter streaks are ignored
+FLAT = 1e-9  # of a ray, along the floor, at least
 SPREAD = 3.0  # px, standard deviation of the blur of an occluder's edge: it is too near to be sharp
 DUSK = 45.0  # px, over which half of a shadow's edge falls
 BEATS = np.array([3.1, 5.3, 8.9, 15.7])  # s, periods of the brightness drift's components
@@ -64,6 +68,7 @@ def take(
     disturbances: Disturbances,
     rng: np.random.Generator,
     rocking: Rocking | None = None,
+    people: People = nobody,
 ) -> Iterator[Frame]:
     """Yields the frames at `t` (n,), s, the middles of their exposures, of each of the cameras on a robot in turn.
 
@@ -83,7 +88,8 @@ def take(
             shade = _shadow(renderer, disturbances.shadow, shading)
             cover = _cover(renderer, disturbances.occlusion, covering)
             swing = np.sqrt(2 / len(BEATS)) * np.sin(2 * np.pi * time / BEATS + phase).sum()
-            conditions = Conditions(shade * np.float32(np.exp(disturbances.gain_drift * swing)), cover)
+            light = shade * np.float32(np.exp(disturbances.gain_drift * swing))
+            conditions = Conditions(light, cover, people(time))
             moving = renderer.sensor.exposure or renderer.sensor.readout
             if not moving:
                 poses = pose @ mounting
@@ -141,11 +147,16 @@ def _streak(renderer: Renderer, start: Array, end: Array) -> float:
     lens, room = renderer.lens, renderer.room
     rays = lens.rays[:, ::GRID, ::GRID].reshape(3, -1).T[lens.open[::GRID, ::GRID].ravel()]
     ahead = rays.astype(float) @ start[:3, :3].T
-    walls = np.array([room.length / 2, room.width / 2])
+    flat = np.maximum(np.hypot(*ahead[:, :2].T), FLAT)
+    x, y, height = start[:3, 3].tolist()
     with np.errstate(divide="ignore", invalid="ignore"):
-        reach = (np.copysign(walls, ahead[:, :2]) - start[:2, 3]) / ahead[:, :2]
-        to_floor = np.where(ahead[:, 2] < 0, -start[2, 3] / ahead[:, 2], np.inf)
-    points = start[:3, 3] + np.minimum(reach.min(axis=1), to_floor)[:, None] * ahead
+        if room.walls is None:
+            walls = np.array([room.length / 2, room.width / 2])
+            reach = ((np.copysign(walls, ahead[:, :2]) - start[:2, 3]) / ahead[:, :2]).min(axis=1)
+        else:
+            reach = cast(room.outlines, NO_DISCS, x, y, ahead[:, :2] / flat[:, None], room.perimeter) / flat
+        to_floor = np.where(ahead[:, 2] < 0, -height / ahead[:, 2], np.inf)
+    points = start[:3, 3] + np.minimum(reach, to_floor)[:, None] * ahead
     corners = [face.outline for box in room.boxes for face in box.faces]
     points = np.vstack((points, *(marker.pose[:3, 3] for marker in room.markers), *corners))
     seen = [(points - pose[:3, 3]) @ pose[:3, :3] for pose in (start, end)]

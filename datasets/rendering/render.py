@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from ...core.se2 import Array
 from ...frontend.camera.camera import Camera
 from ...frontend.markers.aruco import Image
-from ._background import meet
+from ._background import meet, meet_all
 from .boxes import Box, Face
 from .lattice import jitter, lattice
 from .lens import Lens, Part, Patch, Singles, bands, dispersed, through
+from .people import NOBODY
 from .room import Marker, Room
 from .sensor import IDEAL, LINES, Sensor
 from .sheet import PERFECT, Print, Sheet, printed_sheets
@@ -28,6 +29,7 @@ from .surfaces import DENSITY, Surfaces
 
 BAND = 30  # rows of a frame processed at a time: as much as fits a core's cache
 CEILING = 188.0  # grey level above the walls
+BEHIND = 0.01  # share of its distance by which a marker may be behind a surface and still be on it
 
 
 class Cover(NamedTuple):
@@ -42,6 +44,7 @@ class Conditions(NamedTuple):
 
     light: float | Singles = 1.0  # times the light of the scene, or (height, width)
     cover: Cover | None = None
+    people: Array = NOBODY  # (c, 6) cylinders, as in `people`, of a building; they stand still while it is exposed
 
 
 CLEAR = Conditions()
@@ -51,7 +54,8 @@ CLEAR = Conditions()
 class Renderer:
     """Takes pictures of one room with one camera.
 
-    Markers that are on no box must be behind every box, as those on floor and walls are.
+    Markers that are on no box must be behind every box, as those on floor and walls are. In a building, which has no
+    boxes, walls and people hide what is behind them; their own edges are of one ray per pixel.
     """
 
     room: Room
@@ -68,22 +72,23 @@ class Renderer:
 
     def frame(self, poses: Array, rng: np.random.Generator, conditions: Conditions = CLEAR) -> Image:
         """(height, width) grey, seen from `poses` as in `light`. Grey levels saturate at 255."""
-        return self.exposed(self.light(poses), rng, conditions)
+        return self.exposed(self.light(poses, conditions.people), rng, conditions)
 
-    def light(self, poses: Array) -> Singles:
+    def light(self, poses: Array, people: Array = NOBODY) -> Singles:
         """(height, width) the grey levels seen from `poses` T_world_camera, before lens and sensor.
 
         `poses` are one, (4, 4); or (n, 4, 4), and the light is their mean; or (b, n, 4, 4), those of each of the bands
         of rows that a rolling shutter reads. With chromatic aberration the light is (3, height, width).
         """
         if poses.ndim == 4:
-            return np.concatenate([band.light(own) for band, own in zip(self.bands, poses, strict=True)], axis=-2)
+            of_bands = [band.light(own, people) for band, own in zip(self.bands, poses, strict=True)]
+            return np.concatenate(of_bands, axis=-2)
         if self._dispersed:
-            return np.stack([colour.light(poses) for colour in self._dispersed])
+            return np.stack([colour.light(poses, people) for colour in self._dispersed])
         first, *others = poses.reshape(-1, 4, 4)
-        image = self.scene(first)
+        image = self.scene(first, people)
         for other in others:
-            image += self.scene(other)
+            image += self.scene(other, people)
         if others:
             image /= 1 + len(others)
         return image
@@ -99,8 +104,10 @@ class Renderer:
             image = np.asarray(planes[0] if len(planes) == 1 else np.stack(planes), np.float32)
         return self.sensor.picture(image, rng)
 
-    def scene(self, pose: Array) -> Singles:
+    def scene(self, pose: Array, people: Array = NOBODY) -> Singles:
         """(height, width) the grey levels seen from `pose` (4, 4), before lens and sensor."""
+        if self.room.walls is not None:
+            return self._building(pose, people)
         rays = self.lens.rays
         bands = range(0, self.camera.height, BAND)
         image = np.vstack([self._background(pose, rays[:, row : row + BAND]) for row in bands])
@@ -116,6 +123,38 @@ class Renderer:
                 if marker.box == index:
                     self._draw(image, marker, pose)
         return image
+
+    def _building(self, pose: Array, people: Array) -> Singles:
+        """(height, width) a building as `scene` has it."""
+        rays, room = self.lens.rays.reshape(3, -1), self.room
+        turn, eye = pose[:3, :3].astype(np.float32), pose[:3, 3]
+        turned = turn @ rays
+        at, reach, shade = np.empty_like(turned), np.empty_like(turned[0]), np.empty_like(turned[0])
+        top = self.surfaces.wall_row / DENSITY + room.height
+        size = room.length / 2, room.width / 2, top, float(DENSITY)
+        meet_all(turned, eye, self._walls, people, size, at, reach, shade)
+        shape = self.lens.rays.shape[1:]
+        column, row, z = at.reshape(3, *shape)
+        grey = shade.reshape(shape)
+        image = np.asarray(
+            cv2.remap(self.surfaces.image, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE), np.float32
+        )
+        image[z > room.height] = CEILING
+        image = np.where(grey >= 0, grey, image)
+        for marker in sorted(room.markers, key=lambda m: -float(np.linalg.norm(m.pose[:3, 3] - eye))):
+            normal, off = marker.pose[:3, 2], marker.pose[:3, 3] - eye
+            with np.errstate(divide="ignore", invalid="ignore"):
+                own = (normal @ off).astype(np.float32) / (normal.astype(np.float32) @ turned)
+            self._draw(image, marker, pose, (own <= (1 + BEHIND) * reach).reshape(shape))
+        return image
+
+    @cached_property
+    def _walls(self) -> Array:
+        """(w, 5) the building's walls, and where on the painted walls each begins, m."""
+        walls = self.room.outlines
+        long = np.hypot(*(walls[:, 2:] - walls[:, :2]).T)
+        start = np.mod(np.cumsum(long) - long, np.maximum(self.room.perimeter - long, 1 / DENSITY))
+        return np.column_stack((walls, start))
 
     @cached_property
     def lens(self) -> Lens:
@@ -167,8 +206,8 @@ class Renderer:
         ids = [marker.id for marker in self.room.markers]
         return printed_sheets(self.dictionary, ids, self.room.side, self.printed, self.prints)
 
-    def _draw(self, image: Singles, marker: Marker, pose: Array) -> None:
-        """Draws the marker's sheet into `image`, if the camera is in front of it."""
+    def _draw(self, image: Singles, marker: Marker, pose: Array, seen_at: NDArray[np.bool_] | None = None) -> None:
+        """Draws the marker's sheet into `image`, if the camera is in front of it, and where nothing hides it."""
         sheet = self._sheets[marker.id]
         patch = self._patch(pose, marker.pose, sheet.outline, sheet.to_sheet)
         if patch is None:
@@ -180,6 +219,8 @@ class Renderer:
         eye = (pose[:3, 3] - place) @ turn
         seen = sheet.grey(column.reshape(-1, width), row.reshape(-1, width), eye)
         grey, hit = cv2.split(seen.reshape(-1, height, width, 2).mean(axis=0))
+        if seen_at is not None:
+            grey, hit = grey * seen_at[patch.part], hit * seen_at[patch.part]
         image[patch.part] += grey - hit * image[patch.part]
         if self.prints.gloss:
             image[patch.part] += hit * sheet.highlight(patch.at, eye, (self.room.lamp_at - place) @ turn)

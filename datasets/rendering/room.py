@@ -6,10 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.elementary import sincos
+from ...core.elementary import hypot, sincos
+from ...core.errors import InputError
 from ...core.factors import Map
 from ...core.se2 import Array
 from ...core.small_matrices import product
+from ._casting import cast
 from .boxes import Box, place_boxes
 
 
@@ -32,6 +34,7 @@ class Room:
     markers: tuple[Marker, ...]
     boxes: tuple[Box, ...] = ()  # the circles around their footprints are disjoint
     lamp: tuple[float, float, float] | None = None  # m, what glossy paper reflects; None: the middle of the ceiling
+    walls: Array | None = None  # (w, 4) m, x and y of both ends, of all walls of a building; None: those of the room
 
     @property
     def lamp_at(self) -> Array:
@@ -45,6 +48,15 @@ class Room:
         return Map(ids, np.array([marker.pose[:2, 3] for marker in self.markers]).reshape(-1, 2), None)
 
     @property
+    def outlines(self) -> Array:
+        """(w, 4) m, the walls, and the sides of boxes, as segments in the plane."""
+        a, b = self.length / 2, self.width / 2
+        around = [np.array([[-a, -b], [a, -b], [a, b], [-a, b]])] if self.walls is None else []
+        rings = [*around, *(box.footprint for box in self.boxes)]
+        sides = [np.column_stack((one, np.roll(one, -1, axis=0))) for one in rings]
+        return np.concatenate([*sides, *([] if self.walls is None else [self.walls])])
+
+    @property
     def perimeter(self) -> float:
         """The length of all walls, m."""
         return 2 * (self.length + self.width)
@@ -54,6 +66,10 @@ LOW, HIGH = 0.3, 0.75
 """m, heights of markers on the walls: visible to a camera that looks down from across a room."""
 
 MARGIN = 0.3  # m, between a marker's centre and the next corner, or, on the floor, the next wall
+
+TRIES = 300  # places on a wall that are tried for a marker
+FLAT = 1e-6  # m, by which a wall's distance from the way varies at most
+NO_DISCS = np.zeros((0, 3))  # nothing round
 
 SHEET = 8 / 6
 """Ratio of a marker's sheet of paper to its black square, for dictionaries of 4 x 4 bits."""
@@ -96,6 +112,49 @@ def furnish_with_boxes(bare: Room, boxes: int, path: Array, robot: float, rng: n
     return replace(bare, markers=tuple(markers), boxes=tuple(placed))
 
 
+def furnish_along(bare: Room, way: Array, markers: int, reach: float, rng: np.random.Generator) -> Room:
+    """The building `bare` with `markers` markers along a closed way (n, 2), ids from 0: every other one on the floor.
+
+    They are spaced evenly and then shifted at random, on the floor up to `reach` / 2 m beside the way. The others are
+    on the left or the right wall, where that is flat, free of doors and at most `reach` m away.
+    """
+    sides = np.roll(way, -1, axis=0) - way
+    lengths = hypot(*sides.T)
+    ends = np.concatenate(([0.0], np.cumsum(lengths)))
+    walls = bare.outlines
+
+    def beside(place: float, left: bool) -> tuple[Array, Array]:
+        """The point of the way `place` m along it, and the unit vector to its left or right."""
+        side = int(np.searchsorted(ends, place % ends[-1], "right")) - 1
+        along = sides[side] / lengths[side]
+        across = np.array([-along[1], along[0]]) * (1.0 if left else -1.0)
+        return way[side] + along * (place % ends[-1] - ends[side]), across
+
+    def on_wall(slot: int, count: int) -> Array:
+        for attempt in range(TRIES):
+            place = (slot + rng.uniform(0.15, 0.85) + 0.01 * attempt) / count * ends[-1]
+            left = rng.random() < 0.5
+            half = SHEET * side / 2
+            near = [beside(place + shift, left) for shift in (-half, 0.0, half)]
+            away = [
+                float(cast(walls, NO_DISCS, float(at[0]), float(at[1]), out[None], 2 * reach)[0]) for at, out in near
+            ]
+            if max(away) < reach and max(away) - min(away) < FLAT and near[0][1] @ near[2][1] > 0:
+                at, out = near[1]
+                (x, y), (nx, ny) = at + away[1] * out, -out
+                return _upright(x, y, nx, ny, rng.uniform(LOW, HIGH))
+        raise InputError(f"markers: found walls for {slot} of {count} markers, expected as many; try fewer.")
+
+    side = bare.side
+    on_floor, on_walls = markers // 2, markers - markers // 2
+    poses = list[Array]()
+    for slot in range(on_floor):
+        at, out = beside((slot + rng.uniform(0.15, 0.85)) / on_floor * ends[-1], True)
+        poses.append(_on_floor(at + rng.uniform(-reach / 2, reach / 2) * out, rng.uniform(-np.pi, np.pi)))
+    poses += [on_wall(slot, on_walls) for slot in range(on_walls)]
+    return replace(bare, markers=tuple(Marker(i, pose) for i, pose in enumerate(poses)))
+
+
 def wall_point(room: Room, along: Array) -> tuple[Array, Array]:
     """Points (..., 2) `along` m counter-clockwise from the corner (-x, -y), and the normals there into the room."""
     a, b = room.length, room.width
@@ -136,6 +195,11 @@ def _away_from_corners(room: Room, slots: Array) -> Array:
 def _on_wall(room: Room, along: float, up: float) -> Array:
     """T_world_marker of a marker upright on the wall."""
     (x, y), (nx, ny) = wall_point(room, np.asarray(along))
+    return _upright(x, y, nx, ny, up)
+
+
+def _upright(x: float, y: float, nx: float, ny: float, up: float) -> Array:
+    """T_world_marker of an upright marker whose normal is (nx, ny)."""
     return np.array([[-ny, 0, nx, x], [nx, 0, ny, y], [0, 1, 0, up], [0, 0, 0, 1]], float)
 
 

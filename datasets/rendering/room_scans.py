@@ -16,6 +16,7 @@ from ...core.se2 import Array, compose
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.scanner import Scanner
 from ._casting import cast
+from .people import People, standing_on_floor
 from .room import Room
 
 PLACE = np.array([0.125, 0.0, 0.0])  # m, m, rad, of the scanner on the robot
@@ -30,6 +31,9 @@ LATER = 0.05  # s of the first scan after the first frame: the sensors are not t
 class RoomScans:
     """A laser scanner beside the camera, by default none; a rendered world's options inherit it."""
 
+    sensors: str = option(
+        "both", "whose measurements the log has, of a robot with a scanner", choices=("both", "markers", "laser")
+    )
     scan_rate: float = option(
         0.0, "scans per second of a laser scanner, whose log is then one of markers and scans; 0: none",
         minimum=0.0, maximum=40.0,
@@ -43,22 +47,17 @@ class RoomScans:
         return t[t <= end]
 
 
-def scanned(room: Room, drive: Callable[[Array], Array], t: Array, rng: np.random.Generator) -> LaserRecording:
-    """The scans at `t` (n,), s, without odometry, of a robot whose true poses `drive` gives."""
-    walls, poses = _walls(room), drive(t)
+def scanned(
+    room: Room, drive: Callable[[Array], Array], people: People, t: Array, rng: np.random.Generator
+) -> LaserRecording:
+    """The scans at `t` (n,), s, without odometry, of a robot whose true poses `drive` gives, among `people`."""
+    walls, poses = room.outlines, drive(t)
     angles = STEP * (np.arange(BEAMS, dtype=np.float64) - BEAMS // 2)
     ranges = np.empty((len(t), BEAMS))
     for k, (x, y, heading) in enumerate(compose(poses, PLACE).tolist()):
         s, c = sincos(heading + angles)
-        ranges[k] = cast(walls, np.zeros((0, 3)), x, y, np.stack((c, s), -1), FARTHEST)
+        ranges[k] = cast(walls, standing_on_floor(people(float(t[k]))), x, y, np.stack((c, s), -1), FARTHEST)
     seeing, losing = rng.spawn(2)
     ranges = RESOLUTION * np.round((ranges + RANGE_SD * seeing.standard_normal(ranges.shape)) / RESOLUTION)
     ranges[(losing.random(ranges.shape) < LOST) | (ranges >= FARTHEST)] = np.inf
     return LaserRecording("aruco-room", Scanner(angles, PLACE), t, ranges, None, Prior(poses[0], np.eye(3)))
-
-
-def _walls(room: Room) -> Array:
-    """(w, 4) m, the walls and the sides of boxes as segments."""
-    a, b = room.length / 2, room.width / 2
-    outlines = [np.array([[-a, -b], [a, -b], [a, b], [-a, b]]), *(box.footprint for box in room.boxes)]
-    return np.concatenate([np.column_stack((one, np.roll(one, -1, axis=0))) for one in outlines])

@@ -1,6 +1,6 @@
 """A marker's printed sheet of paper: its modules, ink that spreads, paper that curls, and gloss."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -16,6 +16,9 @@ INK, PAPER = 34.0, 222.0  # grey levels of a marker
 
 SHINE = 60.0
 """Exponent of a highlight on glossy paper: half of it is within 9 degrees of the mirrored lamp's half-way normal."""
+
+LEAST_APART = 4
+"""Bits by which a pattern differs from every marker however turned: a detector corrects fewer."""
 
 
 @dataclass(frozen=True)
@@ -148,3 +151,18 @@ def printed_sheets(
 def _unit(vectors: Singles) -> Singles:
     """(3, ...) of length 1."""
     return vectors / np.sqrt((vectors**2).sum(axis=0))
+
+
+def scrambled(
+    dictionary: cv2.aruco.Dictionary, ids: Sequence[int], rng: np.random.Generator
+) -> dict[int, NDArray[np.bool_]]:
+    """Random bits (n, n), True is white, for each of the `ids`: of no marker, so that only the square is found."""
+    size = dictionary.markerSize
+    drawn = [dictionary.generateImageMarker(k, size + 2, borderBits=1) for k in range(len(dictionary.bytesList))]
+    words = np.array([np.rot90(np.asarray(one)[1:-1, 1:-1] > 0, turns) for one in drawn for turns in range(4)])
+    found = dict[int, NDArray[np.bool_]]()
+    while len(found) < len(ids):
+        bits = rng.uniform(size=(size, size)) < 0.5
+        if (bits != words).sum(axis=(1, 2)).min() >= LEAST_APART and 0.25 < bits.mean() < 0.75:
+            found[ids[len(found)]] = bits
+    return found

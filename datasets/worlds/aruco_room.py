@@ -3,8 +3,8 @@
 The world is simulated, but its frames are images, processed by the same front end as a real recording.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,12 +18,13 @@ from ...frontend.camera.camera import Camera
 from ...frontend.inertial.imu import Imu
 from ...frontend.inertial.standing import standing
 from ...frontend.inertial.tilts import tilts
+from ...frontend.laser.log import build_log as build_scans
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.settings import Settings
 from ...frontend.markers.aruco import Detector
 from ...frontend.markers.markers import Markers, find
 from ...frontend.markers.noise import Noise, PropagatedNoise, ProportionalNoise
-from ...frontend.markers.pipeline import Recording, build_log
+from ...frontend.markers.pipeline import Frame, Recording, build_log
 from ...frontend.several.log import Several
 from ...frontend.several.log import build_log as build_several
 from ...frontend.several.wheels_path import walked
@@ -41,18 +42,16 @@ from ..registry import Source
 from ..rendering.cameras import CAMERAS
 from ..rendering.disturbances import Disturbances, Rocking, raised, take
 from ..rendering.render import Renderer
-from ..rendering.room import furnish, furnish_with_boxes
 from ..rendering.room_scans import RoomScans, scanned
-from ..rendering.scrambled import scrambled
+from ..rendering.sheet import scrambled
 from ..rendering.surfaces import paint
 from ..wheel_faults import WheelFaults, faulty_clock, faulty_wheels
 from .camera_options import CameraOptions
 from .outliers import swapped
-from .wheeled_robot import ClosedPath, count, drive
+from .rendered_world import SIDE, World, WorldOptions, world
+from .wheeled_robot import count
 
 DICTIONARY = "4X4_50"
-SIDE = 0.16  # m, of a marker
-ROOM = (6.0, 5.0, 2.5)  # m
 TICK = 0.02  # s between encoder readings
 GYRO = 0.01  # degrees/s per root Hz, of the unit of option imu where option gyro says nothing
 START_SD = 1e-4  # m and rad; the robot starts exactly at the prior's mean
@@ -60,12 +59,6 @@ SOURCE = "slamduel's own world: frames are rendered, wheel counters simulated wi
 
 
 ENCODER = Encoder(left=1.6e-4, right=1.6e-4, base=0.36, k=0.01, noise="distance")
-
-LOOP = ClosedPath(
-    cos=np.array([[1.4, 0.0], [0.0, 0.0], [0.25, 0.0]]),
-    sin=np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]),
-)
-"""A figure of eight of 11.3 m: as much turning left as right, and no bend tighter than 0.54 m."""
 
 PROPORTIONAL = ProportionalNoise(k_range=0.002, k_bearing=0.002, floor_range=0.008, floor_bearing=0.003)
 """Eq. (10) with constants for this camera, and floors for a rocking body."""
@@ -76,22 +69,28 @@ LEVELLED = ProportionalNoise(k_range=0.0006, k_bearing=2e-5, floor_range=1e-4, f
 AROUND = {"front": 0.0, "back": 180.0, "left": 90.0, "right": -90.0}
 """Names of several cameras, and by how many degrees they are turned about the robot's axis from the one ahead."""
 
-MATCHING = Settings(stamp_sd=0.0)
-"""Of the scanner's front end: its scans are taken at once, and at the times that they say."""
-
-BERTH = 0.3  # m, least distance of the robot's middle from a box
+MATCHING = Settings(stamp_sd=0.0, dense_start=2.0)
+"""Of the scanner's front end in the one room: its scans are taken at once, and at the times that they say."""
 
 
 @dataclass(frozen=True)
 class Options(
-    HiddenIds, OnMap, Parts, WorldFixes, WorldGyro, WorldSlip, WorldSignatures, WheelFaults, RoomScans, CameraOptions
+    HiddenIds,
+    OnMap,
+    Parts,
+    WorldFixes,
+    WorldGyro,
+    WorldSlip,
+    WorldSignatures,
+    WheelFaults,
+    RoomScans,
+    CameraOptions,
+    WorldOptions,
 ):
     """The drive and the room."""
 
-    markers: int = option(24, "markers in the room, half of them on the floor", minimum=2, maximum=50)
     seconds: float = option(60.0, "length of the drive, s", minimum=1.0, maximum=3600.0)
     frame_rate: float = option(5.0, "camera frames per second, each a keyframe", minimum=0.5, maximum=30.0)
-    speed: float = option(0.4, "speed of the robot, m/s", minimum=0.05, maximum=1.0)
     noise: str = option(
         "propagated", "stated noise of the sightings: that of the corners and of `sway`, or ArUco EKF SLAM's eq. (10)",
         choices=("propagated", "proportional"),
@@ -114,7 +113,6 @@ class Options(
         None, "stated bearing noise that is added, rad; none: 0.003 with noise=proportional, 2e-5 with an IMU, else 0",
         minimum=1e-4, maximum=1.0,
     )  # fmt: skip
-    boxes: int = option(0, "boxes in the room, a third of the markers on them", minimum=0, maximum=8)
     camera: str = option("pinhole", "lens of the camera; calibrations are in cameras.py", choices=tuple(CAMERAS))
     cameras: int = option(
         1, "cameras on the robot, all alike: one ahead, then behind, to the left, to the right",
@@ -154,15 +152,48 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
             f"dataset aruco-room: found options unreadable={options.unreadable:g} and outliers={options.outliers:g}, "
             "expected one of them: a marker without an id has none to be wrong."
         )
+    if options.sensors != "both" and not options.scan_rate:
+        raise InputError(
+            f"dataset aruco-room: found option sensors={options.sensors}, expected it beside scan_rate: without a "
+            "scanner there are markers alone."
+        )
+    if options.sensors == "laser":
+        for name in ("unreadable", "outliers"):
+            if getattr(options, name):
+                raise InputError(
+                    f"dataset aruco-room: found options sensors=laser and {name}={getattr(options, name):g}, expected "
+                    "one of them: there are no sightings."
+                )
     recording, truth, scans, _ = recorded(options, rng)
-    log = build_log(recording) if scans is None else build_several(Several(recording, scans, MATCHING))
-    truth = truth if scans is None else _at(log.t, truth, options)
+    log = _log(recording, scans, options)
+    rows = np.searchsorted(truth.t, log.t)
+    truth = truth._replace(t=truth.t[rows], poses=truth.poses[rows])
     if options.unreadable:
         truth = truth._replace(assigned=_nearest(log, truth))
     if options.outliers == 0:
         return Dataset(log, truth)
     # Drawn after everything else, so that the log is the clean one except for its outliers.
     return swapped(log, truth, options.outliers, rng.spawn(1)[0])
+
+
+def matching(options: Options) -> Settings:
+    """The settings of the scanner's front end.
+
+    Those for made-up floors are for the building, too: along a corridor a match errs by more than its points know.
+    Steps are shorter, as the scans between them are lost to a log of both sensors.
+    """
+    if not options.building:
+        return MATCHING
+    return replace(MATCHING, stamp_sd=Settings().stamp_sd, step=0.2, turn=0.16)
+
+
+def _log(recording: Recording, scans: LaserRecording | None, options: Options) -> Log:
+    """Makes the log of the sensors that the options name, by the front ends of each."""
+    if scans is None or options.sensors == "markers":
+        return build_log(recording)
+    if options.sensors == "laser":
+        return build_scans(scans, matching(options))
+    return build_several(Several(recording, scans, matching(options)))
 
 
 class Recorded(NamedTuple):
@@ -194,41 +225,48 @@ def recorded(options: Options, rng: np.random.Generator) -> Recorded:
                 f"{1 / options.frame_rate:.4g} s at frame_rate={options.frame_rate:g}."
             )
     layout, wheels, sensor, decoration = rng.spawn(4)
-    room = furnish(*ROOM, SIDE, options.markers, layout)
-    path, _ = LOOP.at(np.linspace(0, 2 * np.pi, 200))
-    room = furnish_with_boxes(room, options.boxes, path, BERTH, layout)
+    inside = world(options, options.seconds, layout)
+    room = inside.room
     frame_times = np.arange(options.frames) / options.frame_rate
     tick_times = TICK * np.arange(int(np.ceil(frame_times[-1] / TICK)) + 2.0)
-    poses, _ = drive(LOOP, options.speed, frame_times)
+    poses, _ = inside.drive(frame_times)
     (chance,) = layout.spawn(1)
-    rocking, imu = _felt(options, float(frame_times[-1]), layout)
+    rocking, imu = _felt(options, inside, float(frame_times[-1]), layout)
     unreadable = np.flatnonzero(chance.uniform(size=options.markers) < options.unreadable).tolist()
     encoder = replace(ENCODER, left=1 / options.counts_per_metre, right=1 / options.counts_per_metre)
-    ticks = count(*drive(LOOP, options.speed, tick_times), tick_times, encoder, wheels, options.slip)
+    ticks = count(*inside.drive(tick_times), tick_times, encoder, wheels, options.slip)
     motion = Wheels(_with_faults(ticks, encoder, options, wheels), encoder)
     cameras = _cameras(CAMERAS[options.camera], options.cameras)
-    painted, printed = paint(room, decoration), scrambled(find(DICTIONARY), unreadable, chance)
-    renderers = [
-        Renderer(
-            room,
-            camera,
-            DICTIONARY,
-            painted,
-            blur=options.blur,
-            sensor=seen_by,
-            vignetting=options.vignetting,
-            printed=printed,
-            prints=options.prints,
-        )
-        for camera in cameras
-    ]
+    printed = scrambled(find(DICTIONARY), unreadable, chance)
+
+    def path(t: Array) -> Array:
+        return inside.drive(t)[0]
+
+    def frames() -> Iterator[Frame]:
+        painted = paint(room, decoration)
+        renderers = [
+            Renderer(
+                room,
+                camera,
+                DICTIONARY,
+                painted,
+                blur=options.blur,
+                sensor=seen_by,
+                vignetting=options.vignetting,
+                printed=printed,
+                prints=options.prints,
+            )
+            for camera in cameras
+        ]
+        disturbances = Disturbances(options.sway, options.gain_drift, options.shadow, options.occlusion)
+        yield from take(renderers, path, frame_times, disturbances, sensor, rocking, inside.people)
+
     detector, *others = (
         Detector(Markers(DICTIONARY, SIDE), options.known(camera), unread=options.unreadable > 0) for camera in cameras
     )
-    disturbances = Disturbances(options.sway, options.gain_drift, options.shadow, options.occlusion)
     recording = Recording(
         name="aruco-room",
-        frames=take(renderers, lambda t: drive(LOOP, options.speed, t)[0], frame_times, disturbances, sensor, rocking),
+        frames=frames(),
         motion=replace(motion, max_speed=np.inf) if options.has_wheel_faults else motion,
         detector=detector,
         others=others,
@@ -242,24 +280,24 @@ def recorded(options: Options, rng: np.random.Generator) -> Recorded:
     if not len(t):
         return Recorded(recording, truth, None, imu)
     (beams,) = rng.spawn(1)
-    scans = scanned(room, lambda t: drive(LOOP, options.speed, t)[0], t, beams)
+    scans = scanned(room, path, inside.people, t, beams)
     scans = replace(scans, odometry=walked(recording.motion, t), prior=recording.prior)
-    return Recorded(recording, _at(np.union1d(frame_times, t), truth, options), scans, imu)
+    return Recorded(recording, _at(np.union1d(frame_times, t), truth, inside), scans, imu)
 
 
-def _felt(options: Options, end: float, rng: np.random.Generator) -> tuple[Rocking | None, Imu | None]:
+def _felt(options: Options, inside: World, end: float, rng: np.random.Generator) -> tuple[Rocking | None, Imu | None]:
     """The rocking body, and the readings of its inertial measurement unit up to `end`, s; None without one."""
     if not (options.gyro or options.imu):
         return None, None
     body, readings = rng.spawn(2)
     rocking = Rocking.drawn(options.sway, body)
     given = options if options.gyro else replace(options, gyro=GYRO)
-    return rocking, imu_of(given, partial(drive, LOOP, options.speed), end, readings, rocking)
+    return rocking, imu_of(given, inside.drive, end, readings, rocking)
 
 
-def _at(t: Array, truth: Truth, options: Options) -> Truth:
+def _at(t: Array, truth: Truth, inside: World) -> Truth:
     """The truth at the times `t`, s."""
-    return truth._replace(t=t, poses=drive(LOOP, options.speed, t)[0])
+    return truth._replace(t=t, poses=inside.drive(t)[0])
 
 
 def _cameras(ahead: Camera, count: int) -> list[Camera]:

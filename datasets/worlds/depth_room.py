@@ -32,9 +32,10 @@ from ..rendering.room import Room, furnish_with_boxes
 from ..rendering.sensor import Sensor
 from ..rendering.surfaces import paint
 from ..wheel_faults import WheelFaults, faulty_clock, faulty_poses
-from .aruco_room import BERTH, DICTIONARY, LOOP, ROOM, SIDE, TICK
+from .aruco_room import DICTIONARY, TICK
 from .measurements import START_SD
 from .mover import crossings
+from .rendered_world import BERTH, LOOP, ROOM, SIDE
 from .wheeled_robot import RISE, drive
 
 WHEELS = TrackNoise(forward=0.015, turning=0.02, turning_by_turn=0.02)

@@ -77,16 +77,16 @@ def record(options: Options, rng: np.random.Generator) -> tuple[LaserRecording, 
     for _ in range(options.drive):
         way, walking, seeing, rolling = rng.spawn(4)
         ring = np.roll(ring[::-1], -1, axis=0)
-    path = _drive(_way(plan, ring, options.laps, way))
+    path = _drive(way_points(plan, ring, options.laps, way))
     every = max(1, round(1 / (options.scan_rate * TICK)))
     poses = path[::every]
     t = TICK * every * np.arange(len(poses), dtype=np.float64)
     angles = np.linspace(-np.pi / 2, np.pi / 2, options.beams)
-    people = _people(plan, options.people, walking)
+    people = passers_by(plan, options.people, walking)
     ranges = np.empty((len(t), len(angles)))
     for k, (x, y, heading) in enumerate(poses.tolist()):
         s, c = sincos(heading + angles)
-        ranges[k] = cast(plan.walls, _legs(plan, people, float(t[k]), x, y), x, y, np.stack((c, s), -1), FURTHEST)
+        ranges[k] = cast(plan.walls, legs(plan, people, float(t[k]), x, y), x, y, np.stack((c, s), -1), FURTHEST)
     missing = (ranges >= FURTHEST) | (seeing.random(ranges.shape) < LOST)
     ranges += options.range_sd * seeing.standard_normal(ranges.shape)
     ranges = np.where(missing, NO_RETURN, RESOLUTION * np.round(ranges / RESOLUTION))
@@ -99,7 +99,7 @@ def record(options: Options, rng: np.random.Generator) -> tuple[LaserRecording, 
     return LaserRecording("laser-floor", scanner, t, ranges, odometry, prior), Truth(t, poses)
 
 
-def _way(plan: Plan, ring: Array, laps: float, rng: np.random.Generator) -> Array:
+def way_points(plan: Plan, ring: Array, laps: float, rng: np.random.Generator) -> Array:
     """Way points (w, 2): round the corridor's corners `ring` (4, 2), into some of the rooms and back."""
     points = [ring[0]]
     for side in range(int(np.ceil(4 * laps))):
@@ -136,14 +136,14 @@ def _drive(way: Array) -> Array:
     return np.array(path)
 
 
-def _people(plan: Plan, count: int, rng: np.random.Generator) -> Array:
+def passers_by(plan: Plan, count: int, rng: np.random.Generator) -> Array:
     """Place along the ring (m), speed (m/s, either way) and offset from its middle (m) of each: (count, 3)."""
     around = float(np.abs(np.diff(plan.ring, axis=0, append=plan.ring[:1])).sum())
     speed = rng.uniform(0.5, 1.3, count) * rng.choice([-1.0, 1.0], count)
     return np.stack((rng.uniform(0, around, count), speed, rng.uniform(-0.6, 0.6, count)), axis=-1)
 
 
-def _legs(plan: Plan, people: Array, t: float, x: float, y: float) -> Array:
+def legs(plan: Plan, people: Array, t: float, x: float, y: float) -> Array:
     """Discs (2 m, 3) of the legs of people in the corridor who are not too close to (x, y)."""
     sides = np.diff(plan.ring, axis=0, append=plan.ring[:1])
     lengths = np.abs(sides).sum(axis=1)

@@ -126,7 +126,8 @@ class FrontEnd:
         if not (placed.wheels and placed.points) or placed.off is not None:
             self._doubts.append(placed)
         base = self._active[0].steps[0]
-        if beyond(between(self._drawn[-1][0], pose), s.insert_step, s.insert_turn):
+        share = s.denser if self._way < s.dense_start else 1.0
+        if beyond(between(self._drawn[-1][0], pose), share * s.insert_step, share * s.insert_turn):
             self._draw(pose, placed.scan)
         new = beyond(between(self._poses.array[-1], pose), s.step, s.turn)
         self._record(placed.t, pose)

@@ -28,9 +28,14 @@ class Settings:
     stamp_sd: float = option(
         0.005, "sd of a scan's time, s: it is swept on the move, and stamps are off", minimum=0.0, maximum=0.1
     )
+    dense_start: float = option(
+        0.0, "metres of path at the start in which three times as many scans are drawn into the submap: in a corridor "
+        "the first headings are then half as far off", minimum=0.0, maximum=100.0,
+    )  # fmt: skip
 
     # submaps
     insert_step, insert_turn = 0.15, 0.12  # between scans that are drawn
+    denser = 1 / 3  # of these, while the start is dense
     submap_path = 5.0  # between starts of submaps; each lives for two of these
     turn_path = 0.5  # m of path that a radian of turning counts for
     share = 0.25  # of the beams that come to a wall, those that it reflects

@@ -171,6 +171,7 @@ def front_ends() -> None:
         "depth-room[laps=0.1]",
         "depth-room[laps=0.1,odometry=visual,landmarks=false,loops=true,readout=0.02,mover=0.4]",
         "aruco-room[seconds=2,sensor=phone,ink=0.01,curl=0.002]",
+        "aruco-room[seconds=2,building=true,people=2,frame_rate=1,scan_rate=2]",
         "aruco-room[seconds=2,noise=propagated,boxes=2,camera=fisheye,outliers=0.2,shadow=0.5,occlusion=0.3]",
     ):
         world(name)

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from slamduel.core.factors import Log
 from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.cache import generator
-from slamduel.datasets.worlds.aruco_room import LOOP, MATCHING, Options, recorded
+from slamduel.datasets.worlds.aruco_room import MATCHING, Options, recorded
 from slamduel.datasets.worlds.measurements import in_reach, sightings
+from slamduel.datasets.worlds.rendered_world import LOOP
 from slamduel.datasets.worlds.wheeled_robot import drive
 from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.log import log_of

@@ -11,7 +11,8 @@ from slamduel.core.factors import Truth
 from slamduel.core.se2 import Array
 from slamduel.datasets.recordings.write import write
 from slamduel.datasets.rendering.room import furnish
-from slamduel.datasets.worlds.aruco_room import ROOM, SIDE, Options, record
+from slamduel.datasets.worlds.aruco_room import Options, record
+from slamduel.datasets.worlds.rendered_world import ROOM, SIDE
 from slamduel.frontend.markers.noise import PropagatedNoise
 from slamduel.frontend.markers.pipeline import Frame, Recording
 

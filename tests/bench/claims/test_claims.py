@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from math import inf, isnan
+from math import inf, isnan, nan
 from typing import Any
 
 import numpy as np
@@ -379,6 +379,21 @@ def test_a_study_reproduces_its_finding_where_all_claims_hold() -> None:
     waiting = answer(less(), both([*SIX, None], [*SIX, None]))
     assert conclude([yes, waiting], "").sentence.startswith("There is no answer yet: 1 of 2 claims is open")
     assert conclude([], "").reproduced == "open"
+
+
+def test_holms_correction_is_over_all_tests_of_a_study() -> None:
+    closer, half = answer(less(), both(SIX, np.array(SIX) * 3)), answer(less(1.01), both(SIX, np.array(SIX) * 1.5))
+    plain = answer(value(0, 1), table(cells(SIX)))
+    assert plain.verdict == closer.verdict == half.verdict == "holds"
+    found = conclude([closer, plain, half], "So")
+    assert found.adjusted == pytest.approx((4 / 2**6, nan, 4 / 2**6), nan_ok=True)  # each 2 / 2^6 by itself, times two
+    assert found.tests == "Of the 2 claims that hold by a test, the largest is p = 0.062 (Holm, 2 tests)."
+    assert [one["p_holm"] for one in document(found)["claims"]] == [
+        pytest.approx(4 / 2**6),
+        None,
+        pytest.approx(4 / 2**6),
+    ]
+    assert conclude([closer, plain], "So").tests == ""
 
 
 def test_a_conclusion_is_json() -> None:

@@ -16,7 +16,7 @@ from slamduel.datasets.rendering.render import Renderer
 from slamduel.datasets.rendering.room import Marker, Room, furnish, furnish_with_boxes
 from slamduel.datasets.rendering.sheet import INK, PAPER
 from slamduel.datasets.rendering.surfaces import Surfaces, paint
-from slamduel.datasets.worlds.aruco_room import BERTH, LOOP, ROOM, SIDE
+from slamduel.datasets.worlds.rendered_world import BERTH, LOOP, ROOM, SIDE
 
 PATH, _ = LOOP.at(np.linspace(0, 2 * np.pi, 500))
 CAMERA = CAMERAS["pinhole"]

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 
 from slamduel.core.factors import UNKNOWN
-from slamduel.datasets.rendering.scrambled import LEAST_APART, scrambled
+from slamduel.datasets.rendering.sheet import LEAST_APART, scrambled
 from slamduel.frontend.camera.camera import Camera
 from slamduel.frontend.camera.mounting import mounting
 from slamduel.frontend.markers.aruco import Detector

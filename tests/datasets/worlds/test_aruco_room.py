@@ -15,7 +15,8 @@ from slamduel.bench.plan.spec import read_options
 from slamduel.core.check import check
 from slamduel.core.factors import UNKNOWN, Dataset
 from slamduel.core.se2 import Array, between, wrap
-from slamduel.datasets.worlds.aruco_room import ENCODER, LOOP, TICK, Options, aruco_room, record
+from slamduel.datasets.worlds.aruco_room import ENCODER, TICK, Options, aruco_room, record
+from slamduel.datasets.worlds.rendered_world import LOOP
 from slamduel.datasets.worlds.wheeled_robot import count, drive, slipped
 from slamduel.frontend.markers.noise import PropagatedNoise, ProportionalNoise
 from slamduel.frontend.markers.noise_fit import squares

@@ -12,7 +12,8 @@ from slamduel.core.se2 import Array
 from slamduel.datasets.on_demand.gyro import WorldGyro
 from slamduel.datasets.on_demand.imu import imu_of
 from slamduel.datasets.rendering.disturbances import Rocking, rocked
-from slamduel.datasets.worlds.aruco_room import ENCODER, LOOP
+from slamduel.datasets.worlds.aruco_room import ENCODER
+from slamduel.datasets.worlds.rendered_world import LOOP
 from slamduel.datasets.worlds.wheeled_robot import count, drive
 from slamduel.frontend.inertial.imu import Imu
 from slamduel.frontend.inertial.tilts import STEEP, Tilts, leaned, speeds, tilts
