@@ -13,7 +13,7 @@ from rich.table import Table
 from ...core.errors import InputError
 from ...datasets.depth.open import open_depth
 from ...datasets.recordings.recording import Opened as Frames
-from ...datasets.recordings.recording import open_recording
+from ...datasets.recordings.recording import finished, open_recording
 from ...datasets.recordings.settings import read_described
 from ...datasets.recordings.several import OpenedSeveral, open_several, sensors_in
 from ...datasets.scans.open import OpenedScans, ScanTopics, open_scans
@@ -141,7 +141,7 @@ def _opened(namespace: argparse.Namespace) -> Opened:
             frames.recording,
             frames.truth,
             start_given=frames.start_given,
-            inertial=frames.inertial,
+            finish=partial(finished, frames),
         ),
         frames.length,
         "frames",

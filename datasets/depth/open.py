@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.factors import Dataset, Truth
+from ...core.factors import Dataset, Log, Truth
 from ...core.files import check_regular
 from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
@@ -21,6 +21,7 @@ from ...frontend.wheels.track import Poses, Track
 from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.cameras import COMPRESSED, IMAGE
 from ..bags.siblings import read_alone
+from ..fixes.open import OpenedWorld, in_world, open_world
 from ..inertial.open import OpenedImu, beside, open_imu
 from ..prior import assumed
 from ..readings import ODOMETRY, read_readings
@@ -48,6 +49,7 @@ class OpenedDepth(NamedTuple):
     length: int | None  # number of images
     start_given: bool = True  # by [prior] in robot.toml
     inertial: OpenedImu | None = None
+    world: OpenedWorld | None = None
 
 
 def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None:
@@ -71,7 +73,11 @@ def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None
     motion = recording.motion
     odometry = Poses(motion.t, motion.poses) if isinstance(motion, Track) else None
     inertial = open_imu(found, home, robot.imu, odometry, notes, recording.remarks)
-    return opened._replace(recording=replace(recording, notes=notes), inertial=inertial)
+    felt = None if inertial is None else inertial.imu
+    world = open_world(
+        found, home, robot.world, felt, motion, notes, recording.remarks, start_given=robot.prior is not None
+    )
+    return opened._replace(recording=replace(recording, notes=notes), inertial=inertial, world=world)
 
 
 def open_bag(path: Path, robot: DepthRobot) -> OpenedDepth:
@@ -81,8 +87,13 @@ def open_bag(path: Path, robot: DepthRobot) -> OpenedDepth:
 
 def build(opened: OpenedDepth) -> Dataset:
     """The log of the recording by the front end, with the ground truth at its times; InputError as in `build_log`."""
-    log = beside(build_log(opened.recording, opened.settings), opened.inertial)
+    log = finished(opened, build_log(opened.recording, opened.settings))
     return with_truth(log, opened.truth, start_given=opened.start_given)
+
+
+def finished(opened: OpenedDepth, log: Log) -> Log:
+    """The log of the frames with the gyro's turns, and with positions and headings in the world."""
+    return in_world(beside(log, opened.inertial), opened.world)
 
 
 def _opened(found: Path, robot: DepthRobot, home: Path) -> OpenedDepth:

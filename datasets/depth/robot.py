@@ -10,6 +10,7 @@
     [prior]      pose, sd
     [topics]     image, depth, camera_info, depth_info, odometry
     [imu]        as `inertial.robot` reads it
+    [gps]        and [compass], as `fixes.robot` reads them
 
 Only [depth] is required, where the recording has the rest. [camera] is the camera of the images; `calibration` in
 [depth] is of a second camera, which measures depth, and `pose` is its mounting on the first one, whose x axis is where
@@ -35,6 +36,7 @@ from ...frontend.depth.settings import RecordedSettings, Settings
 from ...frontend.wheels.counters import MAX_SPEED
 from ...frontend.wheels.track import Track, TrackNoise
 from ..bags.odometry import FRAME
+from ..fixes.robot import WorldTables, world_in
 from ..inertial.robot import ImuTable, imu_in
 from ..prior import read_prior
 from ..robot_files import CALIBRATION, ROBOT
@@ -93,6 +95,7 @@ class DepthRobot:
     settings: Settings = field(default_factory=RecordedSettings)
     prior: Prior | None = None  # None: the first pose of the odometry
     imu: ImuTable | None = None
+    world: WorldTables = field(default_factory=WorldTables)
 
 
 def read_depth_robot(path: Path) -> DepthRobot | None:
@@ -131,6 +134,7 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
         settings=settings_in(depth, RecordedSettings, path.parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
         imu=imu_in(file),
+        world=world_in(file),
     )
     check_limits(file)
     return robot

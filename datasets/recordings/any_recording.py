@@ -10,6 +10,7 @@ from ...core.factors import Dataset
 from ...core.options import option
 from ..depth.open import build as build_depth
 from ..depth.open import open_depth
+from ..fixes.open import without_compass
 from ..registry import Named, Source
 from ..scans.open import OpenedScans, ScanTopics, open_scans
 from ..scans.open import build as build_scans
@@ -50,10 +51,10 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         kept = scans if options.imu else scans._replace(frames=without_imu(scans.frames))
         return build_several(kept)
     if isinstance(scans, OpenedScans):
-        return build_scans(scans if options.imu else scans._replace(inertial=None))
+        return build_scans(scans if options.imu else scans._replace(inertial=None, world=without_compass(scans.world)))
     depth = None if isinstance(scans, Opened) else open_depth(path, file)
     if depth is not None:
-        return build_depth(depth if options.imu else depth._replace(inertial=None))
+        return build_depth(depth if options.imu else depth._replace(inertial=None, world=without_compass(depth.world)))
     frames = scans or open_recording(path, None if file is None else read_described(file))
     return build(frames if options.imu else without_imu(frames))
 

@@ -14,6 +14,7 @@
     [topics]     image, encoder, odometry, commands, camera_info, tags
     [frames]     source, fps, start
     [imu]        as `inertial.robot` reads it
+    [gps]        and [compass], as `fixes.robot` reads them
     [laser]      as `scans.robot` reads it, of a robot with a scanner as well
 
 Only [markers] dictionary and side are required, and not of tags whose poses another program found. With several
@@ -45,6 +46,7 @@ from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Drift
 from ...frontend.wheels.track import TrackNoise
+from ..fixes.robot import WorldTables, world_in
 from ..inertial.robot import ImuTable, imu_in
 from ..prior import read_prior
 from ..robot_files import CALIBRATION, file_of
@@ -95,6 +97,7 @@ class Robot:
     noise: Noise = field(default_factory=ProportionalNoise)
     prior: Prior | None = None  # None: nobody gave the start
     imu: ImuTable | None = None
+    world: WorldTables = field(default_factory=WorldTables)
     laser: LaserRobot | None = None  # of a robot with a scanner as well
     topics: Topics = field(default_factory=Topics)
     frames: FrameSource = field(default_factory=FrameSource)
@@ -120,6 +123,8 @@ def read_robot(path: Path) -> Robot:
         "topics",
         "frames",
         "imu",
+        "gps",
+        "compass",
     )
     file = TomlTable.read(path).only(("name", *tables, "laser", "depth"))
     if file.has("laser") and not file.has("markers"):
@@ -153,6 +158,7 @@ def read_robot(path: Path) -> Robot:
         noise=_noise(file.table("noise")),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
         imu=imu_in(file),
+        world=world_in(file),
         laser=laser_robot_in(file) if file.has("laser") else None,
         topics=Topics(**{key: topics.text(key) for key in topics.entries}),
         frames=frames_in(frames),
@@ -238,6 +244,7 @@ def write_robot(path: Path, robot: Robot) -> None:
         "prior": {} if robot.prior is None else _prior(robot.prior),
         "topics": robot.topics._asdict(),
         "imu": {} if robot.imu is None else robot.imu.words,
+        **robot.world.words,
         "laser": {} if robot.laser is None else robot.laser.words,
         "frames": {} if robot.frames == FrameSource() else asdict(robot.frames),
     }

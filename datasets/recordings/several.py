@@ -16,7 +16,6 @@ from ...core.toml.table import TomlTable
 from ...frontend.several.log import Several, build_log
 from ...frontend.several.wheels_path import walked
 from ...frontend.wheels.motion import Drift, Motion
-from ..inertial.open import beside
 from ..remarks import remarked
 from ..robot_files import ROBOT, is_settings, robot_beside
 from ..scans.odometry import UNMOVED
@@ -25,6 +24,7 @@ from ..scans.robot import LaserRobot
 from ..truth import with_truth
 from .open import is_live
 from .recording import Opened, open_recording
+from .recording import finished as finished_frames
 from .robot import Robot, read_robot
 
 MARKERS, LASER = SENSORS = ("markers", "laser")
@@ -99,8 +99,8 @@ def build(opened: OpenedSeveral) -> Dataset:
 
 
 def finished(opened: OpenedSeveral, log: Log) -> Log:
-    """The log with the remarks on the scans and the gyro's turns."""
-    return beside(remarked(log, opened.scans.remarks), opened.frames.inertial)
+    """The log with the remarks on the scans, the gyro's turns, and positions and headings in the world."""
+    return finished_frames(opened.frames, remarked(log, opened.scans.remarks))
 
 
 def _scans(path: Path, robot: Robot, laser: LaserRobot, frames: Opened) -> OpenedScans:
@@ -126,7 +126,9 @@ def _scans(path: Path, robot: Robot, laser: LaserRobot, frames: Opened) -> Opene
     odometry = None if laser.odometry == "none" else _walked(found, motion, recording.t, laser, remarks)
     prior = frames.recording.prior
     recording = replace(recording, name=robot.name, odometry=odometry, prior=prior)
-    return OpenedScans(recording, laser.settings, frames.truth, found, remarks, frames.start_given, frames.inertial)
+    return OpenedScans(
+        recording, laser.settings, frames.truth, found, remarks, frames.start_given, frames.inertial, frames.world
+    )
 
 
 def _walked(found: Path, motion: Motion, t: Array, laser: LaserRobot, remarks: list[str]) -> Array | None:

@@ -12,9 +12,10 @@ from ...core.files import check_regular
 from ...frontend.laser.log import first_scan
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.settings import Settings
-from ...frontend.wheels.track import Poses
+from ...frontend.wheels.track import Poses, Track, TrackNoise
 from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.siblings import read_alone
+from ..fixes.open import OpenedWorld, in_world, open_world
 from ..formats import relations
 from ..formats.carmen import Reading, read_scans
 from ..formats.file_kind import is_carmen
@@ -40,6 +41,7 @@ class OpenedScans(NamedTuple):
     remarks: list[str]
     start_given: bool = True  # by [prior] in robot.toml
     inertial: OpenedImu | None = None
+    world: OpenedWorld | None = None
 
 
 class ScanTopics(NamedTuple):
@@ -79,8 +81,11 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
     notes, wheels = dict(recording.notes), recording.odometry
     odometry = None if wheels is None else Poses(recording.t, wheels)
     inertial = open_imu(found, home, robot.imu, odometry, notes, remarks)
+    felt, given = None if inertial is None else inertial.imu, robot.prior is not None
+    motion = None if wheels is None else Track(recording.t, wheels, TrackNoise())
+    world = open_world(found, home, robot.world, felt, motion, notes, remarks, start_given=given)
     recording = replace(recording, notes=notes)
-    return OpenedScans(recording, robot.settings, truth, found, remarks, robot.prior is not None, inertial)
+    return OpenedScans(recording, robot.settings, truth, found, remarks, given, inertial, world)
 
 
 def read_source(found: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
@@ -101,7 +106,7 @@ def build(opened: OpenedScans) -> Dataset:
     recording = localised(opened.recording, opened.settings)
     made = relations.build(recording, opened.settings, opened.file, opened.remarks).dataset
     first = first_scan(made.log)
-    log = beside(made.log, opened.inertial, first)
+    log = in_world(beside(made.log, opened.inertial, first), opened.world, first)
     if opened.truth is None:
         return Dataset(log, made.truth)
     return with_truth(log, opened.truth, first, opened.start_given)

@@ -6,6 +6,7 @@
     [topics]     odometry
     [prior]      pose, sd
     [imu]        as `inertial.robot` reads it
+    [gps]        and [compass], as `fixes.robot` reads them
 
 Only [laser] is required. Lengths are in m, angles in rad, times in s.
 """
@@ -21,6 +22,7 @@ from ...core.se2 import Array
 from ...core.toml.table import TomlTable
 from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
+from ..fixes.robot import WorldTables, world_in
 from ..inertial.robot import ImuTable, imu_in
 from ..prior import read_prior
 from ..robot_limits import check_limits
@@ -48,6 +50,7 @@ class LaserRobot:
     settings: Settings = field(default_factory=Settings)
     prior: Prior | None = None  # None: the first pose of the odometry
     imu: ImuTable | None = None
+    world: WorldTables = field(default_factory=WorldTables)
 
     @property
     def words(self) -> dict[str, Any]:
@@ -100,4 +103,5 @@ def laser_robot_in(file: TomlTable) -> LaserRobot:
         settings=settings_in(laser, Settings, Path(laser.file).parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
         imu=imu_in(file),
+        world=world_in(file),
     )

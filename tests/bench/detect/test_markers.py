@@ -271,7 +271,9 @@ def test_the_command_says_what_it_found(
 
     def open_recording(*words: Any) -> SimpleNamespace:
         given.append(words)
-        return SimpleNamespace(recording=small()[0], truth=truth, length=60, start_given=True, inertial=None)
+        return SimpleNamespace(
+            recording=small()[0], truth=truth, length=60, start_given=True, inertial=None, world=None
+        )
 
     monkeypatch.setattr(command_detect, "open_recording", open_recording)
     out = tmp_path / "a b"
