@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slamduel.core.factors import Log, Prior
-from slamduel.core.se2 import Array, act, between, compose
+from slamduel.core.se2 import Array, act, compose
 from slamduel.frontend.inertial.imu import GRAVITY, Imu
 from slamduel.frontend.wheels.track import Track, TrackNoise
 from slamduel.frontend.world.measured import Measured, positions
@@ -55,17 +55,15 @@ def outdoors(seed: int, seconds: float = 60.0, sd: float = 0.05, hz: float = 2.3
         nothing, nothing, np.zeros((0, 2)), np.zeros((0, 2, 2)),
     )  # fmt: skip
     fixed = np.arange(0.21, float(at[-1]), 1 / hz)
-    made = Outdoors(
-        t, poses, motion, log, positions(fixed, np.zeros((len(fixed), 2)), np.zeros((2, 2)), ANTENNA), _imu(t)
-    )
-    xy = act(made.true(fixed), made.gps.arm) + sd * rng.standard_normal((len(fixed), 2))
+    true = np.column_stack([np.interp(fixed, t, column) for column in poses.T])
+    xy = act(true, np.tile(ANTENNA, (len(fixed), 1))) + sd * rng.standard_normal((len(fixed), 2))
     gps = positions(fixed, xy, np.tile(sd**2 * np.eye(2), (len(fixed), 1, 1)), ANTENNA)
-    return made._replace(gps=gps, imu=_imu(t, heading))
+    return Outdoors(t, poses, motion, log, gps, _imu(t, heading))
 
 
-def _imu(t: Array, heading: Array | None = None) -> Imu:
+def _imu(t: Array, heading: Array) -> Imu:
     """The readings of a level unit at rest, whose magnetometer turns by `heading` (n,)."""
-    north = np.pi / 2 - DECLINATION - (np.zeros(len(t)) if heading is None else heading)
+    north = np.pi / 2 - DECLINATION - heading
     mag = np.column_stack((FIELD * np.cos(north), FIELD * np.sin(north), np.full(len(t), -4e-5)))
     return Imu(t, np.zeros((len(t), 3)), np.tile([0, 0, GRAVITY], (len(t), 1)), mag)
 
@@ -75,8 +73,3 @@ def _summed(start: Array, moved: Array) -> list[Array]:
     for one in moved:
         path.append(compose(path[-1], one))
     return path
-
-
-def turned(poses: Array) -> Array:
-    """(n - 1,) the turns of a path."""
-    return between(poses[:-1], poses[1:])[:, 2]

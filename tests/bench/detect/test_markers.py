@@ -271,9 +271,8 @@ def test_the_command_says_what_it_found(
 
     def open_recording(*words: Any) -> SimpleNamespace:
         given.append(words)
-        return SimpleNamespace(
-            recording=small()[0], truth=truth, length=60, start_given=True, inertial=None, world=None
-        )
+        others = {"inertial": None, "world": None}
+        return SimpleNamespace(recording=small()[0], truth=truth, length=60, start_given=True, **others)
 
     monkeypatch.setattr(command_detect, "open_recording", open_recording)
     out = tmp_path / "a b"
