@@ -11,12 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.factors import Dataset, Log, Truth
+from ...core.factors import Dataset, Log, Prior, Truth
 from ...core.files import check_regular
 from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
 from ...frontend.wheels.commands import Speeds
+from ...frontend.wheels.motion import Drift, Motion
 from ...frontend.wheels.track import Poses, Track
 from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.cameras import COMPRESSED, IMAGE
@@ -155,11 +156,29 @@ def _recording(path: Path, sources: Sources, robot: DepthRobot, home: Path) -> D
     if readings is not None and not isinstance(readings, Poses):
         found = "commands" if isinstance(readings, Speeds) else "counts of wheels"
         raise InputError(f"{home}: has {found}, expected {ODOMETRY} (t,x,y,heading) beside a depth camera.")
-    motion, span = None, (-np.inf, np.inf)
+    motion = None
     if readings is not None:
         motion = Track(readings.t, readings.poses, robot.noise, robot.max_speed, f"{path}: odometry")
         motion.check()
-        span = float(readings.t[0]), float(readings.t[-1])
+    start = robot.prior or assumed(None if readings is None else readings.poses[0])
+    return _moved(path, sources, robot, motion, start)
+
+
+def open_beside(path: Path, robot: DepthRobot, motion: Motion, prior: Prior) -> DepthRecording:
+    """The frames of a robot whose motion and start another sensor's recording tells; InputError as in `open_depth`."""
+    found = _source(path, robot)
+    if is_bag(found):
+        check_regular(found)
+        sources = read_bag(found, robot, moved=False)
+        sources.remarks.extend(read_alone(found))
+    else:
+        sources = _of_folder(found, robot)
+    return _moved(found, sources, robot, None if isinstance(motion, Drift) else motion, prior)
+
+
+def _moved(path: Path, sources: Sources, robot: DepthRobot, motion: Motion | None, prior: Prior) -> DepthRecording:
+    """Joins images and motion."""
+    span = (-np.inf, np.inf) if motion is None else (float(motion.t[0]), float(motion.t[-1]))
     shift = robot.time_offset + robot.exposure / 2
     frames = Frames(
         str(path),
@@ -183,7 +202,7 @@ def _recording(path: Path, sources: Sources, robot: DepthRobot, home: Path) -> D
         camera=sources.camera,
         frames=frames,
         motion=motion,
-        prior=robot.prior or assumed(None if readings is None else readings.poses[0]),
+        prior=prior,
         notes=notes,
         depth_camera=None if sources.registration is None else sources.registration.source,
         left_out=frames.left_out,

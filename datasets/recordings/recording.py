@@ -73,11 +73,13 @@ def without_imu(opened: Opened) -> Opened:
     )
 
 
-def open_recording(path: Path, robot: Robot | None = None, seconds: float | None = None) -> Opened:
+def open_recording(
+    path: Path, robot: Robot | None = None, seconds: float | None = None, *, wheels: bool = True
+) -> Opened:
     """Opens the recording at `path`, with `robot`, or else with the robot.toml in its folder or beside it.
 
-    `seconds` limits a live camera's; otherwise Ctrl-C ends it. InputError for anything missing, ambiguous or
-    mismatched; for frames, as they are read.
+    `seconds` limits a live camera's; otherwise Ctrl-C ends it. Without `wheels` the motion is [drift] of robot.toml.
+    InputError for anything missing, ambiguous or mismatched; for frames, as they are read.
     """
     if not is_live(path) and not path.exists():
         raise InputError(f"{path}: there is no such file or folder, expected a recording.")
@@ -88,7 +90,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         robot = read_described(found)
     streams = read_streams(path, robot, seconds)
     first = next(iter(streams.values()))
-    motion = _motion(first.readings, robot, path)
+    motion = _motion(first.readings if wheels else None, robot, path)
     views = robot.views or {"": robot}
     cameras = [of_camera(path, views[name], one, motion, name) for name, one in streams.items()]
     frames, remarks = cameras[0].frames, first.remarks

@@ -70,6 +70,7 @@ class FrontEnd:
         self.depths = list[float]()  # m, the median of each frame looked at, where it has any
         self.steps: list[FrameStep] = []
         self.loops: list[FrameLoop] = []
+        self.motions: list[FrameLoop] = []  # of a step to the one before it, by their features alone
         self.clouds = Spool()  # of the steps
         self.counts, self.turned_down = Counter[str](), Counter[str]()
         self.tracks, self._ways = Tracks(settings), Ways()
@@ -108,7 +109,7 @@ class FrontEnd:
     def finish(self) -> None:
         """Ends the drive with the last frame, where the motion comes from frames alone."""
         if self._last is not None:
-            self._step(self._last[0], self._last[1].motion)
+            self._step_by(*self._last)
 
     @property
     def path(self) -> Array:
@@ -163,6 +164,8 @@ class FrontEnd:
         denied = trial.pair is None and self._pairs.deny(trial.first, new, moved)
         doubted = self._doubted(trial, denied, moved)
         self._step(new, doubted)
+        if trial.pair is not None:
+            self._told(new, trial.pair)
         if s.landmarks:
             if denied and trial.denied is not None:
                 trial = self._registered(trial.first, new, lambda: doubted)
@@ -208,7 +211,7 @@ class FrontEnd:
         s, new = self.settings, self._keyframe(frame)
         pair = self._seen_from_last(new)
         if pair is None and self._last is not None:
-            self._step(self._last[0], self._last[1].motion)
+            self._step_by(*self._last)
             new = self._renumbered(new)
             pair = self._seen_from_last(new)
         if pair is None:
@@ -218,8 +221,17 @@ class FrontEnd:
         if np.hypot(delta[0], delta[1]) < s.step and abs(delta[2]) < s.turn:
             self._last = (new, pair)
         else:
-            self._step(new, pair.motion)
+            self._step_by(new, pair)
         return new
+
+    def _step_by(self, frame: Keyframe, pair: Pair) -> None:
+        """Begins a step with the motion that its own features tell."""
+        self._step(frame, pair.motion)
+        self._told(frame, pair)
+
+    def _told(self, frame: Keyframe, pair: Pair) -> None:
+        """Keeps the motion of a step by the features of two frames."""
+        self.motions.append(FrameLoop(pair.first.step, frame.step, pair.motion))
 
     def _seen_from_last(self, new: Keyframe) -> Pair | None:
         """Registers a frame with the last step's, checked against the wheels where there are some."""

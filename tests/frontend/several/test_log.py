@@ -13,7 +13,7 @@ from slamduel.core.factors import Log
 from slamduel.core.se2 import act, between
 from slamduel.frontend.several import log as several_log
 from slamduel.frontend.several.counted_once import check_counted_once
-from slamduel.frontend.several.log import Several, build, joined
+from slamduel.frontend.several.log import Scanned, Several, build, joined
 from slamduel.frontend.wheels.track import Track, TrackNoise
 from tiers import first_quick
 
@@ -45,7 +45,7 @@ def test_a_scan_at_a_frames_time_is_at_its_step() -> None:
     later = made.alone.t[3]
     seen = replace(made.seen, t=np.where(np.arange(len(made.seen)) == 4, later + 4e-7, made.seen.t))
     assert (np.diff(seen.t) > 0).all()
-    log = joined(made.several, seen, made.alone, made.front_end, made.motions).log
+    log = joined(made.several, seen, Scanned(made.several.scans, made.alone, made.front_end, made.motions)).log
     assert later + 4e-7 in log.t
     assert later not in log.t
     assert len(log) == len(seen) + len(made.alone) - 1
