@@ -16,6 +16,7 @@ from ...core.files import check_regular
 from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
+from ...frontend.inertial.tilts import tilts
 from ...frontend.wheels.commands import Speeds
 from ...frontend.wheels.motion import Drift, Motion
 from ...frontend.wheels.track import Poses, Track
@@ -74,11 +75,15 @@ def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None
     motion = recording.motion
     odometry = Poses(motion.t, motion.poses) if isinstance(motion, Track) else None
     inertial = open_imu(found, home, robot.imu, odometry, notes, recording.remarks)
+    tilted = None
+    if inertial is not None and inertial.imu.accel is not None and motion is not None:
+        tilted = tilts(inertial.imu, inertial.stood, motion, recording.remarks)
     felt = None if inertial is None else inertial.imu
     world = open_world(
         found, home, robot.world, felt, motion, notes, recording.remarks, start_given=robot.prior is not None
     )
-    return opened._replace(recording=replace(recording, notes=notes), inertial=inertial, world=world)
+    recording = replace(recording, notes=notes, tilts=tilted)
+    return opened._replace(recording=recording, inertial=inertial, world=world)
 
 
 def open_bag(path: Path, robot: DepthRobot) -> OpenedDepth:

@@ -1,6 +1,6 @@
 """The dataset `recording`: a recording of any kind, by the sensors that its robot.toml describes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -50,8 +50,10 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     several = open_several(path, file, topics, sensors)
     scans = open_scans(path, file, topics) if several is None else several
     if isinstance(scans, OpenedSeveral):
-        kept = scans if options.imu else scans._replace(frames=without_imu(scans.frames))
-        return build_several(kept)
+        if not options.imu:
+            level = None if scans.depth is None else replace(scans.depth, tilts=None)
+            scans = scans._replace(frames=without_imu(scans.frames), depth=level)
+        return build_several(scans)
     if isinstance(scans, OpenedScans):
         scans = chosen(scans, sensors)
         return build_scans(scans if options.imu else scans._replace(inertial=None, world=without_compass(scans.world)))
@@ -60,7 +62,10 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         depth = open_depth(path, file)
     if depth is not None:
         depth = chosen(depth, sensors)
-        return build_depth(depth if options.imu else depth._replace(inertial=None, world=without_compass(depth.world)))
+        if not options.imu:
+            level = replace(depth.recording, tilts=None)
+            depth = depth._replace(recording=level, inertial=None, world=without_compass(depth.world))
+        return build_depth(depth)
     frames = scans if isinstance(scans, Opened) else None
     if frames is None:
         robot = None if file is None else read_described(file)

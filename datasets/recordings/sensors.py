@@ -56,7 +56,7 @@ def chosen(opened: _Any, sensors: Collection[str] | None) -> _Any:
     kept = beside_them(sensors)
     if GYRO not in kept:
         opened = opened._replace(inertial=None)
-        if isinstance(opened, Opened):
+        if not isinstance(opened, OpenedScans):
             opened = opened._replace(recording=replace(opened.recording, tilts=None))
     world: OpenedWorld | None = None if opened.world is None else opened.world.only(kept)
     if WHEELS not in kept and not isinstance(opened, Opened):

@@ -128,7 +128,7 @@ def _depth(path: Path, file: Path, robot: DepthRobot, frames: Opened) -> tuple[D
     loops = robot.settings.loops if table.has("loops") else True
     settings = replace(robot.settings, landmarks=False, loops=loops, odometry=odometry)
     recording = open_beside(path, replace(robot, name=frames.recording.name), motion, frames.recording.prior)
-    return recording, settings
+    return replace(recording, tilts=frames.recording.tilts), settings
 
 
 def _scans(path: Path, robot: Robot, laser: LaserRobot, frames: Opened) -> OpenedScans:

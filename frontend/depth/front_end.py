@@ -15,6 +15,7 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.se2 import Array, wrap
 from ..camera.camera import Camera
+from ..inertial.tilts import Tilts
 from ..maps.cloud import BLUR, Cloud, cloud_of
 from ..maps.spool import Spool
 from ..wheels.motion import Motion
@@ -31,6 +32,8 @@ from .ways import Ways
 
 SPARSE = 8  # px between the depths whose median is taken
 APART = 3  # steps back to the keyframe that a new one's features are matched with, beside the last one's
+
+BY_GRAVITY = "of these levelled by gravity"
 
 DENIED = "steps whose wheels the frames deny"
 
@@ -64,7 +67,7 @@ class FrameLoop(NamedTuple):
 class FrontEnd:
     """Takes frames in the order of time."""
 
-    def __init__(self, camera: Camera, settings: Settings, motion: Motion | None) -> None:
+    def __init__(self, camera: Camera, settings: Settings, motion: Motion | None, tilts: Tilts | None = None) -> None:
         self.settings, self.camera = settings, camera
         self.t = list[float]()  # s, of the frames
         self.depths = list[float]()  # m, the median of each frame looked at, where it has any
@@ -76,7 +79,7 @@ class FrontEnd:
         self.tracks, self._ways = Tracks(settings), Ways()
         self._motion = motion
         self._finder, self._leveller, self._pairs = (
-            Finder(camera, settings), Leveller(camera, settings), Pairs(camera, settings),
+            Finder(camera, settings), Leveller(camera, settings, tilts), Pairs(camera, settings),
         )  # fmt: skip
         self.search = Loops(self._pairs, self._ways, settings, motion is not None)
         self._recent = deque[Keyframe](maxlen=APART + 1)
@@ -130,6 +133,8 @@ class FrontEnd:
         self.depths += [float(np.median(some[some > 0]))] if (some > 0).any() else []
         features, level = self._features(frame), self._level(frame)
         self.counts["frames without a floor"] += not level.found
+        if level.by_gravity:
+            self.counts[BY_GRAVITY] += 1
         self.counts["features"] += len(features)
         coarse, cloud = self._coarse(frame), self._cloud(frame, level)
         return Keyframe(len(self.steps), frame.seconds, features, level, coarse, without_ids(features), cloud)
@@ -138,7 +143,7 @@ class FrontEnd:
         return self._finder.find(frame.grey, frame.depth)
 
     def _level(self, frame: DepthFrame) -> Level:
-        return self._leveller.level(frame.depth)
+        return self._leveller.level(frame.depth, frame.seconds)
 
     def _coarse(self, frame: DepthFrame) -> Coarse:
         return self._pairs.coarse(frame.depth)

@@ -44,7 +44,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "laser": {TOP, "maps"},
         "several": {TOP, "wheels", "markers", "laser", "depth"},
         "world": {TOP, "wheels", "inertial"},
-        "depth": {TOP, "wheels", "camera", "maps"},
+        "depth": {TOP, "wheels", "inertial", "camera", "maps"},
     },
     "backends": {
         TOP: set(),
