@@ -66,7 +66,17 @@ class SeveralFindings(MarkerFindings):
         if (fixes := log.notes.get(FIXES)) is not None:
             named = (("positions", "position", "GPS"), ("headings", "heading", "the compass"))
             parts += [f"{counted(fixes[key], noun)} by {by}" for key, noun, by in named if fixes[key]]
-        return [f"In the log: {listed(parts)}; each measurement is in one of them."]
+        said = [f"In the log: {listed(parts)}; each measurement is in one of them."]
+        told = [(sensor, log.notes[sensor].get("late")) for sensor in ("laser", "depth") if sensor in log.notes]
+        for sensor, late in told:
+            if late is None:
+                said.append(
+                    f"No delay of the {sensor} is known: its turns beside those of gyro or wheels do not tell it."
+                )
+            else:
+                ms, sd = (number(1e3 * late[key]) for key in ("seconds", "sd"))
+                said.append(f"By the turns of the {late['by']} the stamps of the {sensor} are {ms} ± {sd} ms late.")
+        return said
 
     def refused(self) -> str:
         """Lists what is left out of the log, and why searches for loops gave none, in a line."""

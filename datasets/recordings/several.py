@@ -45,7 +45,8 @@ class OpenedSeveral(NamedTuple):
     @property
     def recording(self) -> Several:
         """The front ends' input."""
-        made = Several(self.frames.recording, depth=self.depth)
+        felt = None if self.frames.inertial is None else self.frames.inertial.imu
+        made = Several(self.frames.recording, depth=self.depth, imu=felt)
         if self.scans is not None:
             made = made._replace(scans=self.scans.recording, settings=self.scans.settings)
         return made if self.depth_settings is None else made._replace(depth_settings=self.depth_settings)

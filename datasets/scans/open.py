@@ -114,6 +114,11 @@ def build(opened: OpenedScans) -> Dataset:
 
 def _carmen(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     """A CARMEN log as the robot wants it."""
+    if robot.time_offset:
+        raise InputError(
+            f"{path}: [laser] time_offset is {robot.time_offset:g}, and a CARMEN log has scans and odometry at one time; "
+            "expected it without."
+        )
     for setting, given in (("topic", robot.topic), ("odometry", robot.odometry_topic)):
         if given is not None:
             raise InputError(f"{path}: {setting} is given, {given!r}, and a CARMEN log has no topics; expected a bag.")
@@ -131,7 +136,7 @@ def _table(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     if robot.odometry == "wheels":
         raise InputError(f'{path}: a CSV file of scans has no odometry, expected [laser] odometry = "none" or "auto".')
     recording, remarks = read_scans_csv(path, robot)
-    return recording, remarks
+    return (replace(recording, t=recording.t + robot.time_offset) if robot.time_offset else recording), remarks
 
 
 def _has_scans(path: Path) -> bool:

@@ -1,7 +1,7 @@
 """Reads the robot.toml of a robot with a laser scanner.
 
     name = "my robot"
-    [laser]      topic, source, pose, min_range, max_range, odometry, max_gap, odom_frame,
+    [laser]      topic, source, pose, min_range, max_range, odometry, max_gap, odom_frame, time_offset,
                  step, turn, cell, loops, loop_every       as the options of the datasets carmen and laser-floor
     [topics]     odometry
     [prior]      pose, sd
@@ -30,7 +30,7 @@ from ..robot_tables import names_of, robot_of, settings_in
 
 FARTHEST = 100.0  # m; ranges end here
 
-_OWN = ("topic", "source", "pose", "min_range", "max_range", "odometry", "max_gap", "odom_frame")
+_OWN = ("topic", "source", "pose", "min_range", "max_range", "odometry", "max_gap", "odom_frame", "time_offset")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +47,7 @@ class LaserRobot:
     odometry: str = "auto"  # wheels; none; auto: none if there is none, or it never moves
     max_gap: float = 1.0  # s between two readings of odometry that a scan's is interpolated from
     odom_frame: str = "odom"  # tf's frame of the odometry, where no topic has it
+    time_offset: float = 0.0  # s, added to the times of scans to get those of the odometry
     settings: Settings = field(default_factory=Settings)
     prior: Prior | None = None  # None: the first pose of the odometry
     imu: ImuTable | None = None
@@ -55,11 +56,14 @@ class LaserRobot:
     @property
     def words(self) -> dict[str, Any]:
         """The table [laser], beside others: the scanner's place, and what is not by default."""
-        given = {name: getattr(self, name) for name in ("topic", "source", "min_range", "max_range", "odometry")}
+        given = {
+            name: getattr(self, name)
+            for name in ("topic", "source", "min_range", "max_range", "odometry", "time_offset")
+        }
         given |= {name: getattr(self.settings, name) for name in names_of(Settings)}
-        default = {name: getattr(LaserRobot, name) for name in ("min_range", "max_range", "odometry")} | asdict(
-            Settings()
-        )
+        default = {
+            name: getattr(LaserRobot, name) for name in ("min_range", "max_range", "odometry", "time_offset")
+        } | asdict(Settings())
         own = {name: value for name, value in given.items() if value is not None and value != default.get(name)}
         return {"pose": [0.0, 0.0, 0.0] if self.pose is None else self.pose.tolist(), **own}
 
@@ -100,6 +104,7 @@ def laser_robot_in(file: TomlTable) -> LaserRobot:
         odometry=laser.choice("odometry", "auto", ("auto", "wheels", "none")),
         max_gap=laser.number("max_gap", LaserRobot.max_gap, above=0),
         odom_frame=laser.text_or_none("odom_frame") or LaserRobot.odom_frame,
+        time_offset=laser.number("time_offset", 0.0),
         settings=settings_in(laser, Settings, Path(laser.file).parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
         imu=imu_in(file),

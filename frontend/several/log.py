@@ -32,6 +32,7 @@ from ..depth.log import log_of as depth_log_of
 from ..depth.log import looked_at
 from ..depth.recording import DepthFrame, DepthRecording
 from ..depth.settings import Settings as DepthSettings
+from ..inertial.imu import Imu
 from ..laser.front_end import FrontEnd
 from ..laser.log import log_of, scans_of
 from ..laser.recording import LaserRecording, matched
@@ -40,6 +41,7 @@ from ..markers.pipeline import FrameSightings, Recording
 from ..markers.pipeline import build_log as build_frames
 from ..wheels.motion import Motion
 from .counted_once import check_counted_once
+from .delays import Turned, delay, remark, turned, turning
 from .scan_motions import Motions, scan_motions
 
 SAME = 1e-6
@@ -54,6 +56,7 @@ class Several(NamedTuple):
     settings: Settings = Settings()  # of the laser's front end
     depth: DepthRecording | None = None
     depth_settings: DepthSettings = DepthSettings(landmarks=False, loops=True)
+    imu: Imu | None = None  # whose gyro tells delays
 
 
 class Scanned(NamedTuple):
@@ -121,20 +124,28 @@ def build(
 
 def joined(recording: Several, seen: Log, scanned: Scanned | None, looked: tuple[Log, Related] | None = None) -> Built:
     """Joins the log of the frames and the steps of the other front ends; `looked` is the depth camera's own log."""
-    parts, remarks, notes = list[Related](), list[str](), dict[str, Any]()
+    parts, told, remarks, notes = list[Related](), list[Turned](), list[str](), dict[str, Any]()
     if scanned is not None:
         alone, motions = scanned.alone, scanned.motions
         columns = ((motions.at, alone.loop_step), (motions.to, alone.loop_to), (motions.delta, alone.loop_delta))
         parts.append(Related(alone.t, *map(np.concatenate, (*columns, (motions.cov, alone.loop_cov)))))
+        told.append(turned(alone.t, motions.at, motions.to, motions.delta[:, 2], motions.cov[:, 2, 2]))
         notes["laser"] = {**alone.notes["laser"], "motions": len(motions.at), "loops": len(alone.loop_to)}
         remarks += alone.remarks
     if looked is not None:
         alone, related = looked
         parts.append(related)
+        n = len(related.at) - len(alone.loop_to)
+        told.append(turned(related.t, related.at[:n], related.to[:n], related.delta[:n, 2], related.cov[:n, 2, 2]))
         loops = len(alone.loop_to)
         notes["depth"] = {**alone.notes["depth"], "steps": len(alone), "motions": len(related.at) - loops}
         notes["depth"]["loops"] = {**alone.notes["depth"]["loops"], "in_log": loops}
         remarks += alone.remarks
+    known = turning(recording.frames.motion, recording.imu)
+    for sensor, one in zip(notes, told, strict=True):
+        if known is not None and (found := delay(known, one)) is not None:
+            notes[sensor]["late"] = {"seconds": found.seconds, "sd": found.sd, "by": known.by}
+            remarks += [remark(seen.name, sensor, known.by, found)] if found.odd else []
     t, rows = _steps(seen.t, [part.t for part in parts])
     delta, cov = _odometry(recording.frames.motion, t)
     at = np.concatenate([row[part.at] for row, part in zip(rows[1:], parts, strict=True)])

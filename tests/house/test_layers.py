@@ -42,7 +42,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "boards": {TOP, "camera", "markers"},
         "maps": {TOP, "camera"},
         "laser": {TOP, "maps"},
-        "several": {TOP, "wheels", "markers", "laser", "depth"},
+        "several": {TOP, "wheels", "inertial", "markers", "laser", "depth"},
         "world": {TOP, "wheels", "inertial"},
         "depth": {TOP, "wheels", "inertial", "camera", "maps"},
     },
