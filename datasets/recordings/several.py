@@ -26,6 +26,7 @@ from ..robot_files import ROBOT, is_settings, robot_beside
 from ..scans.odometry import UNMOVED
 from ..scans.open import OpenedScans, ScanTopics, read_source, source_of
 from ..scans.robot import LaserRobot
+from ..scans.tilted import levelled, levels_of
 from ..truth import with_truth
 from .open import is_live
 from .recording import Opened, open_recording
@@ -152,6 +153,9 @@ def _scans(path: Path, robot: Robot, laser: LaserRobot, frames: Opened) -> Opene
             f"{last:.10g} s, and are left out"
         )
     recording = recording.taken(here)
+    if laser.max_tilt is not None:
+        by = frames.recording.tilts or levels_of(str(found), frames.inertial, motion, remarks)
+        recording = levelled(recording, by, laser.max_tilt, remarks)
     odometry = None if laser.odometry == "none" else _walked(found, motion, recording.t, laser, remarks)
     prior = frames.recording.prior
     recording = replace(recording, name=robot.name, odometry=odometry, prior=prior)

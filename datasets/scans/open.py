@@ -27,6 +27,7 @@ from .bag_scans import read_bag
 from .robot import LaserRobot, read_laser_robot
 from .scan_messages import ECHOES, SCAN
 from .scans_csv import SCANS, read_scans_csv
+from .tilted import levelled, levels_of
 
 _KINDS = f"a ROS bag (.bag, .mcap, or a folder with metadata.yaml), a CARMEN log (.clf) or {SCANS}"
 
@@ -85,6 +86,9 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
     motion = None if wheels is None else Track(recording.t, wheels, TrackNoise())
     world = open_world(found, home, robot.world, felt, motion, notes, remarks, start_given=given)
     recording = replace(recording, notes=notes)
+    if robot.max_tilt is not None:
+        by = levels_of(str(found), inertial, motion, remarks)
+        recording = levelled(recording, by, robot.max_tilt, remarks)
     return OpenedScans(recording, robot.settings, truth, found, remarks, given, inertial, world)
 
 
@@ -116,8 +120,8 @@ def _carmen(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     """A CARMEN log as the robot wants it."""
     if robot.time_offset:
         raise InputError(
-            f"{path}: [laser] time_offset is {robot.time_offset:g}, and a CARMEN log has scans and odometry at one time; "
-            "expected it without."
+            f"{path}: [laser] time_offset is {robot.time_offset:g}, and a CARMEN log has scans and odometry at one "
+            "time; expected it without."
         )
     for setting, given in (("topic", robot.topic), ("odometry", robot.odometry_topic)):
         if given is not None:

@@ -1,7 +1,7 @@
 """Reads the robot.toml of a robot with a laser scanner.
 
     name = "my robot"
-    [laser]      topic, source, pose, min_range, max_range, odometry, max_gap, odom_frame, time_offset,
+    [laser]      topic, source, pose, min_range, max_range, odometry, max_gap, odom_frame, time_offset, max_tilt,
                  step, turn, cell, loops, loop_every       as the options of the datasets carmen and laser-floor
     [topics]     odometry
     [prior]      pose, sd
@@ -30,7 +30,18 @@ from ..robot_tables import names_of, robot_of, settings_in
 
 FARTHEST = 100.0  # m; ranges end here
 
-_OWN = ("topic", "source", "pose", "min_range", "max_range", "odometry", "max_gap", "odom_frame", "time_offset")
+_OWN = (
+    "topic",
+    "source",
+    "pose",
+    "min_range",
+    "max_range",
+    "odometry",
+    "max_gap",
+    "odom_frame",
+    "time_offset",
+    "max_tilt",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +59,7 @@ class LaserRobot:
     max_gap: float = 1.0  # s between two readings of odometry that a scan's is interpolated from
     odom_frame: str = "odom"  # tf's frame of the odometry, where no topic has it
     time_offset: float = 0.0  # s, added to the times of scans to get those of the odometry
+    max_tilt: float | None = None  # rad, by which the robot may lean at a scan; None: scans are taken to be level
     settings: Settings = field(default_factory=Settings)
     prior: Prior | None = None  # None: the first pose of the odometry
     imu: ImuTable | None = None
@@ -58,7 +70,7 @@ class LaserRobot:
         """The table [laser], beside others: the scanner's place, and what is not by default."""
         given = {
             name: getattr(self, name)
-            for name in ("topic", "source", "min_range", "max_range", "odometry", "time_offset")
+            for name in ("topic", "source", "min_range", "max_range", "odometry", "time_offset", "max_tilt")
         }
         given |= {name: getattr(self.settings, name) for name in names_of(Settings)}
         default = {
@@ -104,6 +116,7 @@ def laser_robot_in(file: TomlTable) -> LaserRobot:
         odometry=laser.choice("odometry", "auto", ("auto", "wheels", "none")),
         max_gap=laser.number("max_gap", LaserRobot.max_gap, above=0),
         odom_frame=laser.text_or_none("odom_frame") or LaserRobot.odom_frame,
+        max_tilt=laser.number("max_tilt", above=0) if laser.has("max_tilt") else None,
         time_offset=laser.number("time_offset", 0.0),
         settings=settings_in(laser, Settings, Path(laser.file).parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
