@@ -53,6 +53,10 @@ class OpenedDepth(NamedTuple):
     inertial: OpenedImu | None = None
     world: OpenedWorld | None = None
 
+    def without_gyro(self) -> "OpenedDepth":
+        """The recording without the turns of its gyro and without levels."""
+        return self._replace(inertial=None, recording=replace(self.recording, tilts=None))
+
 
 def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None:
     """Opens the recording at `path`, with that robot.toml, or the one in its folder or beside it; None for another.

@@ -18,7 +18,7 @@ def read_gps_csv(path: Path, remarks: list[str]) -> Degrees:
     with path.open(encoding="utf-8", errors="replace") as file:
         many = file.readline().count(",") >= len(COLUMNS)
     table = read_csv(path, (*COLUMNS, *SD) if many else COLUMNS, blanks=True)
-    fixed = np.isfinite(table.rows[:, 1:3]).all(axis=1)
+    fixed = np.isfinite(table.rows[:, 1]) & np.isfinite(table.rows[:, 2])
     if not fixed.any():
         raise InputError(f"{path}: none of its {len(table.rows)} rows has a position, expected lat and lon in degrees.")
     if not fixed.all():

@@ -35,9 +35,8 @@ def read_gps_messages(bag: Bag, listed: Sequence[Topic], table: GpsTable, remark
     kind, cov = found[:, 3], found[:, [4, 5, 5, 6]].reshape(-1, 2, 2)
     if (kind == UNKNOWN).all():
         return Degrees(where, t, found[:, 1:3], None)
-    sound = np.isfinite(cov).all(axis=(1, 2))
-    sound[sound] = np.linalg.eigvalsh(cov[sound])[:, 0] > 0
-    sound &= kind != UNKNOWN
+    finite = np.where(np.isfinite(cov), cov, 0.0)
+    sound = (np.linalg.eigvalsh(finite)[:, 0] > 0) & (finite == cov).all(axis=(1, 2)) & (kind != UNKNOWN)
     for row in np.flatnonzero(~sound)[:1]:
         said = "unknown" if kind[row] == UNKNOWN else f"{cov[row].ravel().tolist()} m^2 of east and north"
         raise InputError(

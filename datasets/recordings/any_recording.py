@@ -63,8 +63,7 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     if depth is not None:
         depth = chosen(depth, sensors)
         if not options.imu:
-            level = replace(depth.recording, tilts=None)
-            depth = depth._replace(recording=level, inertial=None, world=without_compass(depth.world))
+            depth = depth.without_gyro()._replace(world=without_compass(depth.world))
         return build_depth(depth)
     frames = scans if isinstance(scans, Opened) else None
     if frames is None:

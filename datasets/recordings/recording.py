@@ -54,6 +54,10 @@ class Opened(NamedTuple):
     world: OpenedWorld | None = None
     pictures: bool = True  # False: only tags that another program found, without the images
 
+    def without_gyro(self) -> "Opened":
+        """The recording without the turns of its gyro and without levels."""
+        return self._replace(inertial=None, recording=replace(self.recording, tilts=None))
+
 
 def build(opened: Opened) -> Dataset:
     """Builds the recording's log, with the ground truth at the log's times; InputError as in `build_log`."""

@@ -55,9 +55,7 @@ def chosen(opened: _Any, sensors: Collection[str] | None) -> _Any:
     """The recording of one front end with those beside it that are named; InputError without wheels it needs."""
     kept = beside_them(sensors)
     if GYRO not in kept:
-        opened = opened._replace(inertial=None)
-        if not isinstance(opened, OpenedScans):
-            opened = opened._replace(recording=replace(opened.recording, tilts=None))
+        opened = opened.without_gyro()
     world: OpenedWorld | None = None if opened.world is None else opened.world.only(kept)
     if WHEELS not in kept and not isinstance(opened, Opened):
         world = None if world is None else world._replace(motion=None)

@@ -44,6 +44,10 @@ class OpenedScans(NamedTuple):
     inertial: OpenedImu | None = None
     world: OpenedWorld | None = None
 
+    def without_gyro(self) -> "OpenedScans":
+        """The recording without the turns of its gyro."""
+        return self._replace(inertial=None)
+
 
 class ScanTopics(NamedTuple):
     """Topics that the user names in place of robot.toml; None: those of robot.toml."""

@@ -73,7 +73,7 @@ class FrontEnd:
         self.depths = list[float]()  # m, the median of each frame looked at, where it has any
         self.steps: list[FrameStep] = []
         self.loops: list[FrameLoop] = []
-        self.motions: list[FrameLoop] = []  # of a step to the one before it, by their features alone
+        self.told: list[FrameLoop] = []  # of a step to the one before it, by their features alone
         self.clouds = Spool()  # of the steps
         self.counts, self.turned_down = Counter[str](), Counter[str]()
         self.tracks, self._ways = Tracks(settings), Ways()
@@ -170,7 +170,7 @@ class FrontEnd:
         doubted = self._doubted(trial, denied, moved)
         self._step(new, doubted)
         if trial.pair is not None:
-            self._told(new, trial.pair)
+            self._keep(new, trial.pair)
         if s.landmarks:
             if denied and trial.denied is not None:
                 trial = self._registered(trial.first, new, lambda: doubted)
@@ -232,11 +232,11 @@ class FrontEnd:
     def _step_by(self, frame: Keyframe, pair: Pair) -> None:
         """Begins a step with the motion that its own features tell."""
         self._step(frame, pair.motion)
-        self._told(frame, pair)
+        self._keep(frame, pair)
 
-    def _told(self, frame: Keyframe, pair: Pair) -> None:
+    def _keep(self, frame: Keyframe, pair: Pair) -> None:
         """Keeps the motion of a step by the features of two frames."""
-        self.motions.append(FrameLoop(pair.first.step, frame.step, pair.motion))
+        self.told.append(FrameLoop(pair.first.step, frame.step, pair.motion))
 
     def _seen_from_last(self, new: Keyframe) -> Pair | None:
         """Registers a frame with the last step's, checked against the wheels where there are some."""

@@ -81,12 +81,12 @@ def turned(t: Array, at: Ints, to: Ints, turn: Array, var: Array) -> Turned:
     latest = -np.inf
     for k in range(len(at)):
         if k and to[k] == to[k - 1] and at[k] > at[k - 1]:
-            row = (t[at[k - 1]], t[at[k]], float(wrap(turn[k] - turn[k - 1])), var[k] + var[k - 1])
+            begin, way, spread = float(t[at[k - 1]]), float(turn[k] - turn[k - 1]), float(var[k] + var[k - 1])
         else:
-            row = (t[to[k]], t[at[k]], turn[k], var[k])
-        if row[0] >= latest:
-            rows.append(row)
-            latest = row[1]
+            begin, way, spread = float(t[to[k]]), float(turn[k]), float(var[k])
+        if begin >= latest:
+            latest = float(t[at[k]])
+            rows.append((begin, latest, np.arctan2(np.sin(way), np.cos(way)), spread))
     return Turned(*np.array(rows, float).reshape(-1, 4).T)
 
 

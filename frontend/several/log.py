@@ -127,8 +127,14 @@ def joined(recording: Several, seen: Log, scanned: Scanned | None, looked: tuple
     parts, told, remarks, notes = list[Related](), list[Turned](), list[str](), dict[str, Any]()
     if scanned is not None:
         alone, motions = scanned.alone, scanned.motions
-        columns = ((motions.at, alone.loop_step), (motions.to, alone.loop_to), (motions.delta, alone.loop_delta))
-        parts.append(Related(alone.t, *map(np.concatenate, (*columns, (motions.cov, alone.loop_cov)))))
+        related = Related(
+            alone.t,
+            np.concatenate((motions.at, alone.loop_step)),
+            np.concatenate((motions.to, alone.loop_to)),
+            np.concatenate((motions.delta, alone.loop_delta)),
+            np.concatenate((motions.cov, alone.loop_cov)),
+        )
+        parts.append(related)
         told.append(turned(alone.t, motions.at, motions.to, motions.delta[:, 2], motions.cov[:, 2, 2]))
         notes["laser"] = {**alone.notes["laser"], "motions": len(motions.at), "loops": len(alone.loop_to)}
         remarks += alone.remarks
@@ -181,7 +187,7 @@ def joined(recording: Several, seen: Log, scanned: Scanned | None, looked: tuple
 
 def related_of(front_end: DepthFrontEnd) -> Related:
     """The motions between consecutive steps of a depth camera that its features tell, and its loop closures."""
-    told = [*front_end.motions, *front_end.loops]
+    told = [*front_end.told, *front_end.loops]
     return Related(
         np.array([step.t for step in front_end.steps]),
         np.array([one.step for one in told], np.int64),

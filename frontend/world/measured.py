@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...core.se2 import Array
+from ...core.se2 import Array, Ints
 
 
 class Measured(NamedTuple):
@@ -15,12 +16,12 @@ class Measured(NamedTuple):
     cov: Array  # (f, 3, 3)
     arm: Array  # (f, 2) m, the antenna's place on the robot
 
-    def taken(self, rows: Array) -> "Measured":
+    def taken(self, rows: NDArray[np.bool_] | Ints) -> "Measured":
         """Those of the `rows`, a mask or indices."""
         return Measured(*(column[rows] for column in self))
 
     @property
-    def placed(self) -> Array:
+    def placed(self) -> NDArray[np.bool_]:
         """(f,) which are positions; the others are headings."""
         return np.isfinite(self.z[:, 0])
 

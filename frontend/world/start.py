@@ -50,7 +50,7 @@ def start(log: Log, found: Measured, motion: Motion | None) -> Prior:
         reach = float(np.hypot(*path[:rows].mean(axis=0)))
         sd[:2] = np.hypot(_sd(own) / np.sqrt(rows), reach * heading_sd)
     if heading is not None:
-        pose[2], sd[2] = wrap(heading), max(heading_sd, LEAST_SD)
+        pose[2], sd[2] = np.arctan2(np.sin(heading), np.cos(heading)), max(heading_sd, LEAST_SD)
     wide = np.diag((WIDE * sd) ** 2)
     return log.prior._replace(pose=frozen(pose), cov=frozen(wide))
 

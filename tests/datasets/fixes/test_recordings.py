@@ -194,10 +194,10 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
 
 def sent(tmp_path: Path, *changes: dict[str, Any]) -> Bag:
     """A bag with a message for each of the changes."""
-    said = [
-        bags.navsat(10**9 * (k + 1), **({"latitude": 48 + k / 1e5, "longitude": 11.5} | one))
-        for k, one in enumerate(changes)
-    ]
+    said = list[bags.Said]()
+    for k, one in enumerate(changes):
+        whole: dict[str, Any] = {"latitude": 48 + k / 1e5, "longitude": 11.5, **one}
+        said.append(bags.navsat(10**9 * (k + 1), **whole))
     return Bag(bags.write(tmp_path, "ros2", said))
 
 

@@ -8,6 +8,7 @@ import pytest
 from refusals import refused
 from slamduel.backends.incremental.smoother import build as smoother
 from slamduel.bench.measure.nees import nees
+from slamduel.core.factors import Log
 from slamduel.core.fixes import residual
 from slamduel.core.se2 import Array, act, wrap
 from slamduel.frontend.wheels.motion import Drift
@@ -23,13 +24,15 @@ from world_drives import DECLINATION, FIELD, NOISE, outdoors
 SEEDS = range(8)
 
 
-def squares(log: object, true: Array) -> Array:
+def squares(log: Log, true: Array) -> Array:
     """(f,) normalised squared errors of a log's fixes at the true poses (n, 3) of its steps, by what each measures."""
-    table, out = log.fixes, []  # ty: ignore[unresolved-attribute]
+    table, out = log.fixes, list[float]()
+    assert table is not None
     for row, k in enumerate(table.step.tolist()):
         off, _ = residual(true[k], table.z[row], table.arm[row])
         told = np.isfinite(table.z[row])
-        out.append(off[told] @ np.linalg.solve(table.cov[row][np.ix_(told, told)], off[told]) / told.sum())
+        square = off[told] @ np.linalg.solve(table.cov[row][np.ix_(told, told)], off[told])
+        out.append(float(square) / int(told.sum()))
     return np.array(out)
 
 
