@@ -33,7 +33,7 @@ def robot_of(path: Path, front_end: str, tables: Collection[str]) -> TomlTable |
     for other in FRONT_ENDS:
         if other != front_end and file.has(other):
             raise file.refused(front_end, f"is given beside [{other}], expected one robot.toml for each front end.")
-    return file.only(("name", front_end, "prior", "imu", *tables))
+    return file.only(("name", front_end, "prior", "imu", "gps", "compass", *tables))
 
 
 def cameras_in(camera: TomlTable, known: Collection[str]) -> tuple[str, ...]:

@@ -113,12 +113,13 @@ def sample(truth: Truth, t: Array) -> Truth:
 def with_truth(log: Log, truth: Truth | None, first: int = 0, start_given: bool = True) -> Dataset:
     """Joins a log and a ground truth, sampled at the log's times from step `first` on; a remark where it has none.
 
-    Where nobody gave the start, it is that of the truth: its frame is one of many in which the log is the same.
+    Where nobody gave the start, it is that of the truth: its frame is one of many in which the log is the same. With
+    fixes in the world there is one alone, and the log has its start by these.
     """
     if truth is None:
         return Dataset(log, None)
     known = sample(truth, log.t[first:])
-    if len(known.t) and not start_given and log.prior.map is None:
+    if len(known.t) and not start_given and log.prior.map is None and log.fixes is None:
         return Dataset(replace(log, prior=log.prior._replace(pose=start(log.t, log.delta, known))), known)
     if len(known.t) or not len(truth.t):
         return Dataset(remarked(log, other_clock(POSES, truth.t, log.t[first:], len(known.t))), known)

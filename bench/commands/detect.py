@@ -11,11 +11,12 @@ from typing import NamedTuple
 from rich.table import Table
 
 from ...core.errors import InputError
-from ...datasets.depth.open import open_depth
+from ...datasets.depth.open import OpenedDepth, open_depth
 from ...datasets.recordings.recording import Opened as Frames
-from ...datasets.recordings.recording import open_recording
+from ...datasets.recordings.recording import finished, open_recording
+from ...datasets.recordings.sensors import WHEELS, beside_them, chosen, sensors_in
 from ...datasets.recordings.settings import read_described
-from ...datasets.recordings.several import OpenedSeveral, open_several, sensors_in
+from ...datasets.recordings.several import OpenedSeveral, open_several
 from ...datasets.scans.open import OpenedScans, ScanTopics, open_scans
 from ..detect import depth, laser, markers
 from ..detect import several as both
@@ -51,7 +52,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("recording", help="the recording's folder, video or bag, or camera:0")
     add("--out", type=Path, required=True, metavar="LOG", help="the folder the log goes to")
     add("--robot", type=Path, metavar="FILE", help="the robot.toml, if not the one beside the recording")
-    add("--sensors", metavar="NAMES", help="markers, laser or markers,laser, of a recording of both (default: both)")
+    add("--sensors", metavar="NAMES", help="of several: markers,laser,depth,wheels,gyro,compass,gps (default: all)")
     add("--scan", metavar="TOPIC", help="the topic of the laser scans, in a bag with several")
     add("--odometry", metavar="TOPIC", help="the topic of their odometry, in a bag with several")
     add("--preview", type=Path, metavar="FILE", help="also write an annotated video (.mp4 .avi .mkv .webm)")
@@ -110,13 +111,17 @@ def _opened(namespace: argparse.Namespace) -> Opened:
     if several is None:
         scans = open_scans(path, namespace.robot, topics)
     if scans is not None:
+        scans = chosen(scans, sensors)
         of_cameras = ("--preview", namespace.preview), ("--poses", namespace.poses)
         for flag, given in (*of_cameras, ("--calibrate-noise", namespace.calibrate_noise)):
             if given:
                 raise InputError(f"{flag}: {name} has laser scans, expected a camera's recording.")
         return Opened(partial(laser.detect, scans), len(scans.recording.t), "scans", "loops")
-    images = open_depth(path, namespace.robot) if several is None else None
+    images = several if isinstance(several, OpenedDepth) else None
+    if several is None:
+        images = open_depth(path, namespace.robot)
     if images is not None:
+        images = chosen(images, sensors)
         if namespace.calibrate_noise:
             raise InputError(
                 f"--calibrate-noise: {name} is of a depth camera, which has no markers to fit; expected it without. "
@@ -133,7 +138,8 @@ def _opened(namespace: argparse.Namespace) -> Opened:
     frames = several if isinstance(several, Frames) else None
     if frames is None:
         robot = None if namespace.robot is None else read_described(namespace.robot)
-        frames = open_recording(path, robot, namespace.seconds)
+        wheels = WHEELS in beside_them(sensors)
+        frames = chosen(open_recording(path, robot, namespace.seconds, wheels=wheels), sensors)
     _check_pictures(namespace, frames)
     return Opened(
         partial(
@@ -141,7 +147,7 @@ def _opened(namespace: argparse.Namespace) -> Opened:
             frames.recording,
             frames.truth,
             start_given=frames.start_given,
-            inertial=frames.inertial,
+            finish=partial(finished, frames),
         ),
         frames.length,
         "frames",

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from ...core.errors import InputError
 from ...datasets.cache import generator
+from ...datasets.on_demand.imu import Body
 from ...frontend.inertial.imu import Imu
 from ..plan.spec import dataset_variants
 from ..plan.values import seed
@@ -90,19 +91,21 @@ def _depth(variant: DatasetVariant, number: int, places: Mapping[Path, str], con
 
     recording, truth = record(variant.options, generator(variant.name, number))
     cameras = shots_of(recording).poses
-    inertial = _inertial(variant, number, float(truth.t[-1]))
+    inertial = _inertial(variant, number, float(truth.t[-1]), shots_of(recording).rocking)
     with ProgressBar(console, "rendering", len(truth.t)) as bar:
         write_depth(places, replace(recording, frames=_watched(recording.frames, bar)), truth, cameras, inertial)
 
 
-def _inertial(variant: DatasetVariant, number: int, end: float) -> Imu | None:
-    """The readings of a level robot's IMU up to `end`, s; None without option gyro."""
+def _inertial(variant: DatasetVariant, number: int, end: float, body: Body | None) -> Imu | None:
+    """The readings of an IMU up to `end`, s, on a `body` that rocks or is level; None without options gyro and imu."""
     from ...datasets.on_demand.imu import imu_of
+    from ...datasets.worlds.aruco_room import GYRO
     from ...datasets.worlds.rendered_world import LOOP
     from ...datasets.worlds.wheeled_robot import drive
 
     along = partial(drive, LOOP, variant.options.speed)
-    return imu_of(variant.options, along, end, generator(f"imu of {variant.name}", number))
+    options = variant.options if variant.options.gyro or body is None else replace(variant.options, gyro=GYRO)
+    return imu_of(options, along, end, generator(f"imu of {variant.name}", number), body)
 
 
 def _watched(frames: Iterable[Frame], bar: ProgressBar) -> Iterator[Frame]:

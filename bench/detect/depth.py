@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from ...core.beside import Clouds
 from ...core.se2 import Array, Ints, compose
-from ...datasets.depth.open import OpenedDepth
-from ...datasets.inertial.open import beside
+from ...datasets.depth.open import OpenedDepth, finished
 from ...datasets.truth import with_truth
 from ...frontend.depth.front_end import FrontEnd
 from ...frontend.depth.level import tilt_of
@@ -246,7 +245,7 @@ def detect(opened: OpenedDepth, request: Request, advance: Callable[[int], None]
 
     with request.preview or nullcontext():
         front_end = looked_at(replace(recording, frames=first), opened.settings, observe)
-        made = beside(log_of(recording, front_end), opened.inertial)
+        made = finished(opened, log_of(recording, front_end))
         log, truth = with_truth(made, opened.truth, start_given=opened.start_given)
     tilts = np.array([tilt_of(step.level, recording.camera) for step in front_end.steps])
     levels = Levels(tilts, np.array([step.level.found for step in front_end.steps]))

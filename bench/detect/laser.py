@@ -9,6 +9,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.se2 import Array, between, compose
+from ...datasets.fixes.open import in_world
 from ...datasets.formats.relations import build
 from ...datasets.inertial.open import beside
 from ...datasets.scans.open import OpenedScans
@@ -179,7 +180,7 @@ def detect(opened: OpenedScans, request: Request, advance: Callable[[int], None]
         advance(len(front_end.loops))
 
     made = build(recording, opened.settings, opened.file, opened.remarks, observe)
-    log, truth = beside(made.dataset.log, opened.inertial), made.dataset.truth
+    log, truth = in_world(beside(made.dataset.log, opened.inertial), opened.world), made.dataset.truth
     if opened.truth is not None:
         log, truth = with_truth(log, opened.truth, start_given=opened.start_given)
     estimate = np.array(made.front_end.estimate)

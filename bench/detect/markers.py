@@ -12,7 +12,6 @@ from ...core.errors import InputError
 from ...core.factors import Log, Truth
 from ...core.se2 import Array
 from ...core.truth.doubts import headings_known
-from ...datasets.inertial.open import OpenedImu, beside
 from ...datasets.truth import with_truth
 from ...frontend.markers.aruco import Sighting
 from ...frontend.markers.diagnosis import diagnose, plausible_length
@@ -180,17 +179,18 @@ def detect(
     request: Request,
     advance: Callable[[int], None],
     start_given: bool = True,
-    inertial: OpenedImu | None = None,
+    finish: Callable[[Log], Log] | None = None,
 ) -> MarkerFindings:
     """Detects the markers of a recording and writes its log and report.
 
-    Where the start was not given, the log begins at the truth's. `advance` is called at every frame with the number of
-    markers found so far. InputError where no frame can be used, where the noise is to be calibrated without a truth,
-    where something cannot be written, and for a remark if strict.
+    Where the start was not given, the log begins at the truth's. `finish` adds what others measured. `advance` is
+    called at every frame with the number of markers found so far. InputError where no frame can be used, where the
+    noise is to be calibrated without a truth, where something cannot be written, and for a remark if strict.
     """
 
     def make(frames: Recording, observe: Observe) -> Log:
-        return beside(build_log(frames, observe), inertial)
+        log = build_log(frames, observe)
+        return log if finish is None else finish(log)
 
     found = gathered(recording, truth, request, advance, make, start_given)
     written(request, found.findings)

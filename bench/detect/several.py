@@ -1,4 +1,4 @@
-"""Makes an opened recording of markers and laser scans into one log with one report."""
+"""Makes an opened recording of markers with laser scans, depth frames or both into one log with one report."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -12,8 +12,9 @@ from ...core.se2 import between, compose
 from ...datasets.recordings.several import OpenedSeveral, finished
 from ...frontend.markers.pipeline import Recording
 from ...frontend.several.log import Built, build
+from ...frontend.world.fixes import NOTE as FIXES
 from ..drawing.figure import ReportFigure
-from ..words.numerals import counted, number
+from ..words.numerals import counted, listed, number
 from ..words.styles import COLOURS
 from .folder import Request, written
 from .laser import LaserFindings
@@ -22,35 +23,79 @@ from .markers import MarkerFindings, Observe, gathered
 
 @dataclass(frozen=True, eq=False)
 class SeveralFindings(MarkerFindings):
-    """The findings in frames and scans."""
+    """The findings in frames, scans and depth frames."""
 
     template: ClassVar[str] = "detection_several.html.jinja"
 
-    laser: LaserFindings = field(kw_only=True)  # of the same log
+    laser: LaserFindings | None = field(kw_only=True)  # of the same log; None without scans
 
     def headline(self) -> list[str]:
-        """Summarises in sentences: the log, then what the camera saw, then how scans matched."""
-        steps, loops = counted(len(self.log), "step"), counted(self.laser.loops, "loop closure")
-        motions = f"{counted(self.laser.counts['motions'], 'motion')} by the scans alone"
+        """Summarises in sentences: the log and what is in it, then what the camera saw, then how others matched."""
+        seen, motions, loops = ["Frames"], 0, 0
+        if self.laser is not None:
+            seen.append(self.laser.scans)
+            motions, loops = self.laser.counts["motions"], self.laser.loops
+        if (depth := self.depth) is not None:
+            seen.append(counted(depth["counts"]["frames"], "depth frame"))
+            motions, loops = motions + depth["motions"], loops + depth["loops"]["in_log"]
+        by = " and ".join(name for name, one in (("scans", self.laser), ("depth frames", depth)) if one is not None)
         said = (
-            f"Frames and {self.laser.scans} in {number(self.seconds)} s: {steps} over {number(self.way)} m, {motions}, "
-            f"{loops}."
+            f"{listed(seen)} in {number(self.seconds)} s: {counted(len(self.log), 'step')} over {number(self.way)} m, "
+            f"{counted(motions, 'motion')} by the {by} alone, {counted(loops, 'loop closure')}."
         )
-        return [said, *super().headline(), *self.laser.matched()]
+        matched = [] if self.laser is None else self.laser.matched()
+        return [said, *super().headline(), *matched, *self.used()]
+
+    @property
+    def depth(self) -> Mapping[str, Any] | None:
+        """What the depth camera's front end did, of the log's notes; None without one."""
+        return self.log.notes.get("depth")
+
+    def used(self) -> list[str]:
+        """Says which sensors the log is made of, and what each of its factors has."""
+        log, depth = self.log, self.depth
+        parts = [f"{counted(len(log.ids), 'sighting')} of markers", f"{counted(len(log) - 1, 'motion')} by wheels"]
+        if "drift" in log.notes:
+            parts[1] = "motions that nothing measured"
+        if self.laser is not None:
+            parts.append(f"{self.laser.counts['motions'] + self.laser.counts['loops']:,} relative poses by the laser")
+        if depth is not None:
+            parts.append(f"{depth['motions'] + depth['loops']['in_log']:,} by depth frames")
+        if log.gyro is not None:
+            parts.append(f"{counted(len(log.gyro), 'turn')} by the gyro")
+        if (fixes := log.notes.get(FIXES)) is not None:
+            named = (("positions", "position", "GPS"), ("headings", "heading", "the compass"))
+            parts += [f"{counted(fixes[key], noun)} by {by}" for key, noun, by in named if fixes[key]]
+        said = [f"In the log: {listed(parts)}; each measurement is in one of them."]
+        told = [(sensor, log.notes[sensor].get("late")) for sensor in ("laser", "depth") if sensor in log.notes]
+        for sensor, late in told:
+            if late is None:
+                said.append(
+                    f"No delay of the {sensor} is known: its turns beside those of gyro or wheels do not tell it."
+                )
+            else:
+                ms, sd = (number(1e3 * late[key]) for key in ("seconds", "sd"))
+                said.append(f"By the turns of the {late['by']} the stamps of the {sensor} are {ms} ± {sd} ms late.")
+        return said
 
     def refused(self) -> str:
         """Lists what is left out of the log, and why searches for loops gave none, in a line."""
-        return f"{super().refused()} {self.laser.refused()}"
+        return super().refused() if self.laser is None else f"{super().refused()} {self.laser.refused()}"
 
     def advice(self) -> list[str]:
         """Says what looks wrong, in sentences."""
-        return [*super().advice(), *self.laser.advice()]
+        return [*super().advice(), *([] if self.laser is None else self.laser.advice())]
 
     def numbers(self) -> dict[str, Any]:
-        """Returns the counts of frames and markers, and of scans and loops under `laser`."""
-        own = {name: n for name, n in self.laser.numbers().items() if name not in ("seconds", "steps")}
-        laser = {**own, "motions": self.laser.counts["motions"]}
-        return {**super().numbers(), "steps": len(self.log), "laser": laser}
+        """Returns the counts of frames and markers, and of scans and loops under `laser`, of depth frames likewise."""
+        found = {**super().numbers(), "steps": len(self.log)}
+        if self.laser is not None:
+            own = {name: n for name, n in self.laser.numbers().items() if name not in ("seconds", "steps")}
+            found["laser"] = {**own, "motions": self.laser.counts["motions"]}
+        if (depth := self.depth) is not None:
+            counts = {"frames": depth["counts"]["frames"], "steps": depth["steps"]}
+            found["depth"] = {**counts, "motions": depth["motions"], "loops": depth["loops"]["in_log"]}
+        return found
 
     def figures(self) -> list[ReportFigure]:
         """Draws the paths by wheels and by the laser's front end with its loop closures, and what the camera saw."""
@@ -59,19 +104,19 @@ class SeveralFindings(MarkerFindings):
         from .marker_figures import BY_ODOMETRY
 
         wheels = Drawn(self.log.dead_reckoned(), "wheels", COLOURS[1], 0.8, (0, (1, 1.5)))
-        scans = Drawn(self.laser.path, "scans", COLOURS[2], 1.4)
+        others = [] if self.laser is None else [Drawn(self.laser.path, "scans", COLOURS[2], 1.4)]
         again = self.log.loop_step - self.log.loop_to > 1
         loops = np.column_stack((self.log.loop_step, self.log.loop_to))[again]
+        laser = "" if self.laser is None else "The laser's front end goes by scans together with wheels; a "
         caption = (
-            "From the prior's pose (dot). The laser's front end goes by scans together with wheels; a thin line is a "
-            "motion by the scans alone, or a loop closure."
+            f"From the prior's pose (dot). {laser or 'A '}thin line is a motion by one sensor alone, or a loop closure."
         )
         seen = [one for one in super().figures() if one.title != BY_ODOMETRY]
-        return [path_figure(self, "Paths", caption, wheels, scans, loops=loops), *seen]
+        return [path_figure(self, "Paths", caption, wheels, *others, loops=loops), *seen]
 
     def shown(self, folder: Path) -> Mapping[str, Any]:
         """Writes the camera's own files, and the map along the path of the laser's front end."""
-        return {**super().shown(folder), **self.laser.shown(folder)}
+        return {**super().shown(folder), **({} if self.laser is None else self.laser.shown(folder))}
 
 
 def detect(opened: OpenedSeveral, request: Request, advance: Callable[[int], None]) -> SeveralFindings:
@@ -88,6 +133,6 @@ def detect(opened: OpenedSeveral, request: Request, advance: Callable[[int], Non
     found = gathered(frames.recording, frames.truth, request, advance, make, frames.start_given)
     f, (built,) = found.findings, made
     path = compose(f.log.prior.pose, between(built.path[0], built.path))
-    laser = LaserFindings(f.log, f.truth, f.seconds, built.scans, path)
+    laser = None if built.scans is None else LaserFindings(f.log, f.truth, f.seconds, built.scans, path)
     several = SeveralFindings(**{one.name: getattr(f, one.name) for one in fields(f)}, laser=laser)
     return replace(written(request, several), poses=found.write_poses())

@@ -38,8 +38,8 @@ class _Seen(NamedTuple):
     frame: str
 
 
-def read_bag(path: Path, robot: DepthRobot) -> Sources:
-    """The images of the bag at `path` and its odometry, with remarks.
+def read_bag(path: Path, robot: DepthRobot, *, moved: bool = True) -> Sources:
+    """The images of the bag at `path` and its odometry, with remarks; without odometry unless `moved`.
 
     InputError for a bag that is damaged, topics that are missing or ambiguous, a camera without calibration, and one
     whose place on the robot, or beside the camera of the images, is unknown.
@@ -51,8 +51,10 @@ def read_bag(path: Path, robot: DepthRobot) -> Sources:
     topics, remarks = robot.topics, bag.remarks()
     image, depth = (_Seen(topic, frame_of(bag, topic)) for topic in chosen(bag, listed, topics.image, topics.depth))
     transforms = Transforms(bag, listed)
-    odometry = find_odometry(bag, listed, transforms, topics.odometry, robot.odom_frame, remarks)
-    if odometry is None:
+    odometry = None
+    if moved:
+        odometry = find_odometry(bag, listed, transforms, topics.odometry, robot.odom_frame, remarks)
+    if odometry is None and moved:
         remarks.append(
             f"{path}: has no odometry, neither a topic of it nor a transform of tf from {robot.odom_frame!r}"
         )

@@ -11,16 +11,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.factors import Dataset, Truth
+from ...core.factors import Dataset, Log, Prior, Truth
 from ...core.files import check_regular
 from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
+from ...frontend.inertial.tilts import tilts
 from ...frontend.wheels.commands import Speeds
+from ...frontend.wheels.motion import Drift, Motion
 from ...frontend.wheels.track import Poses, Track
 from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.cameras import COMPRESSED, IMAGE
 from ..bags.siblings import read_alone
+from ..fixes.open import OpenedWorld, in_world, open_world
 from ..inertial.open import OpenedImu, beside, open_imu
 from ..prior import assumed
 from ..readings import ODOMETRY, read_readings
@@ -48,6 +51,11 @@ class OpenedDepth(NamedTuple):
     length: int | None  # number of images
     start_given: bool = True  # by [prior] in robot.toml
     inertial: OpenedImu | None = None
+    world: OpenedWorld | None = None
+
+    def without_gyro(self) -> "OpenedDepth":
+        """The recording without the turns of its gyro and without levels."""
+        return self._replace(inertial=None, recording=replace(self.recording, tilts=None))
 
 
 def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None:
@@ -71,7 +79,15 @@ def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None
     motion = recording.motion
     odometry = Poses(motion.t, motion.poses) if isinstance(motion, Track) else None
     inertial = open_imu(found, home, robot.imu, odometry, notes, recording.remarks)
-    return opened._replace(recording=replace(recording, notes=notes), inertial=inertial)
+    tilted = None
+    if inertial is not None and inertial.imu.accel is not None and motion is not None:
+        tilted = tilts(inertial.imu, inertial.stood, motion, recording.remarks)
+    felt = None if inertial is None else inertial.imu
+    world = open_world(
+        found, home, robot.world, felt, motion, notes, recording.remarks, start_given=robot.prior is not None
+    )
+    recording = replace(recording, notes=notes, tilts=tilted)
+    return opened._replace(recording=recording, inertial=inertial, world=world)
 
 
 def open_bag(path: Path, robot: DepthRobot) -> OpenedDepth:
@@ -81,8 +97,13 @@ def open_bag(path: Path, robot: DepthRobot) -> OpenedDepth:
 
 def build(opened: OpenedDepth) -> Dataset:
     """The log of the recording by the front end, with the ground truth at its times; InputError as in `build_log`."""
-    log = beside(build_log(opened.recording, opened.settings), opened.inertial)
+    log = finished(opened, build_log(opened.recording, opened.settings))
     return with_truth(log, opened.truth, start_given=opened.start_given)
+
+
+def finished(opened: OpenedDepth, log: Log) -> Log:
+    """The log of the frames with the gyro's turns, and with positions and headings in the world."""
+    return in_world(beside(log, opened.inertial), opened.world)
 
 
 def _opened(found: Path, robot: DepthRobot, home: Path) -> OpenedDepth:
@@ -144,11 +165,29 @@ def _recording(path: Path, sources: Sources, robot: DepthRobot, home: Path) -> D
     if readings is not None and not isinstance(readings, Poses):
         found = "commands" if isinstance(readings, Speeds) else "counts of wheels"
         raise InputError(f"{home}: has {found}, expected {ODOMETRY} (t,x,y,heading) beside a depth camera.")
-    motion, span = None, (-np.inf, np.inf)
+    motion = None
     if readings is not None:
         motion = Track(readings.t, readings.poses, robot.noise, robot.max_speed, f"{path}: odometry")
         motion.check()
-        span = float(readings.t[0]), float(readings.t[-1])
+    start = robot.prior or assumed(None if readings is None else readings.poses[0])
+    return _moved(path, sources, robot, motion, start)
+
+
+def open_beside(path: Path, robot: DepthRobot, motion: Motion, prior: Prior) -> DepthRecording:
+    """The frames of a robot whose motion and start another sensor's recording tells; InputError as in `open_depth`."""
+    found = _source(path, robot)
+    if is_bag(found):
+        check_regular(found)
+        sources = read_bag(found, robot, moved=False)
+        sources.remarks.extend(read_alone(found))
+    else:
+        sources = _of_folder(found, robot)
+    return _moved(found, sources, robot, None if isinstance(motion, Drift) else motion, prior)
+
+
+def _moved(path: Path, sources: Sources, robot: DepthRobot, motion: Motion | None, prior: Prior) -> DepthRecording:
+    """Joins images and motion."""
+    span = (-np.inf, np.inf) if motion is None else (float(motion.t[0]), float(motion.t[-1]))
     shift = robot.time_offset + robot.exposure / 2
     frames = Frames(
         str(path),
@@ -172,7 +211,7 @@ def _recording(path: Path, sources: Sources, robot: DepthRobot, home: Path) -> D
         camera=sources.camera,
         frames=frames,
         motion=motion,
-        prior=robot.prior or assumed(None if readings is None else readings.poses[0]),
+        prior=prior,
         notes=notes,
         depth_camera=None if sources.registration is None else sources.registration.source,
         left_out=frames.left_out,

@@ -10,6 +10,7 @@
     [prior]      pose, sd
     [topics]     image, depth, camera_info, depth_info, odometry
     [imu]        as `inertial.robot` reads it
+    [gps]        and [compass], as `fixes.robot` reads them
 
 Only [depth] is required, where the recording has the rest. [camera] is the camera of the images; `calibration` in
 [depth] is of a second camera, which measures depth, and `pose` is its mounting on the first one, whose x axis is where
@@ -27,6 +28,7 @@ from ...core.errors import InputError
 from ...core.factors import Prior
 from ...core.files import write_whole
 from ...core.se2 import Array
+from ...core.toml.table import TomlTable
 from ...frontend.camera.calibration import write_opencv
 from ...frontend.camera.camera import Camera
 from ...frontend.camera.mounting import mounting as ahead
@@ -35,6 +37,7 @@ from ...frontend.depth.settings import RecordedSettings, Settings
 from ...frontend.wheels.counters import MAX_SPEED
 from ...frontend.wheels.track import Track, TrackNoise
 from ..bags.odometry import FRAME
+from ..fixes.robot import WorldTables, world_in
 from ..inertial.robot import ImuTable, imu_in
 from ..prior import read_prior
 from ..robot_files import CALIBRATION, ROBOT
@@ -93,6 +96,7 @@ class DepthRobot:
     settings: Settings = field(default_factory=RecordedSettings)
     prior: Prior | None = None  # None: the first pose of the odometry
     imu: ImuTable | None = None
+    world: WorldTables = field(default_factory=WorldTables)
 
 
 def read_depth_robot(path: Path) -> DepthRobot | None:
@@ -100,13 +104,20 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
     file = robot_of(path, "depth", ("camera", "odometry", "topics"))
     if file is None:
         return None
+    file.table("topics").only(DepthTopics._fields)
+    if not cameras_in(file.table("camera"), CAMERA):
+        file.table("camera").only(CAMERA)
+    return depth_robot_in(file)
+
+
+def depth_robot_in(file: TomlTable) -> DepthRobot:
+    """The robot with a depth camera of a robot.toml, which may have other sensors, too."""
     camera = file.table("camera")
     for name in cameras_in(camera, CAMERA):
         raise camera.refused(name, "is one of several cameras, expected the one whose images have depth, as [camera].")
-    camera.only(CAMERA)
     depth = file.table("depth").only((*_OWN, *names_of(RecordedSettings)))
     odometry = file.table("odometry").only((*TRACK, "floors", "max_speed"))
-    topics = file.table("topics").only(DepthTopics._fields)
+    topics = file.table("topics")
     placed = pose_in(camera, "mounting") if camera.has("mounting") else None
     body = ahead(0, 0, 0, 0)  # T_body_camera of the first camera, whose body looks along its own x axis
     if depth.has("calibration") and depth.has("registered") and depth.switch("registered", False):
@@ -127,10 +138,11 @@ def read_depth_robot(path: Path) -> DepthRobot | None:
         truth_frame=depth.text_or_none("truth_frame"),
         max_speed=odometry.number("max_speed", MAX_SPEED, above=0),
         noise=track_noise(odometry),
-        topics=DepthTopics(**{key: topics.text(key) for key in topics.entries}),
-        settings=settings_in(depth, RecordedSettings, path.parent),
+        topics=DepthTopics(**{key: topics.text(key) for key in topics.entries if key in DepthTopics._fields}),
+        settings=settings_in(depth, RecordedSettings, Path(file.file).parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
         imu=imu_in(file),
+        world=world_in(file),
     )
     check_limits(file)
     return robot

@@ -1,6 +1,6 @@
 """The dataset `recording`: a recording of any kind, by the sensors that its robot.toml describes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,15 +8,17 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.factors import Dataset
 from ...core.options import option
+from ..depth.open import OpenedDepth, open_depth
 from ..depth.open import build as build_depth
-from ..depth.open import open_depth
+from ..fixes.open import without_compass
 from ..registry import Named, Source
 from ..scans.open import OpenedScans, ScanTopics, open_scans
 from ..scans.open import build as build_scans
 from .open import is_live
 from .recording import Opened, build, open_recording, without_imu
+from .sensors import SENSORS, WHEELS, beside_them, chosen, sensors_in
 from .settings import read_described
-from .several import SENSORS, OpenedSeveral, open_several
+from .several import OpenedSeveral, open_several
 from .several import build as build_several
 
 ALL = "all"
@@ -32,7 +34,7 @@ class Options(Named):
     odometry: str | None = option(None, "topic of the odometry in a bag of laser scans with several")
     imu: bool = option(True, "the turns of the recording's gyro are in the log, and its gravity levels sightings")
     sensors: str = option(
-        ALL, "of a recording with markers and a scanner: one log of both, or of one alone", choices=(ALL, *SENSORS)
+        ALL, f"those that the log is made of, joined by +: {', '.join(SENSORS)}; all: what the recording has"
     )
 
 
@@ -44,17 +46,29 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         raise InputError(f"option path of dataset recording: found {options.path}, expected a recording, not a camera.")
     path, file = Path(options.path), None if options.robot is None else Path(options.robot)
     topics = ScanTopics(options.scan, options.odometry)
-    several = open_several(path, file, topics, None if options.sensors == ALL else (options.sensors,))
+    sensors = None if options.sensors == ALL else sensors_in(options.sensors, "option sensors")
+    several = open_several(path, file, topics, sensors)
     scans = open_scans(path, file, topics) if several is None else several
     if isinstance(scans, OpenedSeveral):
-        kept = scans if options.imu else scans._replace(frames=without_imu(scans.frames))
-        return build_several(kept)
+        if not options.imu:
+            level = None if scans.depth is None else replace(scans.depth, tilts=None)
+            scans = scans._replace(frames=without_imu(scans.frames), depth=level)
+        return build_several(scans)
     if isinstance(scans, OpenedScans):
-        return build_scans(scans if options.imu else scans._replace(inertial=None))
-    depth = None if isinstance(scans, Opened) else open_depth(path, file)
+        scans = chosen(scans, sensors)
+        return build_scans(scans if options.imu else scans._replace(inertial=None, world=without_compass(scans.world)))
+    depth = scans if isinstance(scans, OpenedDepth) else None
+    if scans is None:
+        depth = open_depth(path, file)
     if depth is not None:
-        return build_depth(depth if options.imu else depth._replace(inertial=None))
-    frames = scans or open_recording(path, None if file is None else read_described(file))
+        depth = chosen(depth, sensors)
+        if not options.imu:
+            depth = depth.without_gyro()._replace(world=without_compass(depth.world))
+        return build_depth(depth)
+    frames = scans if isinstance(scans, Opened) else None
+    if frames is None:
+        robot = None if file is None else read_described(file)
+        frames = chosen(open_recording(path, robot, wheels=WHEELS in beside_them(sensors)), sensors)
     return build(frames if options.imu else without_imu(frames))
 
 

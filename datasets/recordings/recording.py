@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...core.errors import InputError
-from ...core.factors import Dataset, Truth
+from ...core.factors import Dataset, Log, Truth
 from ...frontend.inertial.tilts import tilts, unlevelled
 from ...frontend.markers.pipeline import Recording, build_log
 from ...frontend.wheels.commands import Commanded, Commands, Speeds
@@ -29,6 +29,7 @@ from ...frontend.wheels.track import Track
 from ..bags.bag import Bag, is_bag
 from ..bags.topics import found as found_topics
 from ..bags.topics import plain
+from ..fixes.open import OpenedWorld, in_world, open_world, without_compass
 from ..inertial.open import NOTE, OpenedImu, beside, open_imu
 from ..prior import assumed
 from ..readings import COMMANDS, ODOMETRY, TICKS, Readings
@@ -50,25 +51,39 @@ class Opened(NamedTuple):
     length: int | None  # number of frames, if known beforehand
     start_given: bool = True  # by [prior] in robot.toml
     inertial: OpenedImu | None = None
+    world: OpenedWorld | None = None
     pictures: bool = True  # False: only tags that another program found, without the images
+
+    def without_gyro(self) -> "Opened":
+        """The recording without the turns of its gyro and without levels."""
+        return self._replace(inertial=None, recording=replace(self.recording, tilts=None))
 
 
 def build(opened: Opened) -> Dataset:
     """Builds the recording's log, with the ground truth at the log's times; InputError as in `build_log`."""
-    log = beside(build_log(opened.recording), opened.inertial)
+    log = finished(opened, build_log(opened.recording))
     return with_truth(log, opened.truth, start_given=opened.start_given)
 
 
+def finished(opened: Opened, log: Log) -> Log:
+    """The log of the frames with the gyro's turns, and with positions and headings in the world."""
+    return in_world(beside(log, opened.inertial), opened.world)
+
+
 def without_imu(opened: Opened) -> Opened:
-    """The recording as if it had no inertial readings."""
-    return opened._replace(inertial=None, recording=replace(opened.recording, tilts=None))
+    """The recording as if it had no inertial readings, and so no compass."""
+    return opened._replace(
+        world=without_compass(opened.world), inertial=None, recording=replace(opened.recording, tilts=None)
+    )
 
 
-def open_recording(path: Path, robot: Robot | None = None, seconds: float | None = None) -> Opened:
+def open_recording(
+    path: Path, robot: Robot | None = None, seconds: float | None = None, *, wheels: bool = True
+) -> Opened:
     """Opens the recording at `path`, with `robot`, or else with the robot.toml in its folder or beside it.
 
-    `seconds` limits a live camera's; otherwise Ctrl-C ends it. InputError for anything missing, ambiguous or
-    mismatched; for frames, as they are read.
+    `seconds` limits a live camera's; otherwise Ctrl-C ends it. Without `wheels` the motion is [drift] of robot.toml.
+    InputError for anything missing, ambiguous or mismatched; for frames, as they are read.
     """
     if not is_live(path) and not path.exists():
         raise InputError(f"{path}: there is no such file or folder, expected a recording.")
@@ -79,7 +94,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
         robot = read_described(found)
     streams = read_streams(path, robot, seconds)
     first = next(iter(streams.values()))
-    motion = _motion(first.readings, robot, path)
+    motion = _motion(first.readings if wheels else None, robot, path)
     views = robot.views or {"": robot}
     cameras = [of_camera(path, views[name], one, motion, name) for name, one in streams.items()]
     frames, remarks = cameras[0].frames, first.remarks
@@ -104,6 +119,13 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
             notes[NOTE] += (
                 f"; sightings are not levelled: {unlevelled(inertial.imu, motion) or 'gravity is along another axis'}"
             )
+    world = None
+    if not is_live(path):
+        felt = None if inertial is None else inertial.imu
+        world = open_world(
+            *places(path, robot), robot.world, felt, motion, notes, remarks,
+            None if inertial is None else inertial.levels, start_given=robot.prior is not None,
+        )  # fmt: skip
     recording = Recording(
         name=robot.name,
         frames=frames,
@@ -121,7 +143,7 @@ def open_recording(path: Path, robot: Robot | None = None, seconds: float | None
     lengths = [one.length for one in streams.values()]
     length = None if None in lengths else sum(one or 0 for one in lengths)
     pictures = any(one.tags is None for one in streams.values())
-    return Opened(recording, first.truth, length, robot.prior is not None, inertial, pictures)
+    return Opened(recording, first.truth, length, robot.prior is not None, inertial, world, pictures)
 
 
 def _told(key: str, views: Mapping[str, Robot]) -> Any:

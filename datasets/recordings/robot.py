@@ -14,7 +14,9 @@
     [topics]     image, encoder, odometry, commands, camera_info, tags
     [frames]     source, fps, start
     [imu]        as `inertial.robot` reads it
+    [gps]        and [compass], as `fixes.robot` reads them
     [laser]      as `scans.robot` reads it, of a robot with a scanner as well
+    [depth]      as `depth.robot` reads it, of a robot with a depth camera as well
 
 Only [markers] dictionary and side are required, and not of tags whose poses another program found. With several
 cameras, each named in a table of its own, [frames] and the topics of frames are in these. [laser] in place of [markers]
@@ -45,6 +47,8 @@ from ...frontend.wheels.counters import COUNTER_BITS, MAX_SPEED
 from ...frontend.wheels.encoder import Encoder
 from ...frontend.wheels.motion import Drift
 from ...frontend.wheels.track import TrackNoise
+from ..depth.robot import DepthRobot, depth_robot_in
+from ..fixes.robot import WorldTables, world_in
 from ..inertial.robot import ImuTable, imu_in
 from ..prior import read_prior
 from ..robot_files import CALIBRATION, file_of
@@ -95,7 +99,9 @@ class Robot:
     noise: Noise = field(default_factory=ProportionalNoise)
     prior: Prior | None = None  # None: nobody gave the start
     imu: ImuTable | None = None
+    world: WorldTables = field(default_factory=WorldTables)
     laser: LaserRobot | None = None  # of a robot with a scanner as well
+    depth: DepthRobot | None = None  # of one with a depth camera as well
     topics: Topics = field(default_factory=Topics)
     frames: FrameSource = field(default_factory=FrameSource)
     views: Mapping[str, "Robot"] = field(default_factory=dict[str, "Robot"])  # name of a camera -> with that one alone
@@ -120,11 +126,13 @@ def read_robot(path: Path) -> Robot:
         "topics",
         "frames",
         "imu",
+        "gps",
+        "compass",
     )
     file = TomlTable.read(path).only(("name", *tables, "laser", "depth"))
     if file.has("laser") and not file.has("markers"):
         raise file.refused("laser", "is of a robot with a scanner, expected [markers], for one with a camera.")
-    if file.has("depth"):
+    if file.has("depth") and not file.has("markers"):
         raise file.refused("depth", "is of a robot with a depth camera, expected [markers], for one with a camera.")
     camera = file.table("camera")
     names = cameras_in(camera, CAMERA)
@@ -137,7 +145,8 @@ def read_robot(path: Path) -> Robot:
     encoder = file.table("encoder").only((*names_of(Encoder), "counter_bits", "max_speed"))
     commands = file.table("commands").only(("full", "base", "delay", *TRACK, "floors", "max_speed"))
     frames = file.table("frames").only(names_of(FrameSource))
-    topics = file.table("topics").only(Topics._fields)
+    others = ("depth", "depth_info") if file.has("depth") else ()
+    topics = file.table("topics").only((*Topics._fields, *others))
     robot = Robot(
         name=file.text_or_none("name") or path.absolute().parent.name,
         markers=_markers(markers),
@@ -153,8 +162,10 @@ def read_robot(path: Path) -> Robot:
         noise=_noise(file.table("noise")),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
         imu=imu_in(file),
+        world=world_in(file),
         laser=laser_robot_in(file) if file.has("laser") else None,
-        topics=Topics(**{key: topics.text(key) for key in topics.entries}),
+        depth=depth_robot_in(file) if file.has("depth") else None,
+        topics=Topics(**{key: topics.text(key) for key in topics.entries if key not in others}),
         frames=frames_in(frames),
         lacks={
             key: str(markers.lacks(key, expected))
@@ -238,6 +249,7 @@ def write_robot(path: Path, robot: Robot) -> None:
         "prior": {} if robot.prior is None else _prior(robot.prior),
         "topics": robot.topics._asdict(),
         "imu": {} if robot.imu is None else robot.imu.words,
+        **robot.world.words,
         "laser": {} if robot.laser is None else robot.laser.words,
         "frames": {} if robot.frames == FrameSource() else asdict(robot.frames),
     }

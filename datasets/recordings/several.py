@@ -1,7 +1,8 @@
-"""Opens a recording of markers and a laser scanner, whose robot.toml has [markers] and [laser]: one log of both.
+"""Opens a recording whose robot.toml has [markers] with [laser], [depth] or both: one log of all of them.
 
 The scans are in the same bag as the images, or in another, a CARMEN log or scans.csv beside them. The wheels are those
-of the recording's motion, for both: the scanner's front end takes them from there, and not from a topic of its own.
+of the recording's motion, for all: the other front ends take them from there, and not from topics of their own. The
+depth camera's images and depths are in the same bag, too, or in another or a folder that [depth] source names.
 """
 
 from collections.abc import Collection
@@ -9,49 +10,47 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ...core.errors import InputError, nearest
+from ...core.errors import InputError
 from ...core.factors import Dataset, Log
 from ...core.se2 import Array
 from ...core.toml.table import TomlTable
+from ...frontend.depth.recording import DepthRecording
+from ...frontend.depth.settings import Settings as DepthSettings
 from ...frontend.several.log import Several, build_log
 from ...frontend.several.wheels_path import walked
 from ...frontend.wheels.motion import Drift, Motion
-from ..inertial.open import beside
+from ..depth.open import OpenedDepth, open_beside
+from ..depth.robot import DepthRobot
 from ..remarks import remarked
 from ..robot_files import ROBOT, is_settings, robot_beside
 from ..scans.odometry import UNMOVED
 from ..scans.open import OpenedScans, ScanTopics, read_source, source_of
 from ..scans.robot import LaserRobot
+from ..scans.tilted import levelled, levels_of
 from ..truth import with_truth
 from .open import is_live
 from .recording import Opened, open_recording
+from .recording import finished as finished_frames
 from .robot import Robot, read_robot
-
-MARKERS, LASER = SENSORS = ("markers", "laser")
-"""The sensors of which a recording's log is made, by the tables of robot.toml."""
+from .sensors import COMPASS, DEPTH, GPS, LASER, MARKERS, SEEING, WHEELS, beside_them, chosen, seeing
 
 
 class OpenedSeveral(NamedTuple):
     """A recording with several sensors, ready for `build`."""
 
     frames: Opened
-    scans: OpenedScans  # with the motion of the frames' recording as its odometry
+    scans: OpenedScans | None  # with the motion of the frames' recording as its odometry
+    depth: DepthRecording | None = None  # with that motion
+    depth_settings: DepthSettings | None = None
 
     @property
     def recording(self) -> Several:
         """The front ends' input."""
-        return Several(self.frames.recording, self.scans.recording, self.scans.settings)
-
-
-def sensors_in(text: str, flag: str) -> tuple[str, ...]:
-    """The sensors that a `text` names, separated by commas; InputError for one that there is not, or that is twice."""
-    names = [name.strip() for name in text.split(",")]
-    for name in names:
-        if name not in SENSORS:
-            raise InputError(f"{flag} {text}: found {name!r}; {nearest(name, SENSORS)}")
-    if len(set(names)) < len(names):
-        raise InputError(f"{flag} {text}: a sensor is named twice, expected once.")
-    return tuple(names)
+        felt = None if self.frames.inertial is None else self.frames.inertial.imu
+        made = Several(self.frames.recording, depth=self.depth, imu=felt)
+        if self.scans is not None:
+            made = made._replace(scans=self.scans.recording, settings=self.scans.settings)
+        return made if self.depth_settings is None else made._replace(depth_settings=self.depth_settings)
 
 
 def open_several(
@@ -60,36 +59,48 @@ def open_several(
     topics: ScanTopics | None = None,
     sensors: Collection[str] | None = None,
     seconds: float | None = None,
-) -> OpenedSeveral | Opened | OpenedScans | None:
-    """Opens the recording at `path` whose robot.toml has markers and a scanner, with all of `sensors`, or one of them.
+) -> OpenedSeveral | Opened | OpenedScans | OpenedDepth | None:
+    """Opens the recording at `path` whose robot.toml has markers and other sensors that see, with all or `sensors`.
 
     None for a recording with another robot.toml, or without one, and no `sensors` named. InputError as of the readers
     of each, for sensors that robot.toml does not have, and for scans at other times than the motion.
     """
     file = robot_file or (None if is_live(path) else robot_beside(path))
     tables = () if file is None or is_settings(file) else tuple(TomlTable.read(file).entries)
-    for name in sensors or ():
+    named = seeing(sensors)
+    for name in named or ():
         if name not in tables:
             where = path if file is None else file
-            has = " and ".join(f"[{one}]" for one in (*SENSORS, "depth") if one in tables)
+            has = " and ".join(f"[{one}]" for one in SEEING if one in tables)
             found = f"found {has or 'no table of a sensor'}" if file is not None else f"found no {ROBOT}"
             raise InputError(f"{where}: {found}, expected [{name}] for the sensor {name} that is named.")
-    if file is None or not set(SENSORS) <= set(tables):
+    there = [one for one in SEEING if one in tables]
+    for name in {GPS, COMPASS} & set(sensors or ()):
+        if name not in tables:
+            where = path if file is None else file
+            raise InputError(f"{where}: has no [{name}], expected it for the sensor {name} that is named.")
+    if file is None or len(there) < 2 or MARKERS not in there:
         return None
     robot, given = read_robot(file), topics or ScanTopics()
-    described = robot.laser
-    assert described is not None  # the table is there
     robot = replace(robot, topics=robot.topics._replace(odometry=given.odometry or robot.topics.odometry))
-    frames = open_recording(path, robot, seconds)
-    if sensors == (MARKERS,):
+    used = named or there
+    frames = chosen(open_recording(path, robot, seconds, wheels=WHEELS in beside_them(sensors)), sensors)
+    if used == (MARKERS,):
         return frames
     if is_live(path):
-        raise InputError(f"{path}: is a camera, which has no scans; expected --sensors markers.")
-    laser = replace(described, topic=given.scan or described.topic)
-    scans = _scans(path, robot, laser, frames)
-    if sensors == (LASER,):
+        raise InputError(f"{path}: is a camera, which has no scans and no depth; expected --sensors markers.")
+    scans = depth = settings = None
+    if LASER in used and (laser := robot.laser) is not None:
+        scans = _scans(path, robot, replace(laser, topic=given.scan or laser.topic), frames)
+    if DEPTH in used and robot.depth is not None:
+        depth, settings = _depth(path, file, robot.depth, frames)
+    if MARKERS in used:
+        return OpenedSeveral(frames, scans, depth, settings)
+    if scans is not None and depth is None:
         return scans
-    return OpenedSeveral(frames, scans)
+    if depth is not None and settings is not None and scans is None:
+        return OpenedDepth(depth, settings, frames.truth, None, frames.start_given, frames.inertial, frames.world)
+    raise InputError(f"{file}: found the sensors {' and '.join(used)}, expected {MARKERS} among several.")
 
 
 def build(opened: OpenedSeveral) -> Dataset:
@@ -99,8 +110,27 @@ def build(opened: OpenedSeveral) -> Dataset:
 
 
 def finished(opened: OpenedSeveral, log: Log) -> Log:
-    """The log with the remarks on the scans and the gyro's turns."""
-    return beside(remarked(log, opened.scans.remarks), opened.frames.inertial)
+    """The log with the remarks on the scans, the gyro's turns, and positions and headings in the world."""
+    remarks = [] if opened.scans is None else opened.scans.remarks
+    return finished_frames(opened.frames, remarked(log, remarks))
+
+
+def _depth(path: Path, file: Path, robot: DepthRobot, frames: Opened) -> tuple[DepthRecording, DepthSettings]:
+    """The frames of the depth camera, and its front end's settings: without landmarks, whose ids the markers have."""
+    table = TomlTable.read(file).table("depth")
+    if table.has("landmarks") and robot.settings.landmarks:
+        raise table.refused(
+            "landmarks",
+            "is true beside [markers], expected false: features tell motions and loop closures there, and would count "
+            "twice.",
+        )
+    motion = frames.recording.motion
+    motion.check()
+    odometry = "visual" if isinstance(motion, Drift) else "wheels"
+    loops = robot.settings.loops if table.has("loops") else True
+    settings = replace(robot.settings, landmarks=False, loops=loops, odometry=odometry)
+    recording = open_beside(path, replace(robot, name=frames.recording.name), motion, frames.recording.prior)
+    return replace(recording, tilts=frames.recording.tilts), settings
 
 
 def _scans(path: Path, robot: Robot, laser: LaserRobot, frames: Opened) -> OpenedScans:
@@ -123,10 +153,15 @@ def _scans(path: Path, robot: Robot, laser: LaserRobot, frames: Opened) -> Opene
             f"{last:.10g} s, and are left out"
         )
     recording = recording.taken(here)
+    if laser.max_tilt is not None:
+        by = frames.recording.tilts or levels_of(str(found), frames.inertial, motion, remarks)
+        recording = levelled(recording, by, laser.max_tilt, remarks)
     odometry = None if laser.odometry == "none" else _walked(found, motion, recording.t, laser, remarks)
     prior = frames.recording.prior
     recording = replace(recording, name=robot.name, odometry=odometry, prior=prior)
-    return OpenedScans(recording, laser.settings, frames.truth, found, remarks, frames.start_given, frames.inertial)
+    return OpenedScans(
+        recording, laser.settings, frames.truth, found, remarks, frames.start_given, frames.inertial, frames.world
+    )
 
 
 def _walked(found: Path, motion: Motion, t: Array, laser: LaserRobot, remarks: list[str]) -> Array | None:

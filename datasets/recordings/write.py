@@ -26,6 +26,8 @@ from ...frontend.markers.pipeline import Recording
 from ...frontend.wheels.motion import Drift
 from ...frontend.wheels.ticks import Wheels
 from ...frontend.wheels.track import Track
+from ..fixes.gps_csv import FILE as GPS
+from ..fixes.robot import WorldTables
 from ..inertial.imu_csv import AXES, IMU
 from ..inertial.robot import ImuTable
 from ..robot_files import ROBOT
@@ -36,7 +38,7 @@ from .new_folders import new_folders
 from .robot import Robot, write_robot
 from .robot_camera import FrameSource
 from .rosbag import Topics
-from .write_bag import IMU_TOPIC, NAMES, BagWriter, Kind, topics_of
+from .write_bag import IMU_TOPIC, NAMES, BagWriter, Kind, Positions, topics_of
 
 FORMATS = {
     "frames": "PNG files",
@@ -51,12 +53,20 @@ FORMATS = {
 _Add = Callable[[float, Image, str], None]  # writes the next frame, at its time (s), of the camera of that name
 
 
+class Located(NamedTuple):
+    """Positions of a GPS receiver, and how robot.toml describes it and the compass."""
+
+    positions: Positions | None = None
+    tables: WorldTables = WorldTables()
+
+
 class Beside(NamedTuple):
     """Readings of sensors beside the cameras."""
 
     inertial: Imu | None = None
     scans: LaserRecording | None = None
     settings: Settings | None = None  # of the scanner's front end
+    world: Located | None = None
 
 
 def write(
@@ -66,15 +76,16 @@ def write(
     inertial: Imu | None = None,
     scans: LaserRecording | None = None,
     settings: Settings | None = None,
+    world: Located | None = None,
 ) -> None:
     """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`, with IMU and scans.
 
-    `settings` are those of the scanner's front end.
+    `settings` are those of the scanner's front end. `world` are positions by GPS, and what is said of the compass.
 
     A folder must not exist or be empty, and appears complete or not at all. InputError if one cannot be written, or the
     recording has no image.
     """
-    readings = Beside(inertial, scans, settings)
+    readings = Beside(inertial, scans, settings, world)
     with new_folders(places) as beside, ExitStack() as stack:
         writers = [
             stack.enter_context(_writer(beside[folder], kind, recording, readings)) for folder, kind in places.items()
@@ -181,7 +192,8 @@ def _video(folder: Path, name: str, codec: str) -> Generator[_Next]:
 def _bag(folder: Path, recording: Recording, kind: Kind, readings: Beside) -> Generator[_Add]:
     """A bag, with readings and frames in order of time."""
     topics = {name: topics_of(name) for name in recording.detectors}
-    with BagWriter(folder, kind, recording.motion, readings.inertial, readings.scans) as bag:
+    found = None if readings.world is None else readings.world.positions
+    with BagWriter(folder, kind, recording.motion, readings.inertial, readings.scans, found) as bag:
 
         def add(t: float, image: Image, camera: str) -> None:
             bag.readings(t)
@@ -216,21 +228,36 @@ def write_track(folder: Path, track: Track) -> None:
 def write_imu(folder: Path, imu: Imu) -> None:
     """imu.csv."""
     sensors = {"gyro": imu.gyro} | ({} if imu.accel is None else {"accel": imu.accel})
+    sensors |= {} if imu.mag is None else {"mag": imu.mag}
     names = [f"{name}_{axis}" for name in sensors for axis in AXES]
     rows = np.column_stack((imu.t, *sensors.values())).tolist()
-    write_rows(folder / IMU, ",".join(("t", *names)), rows)
+    write_rows(folder / IMU, ",".join(("t", *names)), [["" if np.isnan(one) else one for one in row] for row in rows])
+
+
+def write_positions(folder: Path, found: Positions) -> None:
+    """gps.csv."""
+    write_rows(folder / GPS, "t,lat,lon,sd", np.column_stack((found.t, found.degrees, found.sd)).tolist())
 
 
 def imu_table(imu: Imu, *, bag: bool) -> ImuTable:
     """[imu] of a robot.toml beside imu.csv or a bag."""
     if bag:
         return ImuTable(topic=IMU_TOPIC, mounting=np.eye(4))
-    return ImuTable(mounting=np.eye(4), gyro="rad/s", accelerometer=None if imu.accel is None else "m/s^2")
+    return ImuTable(
+        mounting=np.eye(4),
+        gyro="rad/s",
+        accelerometer=None if imu.accel is None else "m/s^2",
+        magnetometer=None if imu.mag is None else "T",
+    )
 
 
 def _write_words(folder: Path, recording: Recording, truth: Truth | None, kind: str, readings: Beside) -> None:
     """robot.toml, calibration.yaml, the ground truth if known, imu.csv and scans.csv where readings are in files."""
-    robot, (inertial, scans, settings) = _robot(recording), readings
+    robot, (inertial, scans, settings, world) = _robot(recording), readings
+    if world is not None:
+        robot = replace(robot, world=world.tables)
+        if world.positions is not None and kind not in NAMES:
+            write_positions(folder, world.positions)
     if scans is not None:
         robot = replace(robot, laser=LaserRobot(pose=scans.scanner.pose, settings=settings or Settings()))
         if kind not in NAMES:

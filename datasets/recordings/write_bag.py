@@ -6,7 +6,7 @@ The topics and types are those that `rosbag` reads; headers have the same times 
 import shutil
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -23,7 +23,8 @@ from ...frontend.wheels.ticks import Wheels
 from ...frontend.wheels.track import Track
 from ..bags.cameras import CAMERA_INFO, COMPRESSED, IMAGE
 from ..bags.odometry import ODOMETRY
-from ..inertial.imu_messages import IMU, NOT_GIVEN
+from ..fixes.gps_messages import NAVSAT
+from ..inertial.imu_messages import IMU, MAGNETIC, NOT_GIVEN
 from ..scans.scan_messages import SCAN
 from .rosbag import ENCODER, Topics
 
@@ -42,10 +43,19 @@ def topics_of(camera: str) -> Topics:
     return TOPICS._replace(image=f"/{camera}/image_raw", camera_info=f"/{camera}/camera_info")
 
 
-IMU_TOPIC, SCAN_TOPIC = "/imu", "/scan"
+IMU_TOPIC, SCAN_TOPIC, MAGNETIC_TOPIC, GPS_TOPIC = "/imu", "/scan", "/mag", "/fix"
 
 DEPTH, DEPTH_INFO = "/camera/depth_registered/image_raw", "/camera/depth_registered/camera_info"
 """Topics of depth images and their camera."""
+
+
+class Positions(NamedTuple):
+    """What a GPS receiver tells."""
+
+    t: Array  # (f,) s
+    degrees: Array  # (f, 2) latitude and longitude
+    sd: Array  # (f,) m, of east and of north
+
 
 Encoding = Literal["16UC1", "32FC1", "compressedDepth"]
 
@@ -60,6 +70,7 @@ class BagWriter:
         motion: Motion | None,
         imu: Imu | None = None,
         scans: LaserRecording | None = None,
+        positions: Positions | None = None,
     ) -> None:
         from rosbags.rosbag1 import Writer as Writer1
         from rosbags.rosbag2 import StoragePlugin
@@ -69,9 +80,10 @@ class BagWriter:
         self._folder, self._kind, self._motion, self._imu, self._scans = folder, kind, motion, imu, scans
         moved = motion.t if isinstance(motion, Wheels | Track) else np.zeros(0)
         self._moved = len(moved)  # readings of the motion, before those of the IMU and the scans
-        inertial, scanned = (np.zeros(0) if one is None else one.t for one in (imu, scans))
+        inertial, scanned, placed = (np.zeros(0) if one is None else one.t for one in (imu, scans, positions))
         self._felt = len(moved) + len(inertial)
-        times = np.concatenate((moved, inertial, scanned))
+        self._scanned, self._positions = self._felt + len(scanned), positions
+        times = np.concatenate((moved, inertial, scanned, placed))
         self._order = np.argsort(times, kind="stable")
         self._times = times[self._order]
         self._written = 0  # readings
@@ -144,8 +156,10 @@ class BagWriter:
                 self._reading(row)
             elif row < self._felt:
                 self._inertial(row - self._moved)
-            else:
+            elif row < self._scanned:
                 self._scan(row - self._felt)
+            else:
+                self._position(row - self._scanned)
         self._written = upto
 
     def _inertial(self, row: int) -> None:
@@ -158,6 +172,20 @@ class BagWriter:
             imu.t[row], IMU_TOPIC, IMU, orientation=self._message("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
             orientation_covariance=nothing, angular_velocity=rate, angular_velocity_covariance=unknown,
             linear_acceleration=force, linear_acceleration_covariance=nothing if imu.accel is None else unknown,
+        )  # fmt: skip
+
+        if imu.mag is not None and np.isfinite(imu.mag[row]).all():
+            field = self._message("geometry_msgs/msg/Vector3", *imu.mag[row].tolist())
+            self._write(imu.t[row], MAGNETIC_TOPIC, MAGNETIC, magnetic_field=field, magnetic_field_covariance=unknown)
+
+    def _position(self, row: int) -> None:
+        assert self._positions is not None
+        found = self._positions
+        latitude, longitude = found.degrees[row].tolist()
+        self._write(
+            found.t[row], GPS_TOPIC, NAVSAT, status=self._message("sensor_msgs/msg/NavSatStatus", 0, 1),
+            latitude=latitude, longitude=longitude, altitude=0.0,
+            position_covariance=float(found.sd[row]) ** 2 * np.eye(3).ravel(), position_covariance_type=2,
         )  # fmt: skip
 
     def _scan(self, row: int) -> None:

@@ -12,7 +12,7 @@ from ...frontend.depth.recording import DepthFrame
 from ...frontend.markers.aruco import Image
 from .boxes import Box
 from .depth import NOISE_SD, kinect, true_depth
-from .disturbances import raised, rocked
+from .disturbances import Rocking, raised, rocked
 from .lens import Singles
 from .render import Renderer
 
@@ -35,6 +35,7 @@ class DepthShots:
     seeds: np.random.SeedSequence
     visitors: Sequence[Visitor | None] = ()  # of each frame; none: nobody ever comes
     noise: float = NOISE_SD  # px, of a disparity
+    rocking: Rocking | None = None  # a body that rocks smoothly; None: anew in every frame, by the sway
 
     def __len__(self) -> int:
         return len(self.t)
@@ -65,6 +66,8 @@ class DepthShots:
     @cached_property
     def tilts(self) -> Array:
         """(n, 2) rad, the body's pitch, forward, and roll, to the right, in each frame."""
+        if self.rocking is not None:
+            return self.rocking.at(self.t)
         first = np.random.default_rng(self.seeds)
         return self.sway * first.standard_normal((len(self.t), 2))
 

@@ -46,6 +46,7 @@ def read_bag(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
         raise InputError(f"{path}: has no topic with scans ({plain(SCAN)}); {found(listed)}")
     remarks = bag.remarks()
     scans = read_messages(bag, topic, remarks)
+    scans = scans._replace(t=scans.t + robot.time_offset) if robot.time_offset else scans
     transforms = Transforms(bag, listed)
     read = read_odometry(bag, listed, transforms, robot, remarks)
     mounted = placed(str(path), transforms, scans.frame, None if read is None else read.base, robot.pose, remarks)

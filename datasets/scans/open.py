@@ -12,9 +12,10 @@ from ...core.files import check_regular
 from ...frontend.laser.log import first_scan
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.settings import Settings
-from ...frontend.wheels.track import Poses
+from ...frontend.wheels.track import Poses, Track, TrackNoise
 from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.siblings import read_alone
+from ..fixes.open import OpenedWorld, in_world, open_world
 from ..formats import relations
 from ..formats.carmen import Reading, read_scans
 from ..formats.file_kind import is_carmen
@@ -26,6 +27,7 @@ from .bag_scans import read_bag
 from .robot import LaserRobot, read_laser_robot
 from .scan_messages import ECHOES, SCAN
 from .scans_csv import SCANS, read_scans_csv
+from .tilted import levelled, levels_of
 
 _KINDS = f"a ROS bag (.bag, .mcap, or a folder with metadata.yaml), a CARMEN log (.clf) or {SCANS}"
 
@@ -40,6 +42,11 @@ class OpenedScans(NamedTuple):
     remarks: list[str]
     start_given: bool = True  # by [prior] in robot.toml
     inertial: OpenedImu | None = None
+    world: OpenedWorld | None = None
+
+    def without_gyro(self) -> "OpenedScans":
+        """The recording without the turns of its gyro."""
+        return self._replace(inertial=None)
 
 
 class ScanTopics(NamedTuple):
@@ -79,8 +86,14 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
     notes, wheels = dict(recording.notes), recording.odometry
     odometry = None if wheels is None else Poses(recording.t, wheels)
     inertial = open_imu(found, home, robot.imu, odometry, notes, remarks)
+    felt, given = None if inertial is None else inertial.imu, robot.prior is not None
+    motion = None if wheels is None else Track(recording.t, wheels, TrackNoise())
+    world = open_world(found, home, robot.world, felt, motion, notes, remarks, start_given=given)
     recording = replace(recording, notes=notes)
-    return OpenedScans(recording, robot.settings, truth, found, remarks, robot.prior is not None, inertial)
+    if robot.max_tilt is not None:
+        by = levels_of(str(found), inertial, motion, remarks)
+        recording = levelled(recording, by, robot.max_tilt, remarks)
+    return OpenedScans(recording, robot.settings, truth, found, remarks, given, inertial, world)
 
 
 def read_source(found: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
@@ -101,7 +114,7 @@ def build(opened: OpenedScans) -> Dataset:
     recording = localised(opened.recording, opened.settings)
     made = relations.build(recording, opened.settings, opened.file, opened.remarks).dataset
     first = first_scan(made.log)
-    log = beside(made.log, opened.inertial, first)
+    log = in_world(beside(made.log, opened.inertial, first), opened.world, first)
     if opened.truth is None:
         return Dataset(log, made.truth)
     return with_truth(log, opened.truth, first, opened.start_given)
@@ -109,6 +122,11 @@ def build(opened: OpenedScans) -> Dataset:
 
 def _carmen(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     """A CARMEN log as the robot wants it."""
+    if robot.time_offset:
+        raise InputError(
+            f"{path}: [laser] time_offset is {robot.time_offset:g}, and a CARMEN log has scans and odometry at one "
+            "time; expected it without."
+        )
     for setting, given in (("topic", robot.topic), ("odometry", robot.odometry_topic)):
         if given is not None:
             raise InputError(f"{path}: {setting} is given, {given!r}, and a CARMEN log has no topics; expected a bag.")
@@ -126,7 +144,7 @@ def _table(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
     if robot.odometry == "wheels":
         raise InputError(f'{path}: a CSV file of scans has no odometry, expected [laser] odometry = "none" or "auto".')
     recording, remarks = read_scans_csv(path, robot)
-    return recording, remarks
+    return (replace(recording, t=recording.t + robot.time_offset) if robot.time_offset else recording), remarks
 
 
 def _has_scans(path: Path) -> bool:

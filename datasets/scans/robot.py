@@ -1,11 +1,12 @@
 """Reads the robot.toml of a robot with a laser scanner.
 
     name = "my robot"
-    [laser]      topic, source, pose, min_range, max_range, odometry, max_gap, odom_frame,
+    [laser]      topic, source, pose, min_range, max_range, odometry, max_gap, odom_frame, time_offset, max_tilt,
                  step, turn, cell, loops, loop_every       as the options of the datasets carmen and laser-floor
     [topics]     odometry
     [prior]      pose, sd
     [imu]        as `inertial.robot` reads it
+    [gps]        and [compass], as `fixes.robot` reads them
 
 Only [laser] is required. Lengths are in m, angles in rad, times in s.
 """
@@ -21,6 +22,7 @@ from ...core.se2 import Array
 from ...core.toml.table import TomlTable
 from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
+from ..fixes.robot import WorldTables, world_in
 from ..inertial.robot import ImuTable, imu_in
 from ..prior import read_prior
 from ..robot_limits import check_limits
@@ -28,7 +30,18 @@ from ..robot_tables import names_of, robot_of, settings_in
 
 FARTHEST = 100.0  # m; ranges end here
 
-_OWN = ("topic", "source", "pose", "min_range", "max_range", "odometry", "max_gap", "odom_frame")
+_OWN = (
+    "topic",
+    "source",
+    "pose",
+    "min_range",
+    "max_range",
+    "odometry",
+    "max_gap",
+    "odom_frame",
+    "time_offset",
+    "max_tilt",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,18 +58,24 @@ class LaserRobot:
     odometry: str = "auto"  # wheels; none; auto: none if there is none, or it never moves
     max_gap: float = 1.0  # s between two readings of odometry that a scan's is interpolated from
     odom_frame: str = "odom"  # tf's frame of the odometry, where no topic has it
+    time_offset: float = 0.0  # s, added to the times of scans to get those of the odometry
+    max_tilt: float | None = None  # rad, by which the robot may lean at a scan; None: scans are taken to be level
     settings: Settings = field(default_factory=Settings)
     prior: Prior | None = None  # None: the first pose of the odometry
     imu: ImuTable | None = None
+    world: WorldTables = field(default_factory=WorldTables)
 
     @property
     def words(self) -> dict[str, Any]:
         """The table [laser], beside others: the scanner's place, and what is not by default."""
-        given = {name: getattr(self, name) for name in ("topic", "source", "min_range", "max_range", "odometry")}
+        given = {
+            name: getattr(self, name)
+            for name in ("topic", "source", "min_range", "max_range", "odometry", "time_offset", "max_tilt")
+        }
         given |= {name: getattr(self.settings, name) for name in names_of(Settings)}
-        default = {name: getattr(LaserRobot, name) for name in ("min_range", "max_range", "odometry")} | asdict(
-            Settings()
-        )
+        default = {
+            name: getattr(LaserRobot, name) for name in ("min_range", "max_range", "odometry", "time_offset")
+        } | asdict(Settings())
         own = {name: value for name, value in given.items() if value is not None and value != default.get(name)}
         return {"pose": [0.0, 0.0, 0.0] if self.pose is None else self.pose.tolist(), **own}
 
@@ -97,7 +116,10 @@ def laser_robot_in(file: TomlTable) -> LaserRobot:
         odometry=laser.choice("odometry", "auto", ("auto", "wheels", "none")),
         max_gap=laser.number("max_gap", LaserRobot.max_gap, above=0),
         odom_frame=laser.text_or_none("odom_frame") or LaserRobot.odom_frame,
+        max_tilt=laser.number("max_tilt", above=0) if laser.has("max_tilt") else None,
+        time_offset=laser.number("time_offset", 0.0),
         settings=settings_in(laser, Settings, Path(laser.file).parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,
         imu=imu_in(file),
+        world=world_in(file),
     )

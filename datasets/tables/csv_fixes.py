@@ -14,9 +14,9 @@ from ...core.fixes import FixTable
 from ...core.se2 import Array, wrap
 from ...core.table import LARGEST, Table
 from ...frontend.wheels.holes import outside
+from ..fixes.geodetic import metres
 from ..formats.columns import in_order, read_columns
 from .csv_options import Options
-from .geodetic import metres
 
 XY, GLOBE, HEADING, SD = ("t", "x", "y"), ("t", "lat", "lon"), ("t", "heading"), ("sd",)
 

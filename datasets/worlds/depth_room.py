@@ -4,6 +4,7 @@ The world is simulated, but its frames are images, processed by the same front e
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -15,10 +16,14 @@ from ...core.se2 import Array, between, compose
 from ...frontend.depth.log import build_log
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings
+from ...frontend.inertial.imu import Imu
+from ...frontend.inertial.standing import standing
+from ...frontend.inertial.tilts import tilts
 from ...frontend.wheels.track import Track, TrackNoise
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
 from ..on_demand.gyro import WorldGyro
+from ..on_demand.imu import imu_of
 from ..on_demand.parts import Parts
 from ..on_demand.signatures import WorldSignatures
 from ..on_demand.slip import WheelSlip, slipping_poses
@@ -26,13 +31,14 @@ from ..registry import Source
 from ..rendering.cameras import CAMERAS
 from ..rendering.depth import NOISE_SD
 from ..rendering.depth_shots import DepthShots
+from ..rendering.disturbances import Rocking
 from ..rendering.posters import decorated
 from ..rendering.render import Renderer
 from ..rendering.room import Room, furnish_with_boxes
 from ..rendering.sensor import Sensor
 from ..rendering.surfaces import paint
 from ..wheel_faults import WheelFaults, faulty_clock, faulty_poses
-from .aruco_room import DICTIONARY, TICK
+from .aruco_room import DICTIONARY, GYRO, TICK
 from .measurements import START_SD
 from .mover import crossings
 from .rendered_world import BERTH, LOOP, ROOM, SIDE
@@ -67,6 +73,9 @@ class Drive(WheelSlip, WheelFaults):
         "noise of the depth camera, px of disparity; 0.12 is a Kinect's, 0.003 z^2 m",
         minimum=0.0,
         maximum=2.0,
+    )
+    imu: bool = option(
+        False, "an inertial measurement unit, whose gravity levels frames without a floor; the body then rocks smoothly"
     )
     slip: float = option(1.0, "noise of the odometry, of the one stated for it", minimum=0.0, maximum=20.0)
 
@@ -105,6 +114,10 @@ def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Tr
     camera = CAMERAS["pinhole"]
     half_view = float(np.abs(camera.rays[camera.height // 2, [0, -1], 0]).max())  # tangent, to the farther side
     visitors = crossings(room, poses, t, options.mover, half_view, crossing) if options.mover else ()
+    body = imu = None
+    if options.imu:
+        (felt,) = rng.spawn(1)
+        body, imu = _felt(options, float(t[-1]), felt)
     shots = DepthShots(
         Renderer(room, camera, DICTIONARY, painted, sensor=Sensor(grain=options.grain, readout=options.readout)),
         lambda at: drive(LOOP, options.speed, at)[0],
@@ -113,6 +126,7 @@ def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Tr
         np.random.SeedSequence(int(sensor.integers(2**63))),
         visitors,
         options.disparity_sd,
+        body,
     )
     ticks = TICK * np.arange(int(np.ceil(t[-1] / TICK)) + 2.0)
     wheels = integrated(drive(LOOP, options.speed, ticks)[0], WHEELS, options.slip, rolling)
@@ -126,8 +140,17 @@ def record(options: Drive, rng: np.random.Generator) -> tuple[DepthRecording, Tr
         motion=replace(track, max_speed=np.inf) if options.has_wheel_faults else track,
         prior=known(poses[0], start),
         notes={"source": SOURCE},
+        tilts=None if imu is None else tilts(imu, standing(imu), track, []),
     )
     return recording, Truth(t, poses)
+
+
+def _felt(options: Drive, end: float, rng: np.random.Generator) -> tuple[Rocking, Imu | None]:
+    """The rocking body, and the readings of its inertial measurement unit up to `end`, s."""
+    rocking, readings = rng.spawn(2)
+    body = Rocking.drawn(options.rocking, rocking)
+    given = options if isinstance(options, WorldGyro) and options.gyro else WorldGyro(gyro=GYRO)
+    return body, imu_of(given, partial(drive, LOOP, options.speed), end, readings, body)
 
 
 def shots_of(recording: DepthRecording) -> DepthShots:

@@ -15,6 +15,7 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.se2 import Array, wrap
 from ..camera.camera import Camera
+from ..inertial.tilts import Tilts
 from ..maps.cloud import BLUR, Cloud, cloud_of
 from ..maps.spool import Spool
 from ..wheels.motion import Motion
@@ -31,6 +32,8 @@ from .ways import Ways
 
 SPARSE = 8  # px between the depths whose median is taken
 APART = 3  # steps back to the keyframe that a new one's features are matched with, beside the last one's
+
+BY_GRAVITY = "of these levelled by gravity"
 
 DENIED = "steps whose wheels the frames deny"
 
@@ -64,18 +67,19 @@ class FrameLoop(NamedTuple):
 class FrontEnd:
     """Takes frames in the order of time."""
 
-    def __init__(self, camera: Camera, settings: Settings, motion: Motion | None) -> None:
+    def __init__(self, camera: Camera, settings: Settings, motion: Motion | None, tilts: Tilts | None = None) -> None:
         self.settings, self.camera = settings, camera
         self.t = list[float]()  # s, of the frames
         self.depths = list[float]()  # m, the median of each frame looked at, where it has any
         self.steps: list[FrameStep] = []
         self.loops: list[FrameLoop] = []
+        self.told: list[FrameLoop] = []  # of a step to the one before it, by their features alone
         self.clouds = Spool()  # of the steps
         self.counts, self.turned_down = Counter[str](), Counter[str]()
         self.tracks, self._ways = Tracks(settings), Ways()
         self._motion = motion
         self._finder, self._leveller, self._pairs = (
-            Finder(camera, settings), Leveller(camera, settings), Pairs(camera, settings),
+            Finder(camera, settings), Leveller(camera, settings, tilts), Pairs(camera, settings),
         )  # fmt: skip
         self.search = Loops(self._pairs, self._ways, settings, motion is not None)
         self._recent = deque[Keyframe](maxlen=APART + 1)
@@ -108,7 +112,7 @@ class FrontEnd:
     def finish(self) -> None:
         """Ends the drive with the last frame, where the motion comes from frames alone."""
         if self._last is not None:
-            self._step(self._last[0], self._last[1].motion)
+            self._step_by(*self._last)
 
     @property
     def path(self) -> Array:
@@ -129,6 +133,8 @@ class FrontEnd:
         self.depths += [float(np.median(some[some > 0]))] if (some > 0).any() else []
         features, level = self._features(frame), self._level(frame)
         self.counts["frames without a floor"] += not level.found
+        if level.by_gravity:
+            self.counts[BY_GRAVITY] += 1
         self.counts["features"] += len(features)
         coarse, cloud = self._coarse(frame), self._cloud(frame, level)
         return Keyframe(len(self.steps), frame.seconds, features, level, coarse, without_ids(features), cloud)
@@ -137,7 +143,7 @@ class FrontEnd:
         return self._finder.find(frame.grey, frame.depth)
 
     def _level(self, frame: DepthFrame) -> Level:
-        return self._leveller.level(frame.depth)
+        return self._leveller.level(frame.depth, frame.seconds)
 
     def _coarse(self, frame: DepthFrame) -> Coarse:
         return self._pairs.coarse(frame.depth)
@@ -163,6 +169,8 @@ class FrontEnd:
         denied = trial.pair is None and self._pairs.deny(trial.first, new, moved)
         doubted = self._doubted(trial, denied, moved)
         self._step(new, doubted)
+        if trial.pair is not None:
+            self._keep(new, trial.pair)
         if s.landmarks:
             if denied and trial.denied is not None:
                 trial = self._registered(trial.first, new, lambda: doubted)
@@ -208,7 +216,7 @@ class FrontEnd:
         s, new = self.settings, self._keyframe(frame)
         pair = self._seen_from_last(new)
         if pair is None and self._last is not None:
-            self._step(self._last[0], self._last[1].motion)
+            self._step_by(*self._last)
             new = self._renumbered(new)
             pair = self._seen_from_last(new)
         if pair is None:
@@ -218,8 +226,17 @@ class FrontEnd:
         if np.hypot(delta[0], delta[1]) < s.step and abs(delta[2]) < s.turn:
             self._last = (new, pair)
         else:
-            self._step(new, pair.motion)
+            self._step_by(new, pair)
         return new
+
+    def _step_by(self, frame: Keyframe, pair: Pair) -> None:
+        """Begins a step with the motion that its own features tell."""
+        self._step(frame, pair.motion)
+        self._keep(frame, pair)
+
+    def _keep(self, frame: Keyframe, pair: Pair) -> None:
+        """Keeps the motion of a step by the features of two frames."""
+        self.told.append(FrameLoop(pair.first.step, frame.step, pair.motion))
 
     def _seen_from_last(self, new: Keyframe) -> Pair | None:
         """Registers a frame with the last step's, checked against the wheels where there are some."""

@@ -1,4 +1,7 @@
-"""The floor in a depth image: pitch, roll and height of a body that rocks, and with them a levelled frame."""
+"""The floor in a depth image: pitch, roll and height of a body that rocks, and with them a levelled frame.
+
+Where a frame shows no floor, gravity tells pitch and roll, as an inertial measurement unit has it.
+"""
 
 from typing import NamedTuple
 
@@ -8,6 +11,7 @@ from numpy.typing import NDArray
 from ...core.elementary import arctan2, hypot
 from ...core.se2 import Array
 from ..camera.camera import Camera
+from ..inertial.tilts import Tilts
 from ._depth_image import floor_plane, floor_points
 from .settings import Settings
 
@@ -35,18 +39,19 @@ class Level(NamedTuple):
 
     T: Array  # (4, 4)
     cov: Array  # (3, 3) of the turns about x and y (rad) and of the height (m), which a frame's points share
-    found: bool  # False: the mounting as it is stated
+    found: bool  # by the floor; False: by gravity, or the mounting as it is stated
+    by_gravity: bool = False
 
 
 class Leveller:
     """Levels the frames of one camera."""
 
-    def __init__(self, camera: Camera, settings: Settings) -> None:
-        self._camera, self._settings = camera, settings
+    def __init__(self, camera: Camera, settings: Settings, tilts: Tilts | None = None) -> None:
+        self._camera, self._settings, self._tilts = camera, settings, tilts
         self._draws = np.random.default_rng(0).random((DRAWS, 3))  # the same for every frame
 
-    def level(self, depth: NDArray[np.float32]) -> Level:
-        """Levels a frame by its `depth` (h, w), m."""
+    def level(self, depth: NDArray[np.float32], t: float | None = None) -> Level:
+        """Levels a frame at `t`, s, by its `depth` (h, w), m."""
         s, camera = self._settings, self._camera
         plane, cov = np.empty(3), np.empty((3, 3))
         if s.level and floor_plane(
@@ -60,6 +65,11 @@ class Leveller:
             # z = a x + b y + c: a turn about y by t tilts by a = -t, one about x by b = t
             J = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
             return Level(T, J @ cov @ J.T, True)
+        if self._tilts is not None and t is not None and (tilt := self._tilts.at(t, s.sway)) is not None:
+            turns = tilt.leaning[:, :2].T @ tilt.leaning[:, :2]
+            cov = np.zeros((3, 3))
+            cov[:2, :2], cov[2, 2] = turns, UP**2 * np.trace(turns) / 2
+            return Level(tilt.turn @ camera.mounting, cov, found=False, by_gravity=True)
         up = s.sway * UP
         return Level(camera.mounting, np.diag([s.sway**2, s.sway**2, up**2]), False)
 

@@ -11,9 +11,11 @@ from ...core.errors import InputError
 from ...core.factors import REMARKS, Log
 from ..pauses import longest_pause
 from ..wheels.holes import outside
-from .front_end import DENIED, FrontEnd
+from .front_end import BY_GRAVITY, DENIED, FrontEnd
 from .recording import DepthRecording
 from .settings import Settings
+
+LEVELS = "levels"  # by gravity, among a log's notes
 
 OFF, BEYOND = 4.0, 2.0
 """A median depth of less than `near` over the first, or more than `far` times the second, is in another unit."""
@@ -42,7 +44,7 @@ def looked_at(recording: DepthRecording, settings: Settings, observe: Observer |
         )
     if recording.motion is not None:
         recording.motion.check()
-    front_end = FrontEnd(recording.camera, settings, recording.motion)
+    front_end = FrontEnd(recording.camera, settings, recording.motion, recording.tilts)
     for frame in recording.in_order():
         front_end.frame(frame)
         if observe is not None:
@@ -123,5 +125,6 @@ def _notes(recording: DepthRecording, front_end: FrontEnd) -> dict[str, Any]:
             },
             "settings": asdict(settings),
         },
+        **({LEVELS: recording.tilts.settings} if recording.tilts is not None and counts[BY_GRAVITY] else {}),
         **({REMARKS: remarks} if remarks else {}),
     }

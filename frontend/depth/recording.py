@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ...core.errors import InputError
 from ...core.factors import Prior
 from ..camera.camera import Camera
+from ..inertial.tilts import Tilts
 from ..wheels.motion import Motion
 
 Grey = NDArray[np.uint8]
@@ -41,6 +42,7 @@ class DepthRecording:
     motion: Motion | None  # the wheels' readings; None without wheels
     prior: Prior
     notes: Mapping[str, Any] = field(default_factory=dict[str, Any])  # the source and what its reader has done
+    tilts: Tilts | None = None  # by gravity, for frames that show no floor
     depth_camera: Camera | None = None  # the one that measured the depth, where it was registered by the reader
     left_out: Counter[str] = field(default_factory=Counter[str])  # frames that `frames` left out when it was last
     # iterated, by their reasons: "frames without depth"

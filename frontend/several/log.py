@@ -1,4 +1,4 @@
-"""Joins the sightings of cameras and the motions and loop closures by a laser scanner: one log on one clock.
+"""Joins the sightings of cameras with what a laser scanner and a depth camera tell of the motion: one log on one clock.
 
 What carries what, so that no reading counts twice:
 
@@ -7,14 +7,17 @@ What carries what, so that no reading counts twice:
 - sightings are those of the cameras;
 - the scans are in relative poses alone: of a step to an earlier one that saw the same walls, with what the wheels told
   the matcher taken out (`scan_motions`), and loop closures to places of long ago;
+- the depth camera's frames are in relative poses, too: of a step to the one before, by the features of both, and loop
+  closures. Features are no landmarks here, whose ids are those of the markers. Wheels only check these motions;
 - a gyro's turns are a factor of their own.
 
-Steps are those of the frames and those of the laser's front end, each at its own time.
+Steps are those of the frames and those of the other front ends, each at its own time.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import takewhile
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +27,12 @@ from ...core.errors import InputError
 from ...core.factors import REMARKS, Log
 from ...core.relations import Anchors
 from ...core.se2 import Array, Ints, between, compose, inverse
+from ..depth.front_end import FrontEnd as DepthFrontEnd
+from ..depth.log import log_of as depth_log_of
+from ..depth.log import looked_at
+from ..depth.recording import DepthFrame, DepthRecording
+from ..depth.settings import Settings as DepthSettings
+from ..inertial.imu import Imu
 from ..laser.front_end import FrontEnd
 from ..laser.log import log_of, scans_of
 from ..laser.recording import LaserRecording, matched
@@ -32,6 +41,7 @@ from ..markers.pipeline import FrameSightings, Recording
 from ..markers.pipeline import build_log as build_frames
 from ..wheels.motion import Motion
 from .counted_once import check_counted_once
+from .delays import Turned, delay, remark, turned, turning
 from .scan_motions import Motions, scan_motions
 
 SAME = 1e-6
@@ -39,19 +49,41 @@ SAME = 1e-6
 
 
 class Several(NamedTuple):
-    """A recording of cameras and a laser scanner; the odometry of `scans` is that of the same motion, or none."""
+    """A recording of cameras, with a laser scanner, a depth camera or both; all have the same motion, or none."""
 
     frames: Recording
-    scans: LaserRecording
-    settings: Settings  # of the laser's front end
+    scans: LaserRecording | None = None
+    settings: Settings = Settings()  # of the laser's front end
+    depth: DepthRecording | None = None
+    depth_settings: DepthSettings = DepthSettings(landmarks=False, loops=True)
+    imu: Imu | None = None  # whose gyro tells delays
+
+
+class Scanned(NamedTuple):
+    """The scans as their front end has them."""
+
+    scans: LaserRecording  # those that were taken
+    alone: Log  # of them
+    front_end: FrontEnd
+    motions: Motions
+
+
+class Related(NamedTuple):
+    """Relative poses between the steps of one sensor."""
+
+    t: Array  # (n,) s, of its steps
+    at: Ints  # (m,)
+    to: Ints  # (m,) earlier than `at`
+    delta: Array  # (m, 3)
+    cov: Array  # (m, 3, 3)
 
 
 class Built(NamedTuple):
     """A log of several sensors, and how its laser's front end came to its part."""
 
     log: Log
-    scans: LaserRecording  # those that were taken
-    path: Array  # (n, 3) the front end's own estimate of the log's steps, by scans and wheels
+    scans: LaserRecording | None  # those that were taken
+    path: Array  # (n, 3) the estimate of the log's steps by the laser's front end, or else by the wheels
 
 
 def build_log(recording: Several, observe: Callable[[FrameSightings], None] | None = None) -> Log:
@@ -69,62 +101,131 @@ def build(
 
     `until_last_frame`: the scans after it are left out.
     """
-    seen, scans = build_frames(recording.frames, observe), recording.scans
-    if scans.t[0] > seen.t[-1] or scans.t[-1] < seen.t[0]:
-        raise InputError(
-            f"{seen.name}: frames are from {seen.t[0]!s} to {seen.t[-1]!s} s, scans from {scans.t[0]!s} to "
-            f"{scans.t[-1]!s} s, expected both at one time, by one clock."
+    seen = build_frames(recording.frames, observe)
+    name, motion = recording.frames.name, recording.frames.motion
+    end = float(seen.t[-1]) if until_last_frame else np.inf
+    scanned = looked = None
+    if recording.scans is not None:
+        scans = recording.scans
+        _check_clock(seen, scans.t, "scans")
+        scans = scans.taken(scans.t <= end) if until_last_frame else scans
+        front_end = matched(scans, recording.settings)
+        scanned = Scanned(scans, log_of(scans, front_end), front_end, scan_motions(front_end))
+        check_counted_once(name, motion, scanned.motions, scanned.alone.t)
+    if recording.depth is not None:
+        depth = recording.depth
+        if until_last_frame:
+            depth = replace(depth, frames=_Until(depth.frames, end))
+        looked = looked_at(depth, recording.depth_settings)
+        _check_clock(seen, np.array(looked.t), "depth frames")
+        looked = depth_log_of(depth, looked), related_of(looked)
+    return joined(recording, seen, scanned, looked)
+
+
+def joined(recording: Several, seen: Log, scanned: Scanned | None, looked: tuple[Log, Related] | None = None) -> Built:
+    """Joins the log of the frames and the steps of the other front ends; `looked` is the depth camera's own log."""
+    parts, told, remarks, notes = list[Related](), list[Turned](), list[str](), dict[str, Any]()
+    if scanned is not None:
+        alone, motions = scanned.alone, scanned.motions
+        related = Related(
+            alone.t,
+            np.concatenate((motions.at, alone.loop_step)),
+            np.concatenate((motions.to, alone.loop_to)),
+            np.concatenate((motions.delta, alone.loop_delta)),
+            np.concatenate((motions.cov, alone.loop_cov)),
         )
-    if until_last_frame:
-        scans = scans.taken(scans.t <= seen.t[-1])
-    recording = recording._replace(scans=scans)
-    front_end = matched(scans, recording.settings)
-    alone = log_of(scans, front_end)
-    motions = scan_motions(front_end)
-    check_counted_once(recording.frames.name, recording.frames.motion, motions, alone.t)
-    return joined(recording, seen, alone, front_end, motions)
-
-
-def joined(recording: Several, seen: Log, alone: Log, front_end: FrontEnd, motions: Motions) -> Built:
-    """Joins the log of the frames and the steps of the front end, whose own log is `alone`."""
-    t, frame, scan = _steps(seen.t, alone.t)
+        parts.append(related)
+        told.append(turned(alone.t, motions.at, motions.to, motions.delta[:, 2], motions.cov[:, 2, 2]))
+        notes["laser"] = {**alone.notes["laser"], "motions": len(motions.at), "loops": len(alone.loop_to)}
+        remarks += alone.remarks
+    if looked is not None:
+        alone, related = looked
+        parts.append(related)
+        n = len(related.at) - len(alone.loop_to)
+        told.append(turned(related.t, related.at[:n], related.to[:n], related.delta[:n, 2], related.cov[:n, 2, 2]))
+        loops = len(alone.loop_to)
+        notes["depth"] = {**alone.notes["depth"], "steps": len(alone), "motions": len(related.at) - loops}
+        notes["depth"]["loops"] = {**alone.notes["depth"]["loops"], "in_log": loops}
+        remarks += alone.remarks
+    known = turning(recording.frames.motion, recording.imu)
+    for sensor, one in zip(notes, told, strict=True):
+        if known is not None and (found := delay(known, one)) is not None:
+            notes[sensor]["late"] = {"seconds": found.seconds, "sd": found.sd, "by": known.by}
+            remarks += [remark(seen.name, sensor, known.by, found)] if found.odd else []
+    t, rows = _steps(seen.t, [part.t for part in parts])
     delta, cov = _odometry(recording.frames.motion, t)
-    at = np.concatenate((scan[motions.at], scan[alone.loop_step]))
-    to = np.concatenate((scan[motions.to], scan[alone.loop_to]))
+    at = np.concatenate([row[part.at] for row, part in zip(rows[1:], parts, strict=True)])
+    to = np.concatenate([row[part.to] for row, part in zip(rows[1:], parts, strict=True)])
     order = np.lexsort((to, at))
-    remarks = [*seen.remarks, *(one for one in alone.remarks if one not in seen.remarks)]
-    laser = {**alone.notes["laser"], "motions": len(motions.at), "loops": len(alone.loop_to)}
+    remarks = [*seen.remarks, *(one for one in dict.fromkeys(remarks) if one not in seen.remarks)]
     log = Log.from_arrays(
         seen.name,
         seen.prior,
         t,
         delta,
         cov,
-        frame[seen.sighting_step],
+        rows[0][seen.sighting_step],
         seen.ids,
         seen.z,
         seen.z_cov,
         loop_step=at[order],
         loop_to=to[order],
-        loop_delta=np.concatenate((motions.delta, alone.loop_delta))[order],
-        loop_cov=np.concatenate((motions.cov, alone.loop_cov))[order],
-        notes={**seen.notes, "laser": laser, **({REMARKS: remarks} if remarks else {})},
+        loop_delta=np.concatenate([part.delta for part in parts])[order],
+        loop_cov=np.concatenate([part.cov for part in parts])[order],
+        notes={**seen.notes, **notes, **({REMARKS: remarks} if remarks else {})},
     )
     check(log, seen.name)
+    if scanned is None:
+        return Built(log, None, log.dead_reckoned())
+    front_end = scanned.front_end
     path = _along(front_end, front_end.path, t, delta)
-    scans = scans_of(recording.scans, front_end)
+    scans = scans_of(scanned.scans, front_end)
     estimate = _along(front_end, _bent(front_end), t, delta)
-    found = replace(log, scans=_placed(scans, path, front_end, t, scan))
-    return Built(found, recording.scans, estimate)
+    found = replace(log, scans=_placed(scans, path, front_end, t, rows[1]))
+    return Built(found, scanned.scans, estimate)
 
 
-def _steps(frames: Array, scans: Array) -> tuple[Array, Ints, Ints]:
-    """The times (n,) of both, and the rows in them of each: a scan within SAME of a frame is at its time."""
-    near = np.clip(np.searchsorted(frames, scans), 1, len(frames) - 1) if len(frames) > 1 else np.zeros(len(scans), int)
-    near = np.where(np.abs(frames[near - 1] - scans) < np.abs(frames[near] - scans), near - 1, near)
-    own = np.where(np.abs(frames[near] - scans) <= SAME, frames[near], scans)
-    t = np.union1d(frames, own)
-    return t, np.searchsorted(t, frames), np.searchsorted(t, own)
+def related_of(front_end: DepthFrontEnd) -> Related:
+    """The motions between consecutive steps of a depth camera that its features tell, and its loop closures."""
+    told = [*front_end.told, *front_end.loops]
+    return Related(
+        np.array([step.t for step in front_end.steps]),
+        np.array([one.step for one in told], np.int64),
+        np.array([one.to for one in told], np.int64),
+        np.array([one.motion.delta for one in told]).reshape(-1, 3),
+        np.array([one.motion.cov for one in told]).reshape(-1, 3, 3),
+    )
+
+
+def _check_clock(seen: Log, t: Array, noun: str) -> None:
+    """Raises InputError where nothing of another sensor is at the time of the frames."""
+    if t[0] > seen.t[-1] or t[-1] < seen.t[0]:
+        raise InputError(
+            f"{seen.name}: frames are from {seen.t[0]!s} to {seen.t[-1]!s} s, {noun} from {t[0]!s} to {t[-1]!s} s, "
+            "expected both at one time, by one clock."
+        )
+
+
+@dataclass(frozen=True)
+class _Until:
+    """The frames up to a time."""
+
+    frames: Iterable[DepthFrame]
+    end: float  # s
+
+    def __iter__(self) -> Iterator[DepthFrame]:
+        return takewhile(lambda frame: frame.seconds <= self.end, self.frames)
+
+
+def _steps(frames: Array, others: Sequence[Array]) -> tuple[Array, list[Ints]]:
+    """The times (n,) of all, and the rows in them of each: what is within SAME of a frame is at its time."""
+    own, all_t = [frames], frames
+    for t in others:
+        near = np.clip(np.searchsorted(all_t, t), 1, len(all_t) - 1) if len(all_t) > 1 else np.zeros(len(t), int)
+        near = np.where(np.abs(all_t[near - 1] - t) < np.abs(all_t[near] - t), near - 1, near)
+        own.append(np.where(np.abs(all_t[near] - t) <= SAME, all_t[near], t))
+        all_t = np.union1d(all_t, own[-1])
+    return all_t, [np.searchsorted(all_t, one) for one in own]
 
 
 def _odometry(motion: Motion, t: Array) -> tuple[Array, Array]:

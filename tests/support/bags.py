@@ -24,6 +24,7 @@ APRILTAG = "apriltag_msgs/msg/AprilTagDetectionArray"
 APRILTAG_ROS = "apriltag_ros/msg/AprilTagDetectionArray"
 ISAAC = "isaac_ros_apriltag_interfaces/msg/AprilTagDetectionArray"
 IMU, MAGNETIC = "sensor_msgs/msg/Imu", "sensor_msgs/msg/MagneticField"
+NAVSAT = "sensor_msgs/msg/NavSatFix"
 TRANSFORMS, FIRST_TRANSFORMS = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"
 
 
@@ -285,3 +286,29 @@ def _isaac(new: Any, stamp: int, one: Tag) -> Any:
 _TAG_BUILDERS: dict[str, Callable[[Any, int, Tag], Any]] = {
     APRILTAG: _apriltag, APRILTAG_ROS: _apriltag_ros, ISAAC: _isaac,
 }  # fmt: skip
+
+
+def navsat(
+    stamp: int,
+    latitude: float,
+    longitude: float,
+    topic: str = "/fix",
+    *,
+    status: int = 0,
+    cov: tuple[float, float, float] = (1.0, 0.0, 1.0),
+    kind: int = 2,
+) -> Said:
+    """A position; `cov` is of east, of both, and of north, m^2, and `kind` says how it is known."""
+    east, both, north = cov
+
+    def build(new: Any) -> dict[str, Any]:
+        return {
+            "status": new("sensor_msgs/msg/NavSatStatus", status, 1),
+            "latitude": latitude,
+            "longitude": longitude,
+            "altitude": 0.0,
+            "position_covariance": np.array([east, both, 0.0, both, north, 0.0, 0.0, 0.0, 1.0]),
+            "position_covariance_type": kind,
+        }
+
+    return Said(topic, NAVSAT, stamp, build)

@@ -16,7 +16,7 @@ from slamduel.datasets.worlds.wheeled_robot import drive
 from slamduel.frontend.laser.front_end import FrontEnd
 from slamduel.frontend.laser.log import log_of
 from slamduel.frontend.laser.recording import matched
-from slamduel.frontend.several.log import Several, joined
+from slamduel.frontend.several.log import Scanned, Several, joined
 from slamduel.frontend.several.scan_motions import Motions, scan_motions
 
 NOISE = 0.03  # m, of a marker's place along and across the line of sight
@@ -55,7 +55,9 @@ def driven(seed: int, seconds: float = 30.0) -> Driven:
     several = Several(recording, scans, MATCHING)
     front_end = matched(scans, MATCHING)
     alone, motions = log_of(scans, front_end), scan_motions(front_end)
-    return Driven(several, seen, alone, front_end, motions, joined(several, seen, alone, front_end, motions).log)
+    return Driven(
+        several, seen, alone, front_end, motions, joined(several, seen, Scanned(scans, alone, front_end, motions)).log
+    )
 
 
 def squares(delta: Array, cov: Array, true: Array) -> NDArray[np.float64]:

@@ -269,9 +269,11 @@ def test_the_command_says_what_it_found(
     recording, truth = small()
     given: list[Any] = []
 
-    def open_recording(*words: Any) -> SimpleNamespace:
+    def open_recording(*words: Any, wheels: bool) -> SimpleNamespace:
+        assert wheels
         given.append(words)
-        return SimpleNamespace(recording=small()[0], truth=truth, length=60, start_given=True, inertial=None)
+        others = {"inertial": None, "world": None}
+        return SimpleNamespace(recording=small()[0], truth=truth, length=60, start_given=True, **others)
 
     monkeypatch.setattr(command_detect, "open_recording", open_recording)
     out = tmp_path / "a b"

@@ -16,7 +16,8 @@ from slamduel.datasets.recordings.any_recording import Options as Chosen
 from slamduel.datasets.recordings.any_recording import make
 from slamduel.datasets.recordings.recording import Opened, open_recording
 from slamduel.datasets.recordings.recording import build as build_frames
-from slamduel.datasets.recordings.several import OpenedSeveral, open_several, sensors_in
+from slamduel.datasets.recordings.sensors import sensors_in
+from slamduel.datasets.recordings.several import OpenedSeveral, open_several
 from slamduel.datasets.recordings.write import write
 from slamduel.datasets.scans.open import OpenedScans, open_scans
 from slamduel.datasets.scans.robot import LaserRobot
@@ -98,6 +99,7 @@ def test_each_sensor_alone_is_what_its_own_robot_gives(drive: Path, log: Log) ->
 def test_topics_and_sources_choose_the_scans(folders: dict[str, Path], drive: Path) -> None:
     opened = open_several(folders["ros2"])
     assert isinstance(opened, OpenedSeveral)
+    assert opened.scans is not None
     assert opened.scans.recording.notes["topics"]["scan"] == "/scan"
     (drive / "more").mkdir()
     shutil.move(drive / SCANS, drive / "more" / SCANS)
@@ -116,7 +118,12 @@ def test_topics_and_sources_choose_the_scans(folders: dict[str, Path], drive: Pa
 def test_sensors_that_are_not_there_are_refused(drive: Path) -> None:
     assert sensors_in("laser, markers", "--sensors") == ("laser", "markers")
     refused(r"--sensors lasre: found 'lasre'; did you mean 'laser'\?$", sensors_in, "lasre", "--sensors")
-    refused(r"--sensors markers,: found ''; expected one of laser, markers\.$", sensors_in, "markers,", "--sensors")
+    refused(
+        r"--sensors markers,: found ''; expected one of compass, depth, gps, gyro, laser, markers, wheels\.$",
+        sensors_in,
+        "markers,",
+        "--sensors",
+    )
     refused("--sensors laser,laser: a sensor is named twice, expected once", sensors_in, "laser,laser", "--sensors")
     text = (drive / "robot.toml").read_text()
     (drive / "robot.toml").write_text(text[: text.index("[laser]")])
@@ -147,6 +154,7 @@ def test_scans_beyond_the_wheels_are_left_out_with_a_remark(drive: Path) -> None
     )
     opened = open_several(drive)
     assert isinstance(opened, OpenedSeveral)
+    assert opened.scans is not None
     assert opened.scans.remarks == [
         "5 of 40 scans are before or after the encoder readings, 0 to 6.98 s, and are left out"
     ]
@@ -158,6 +166,7 @@ def test_a_motion_that_nothing_measured_leaves_matching_to_the_scans(drive: Path
     robot.write_text(robot.read_text() + "\n[drift]\nposition = 0.5\nturning = 0.5\n")
     opened = open_several(drive)
     assert isinstance(opened, OpenedSeveral)
+    assert opened.scans is not None
     assert opened.scans.recording.odometry is None
     log = of(drive)
     assert not log.delta[1:].any()

@@ -13,8 +13,8 @@ from slamduel.core.factors import UNKNOWN, Log, Systematic
 from slamduel.core.partial import BEARING, RANGE
 from slamduel.core.se2 import Array, wrap
 from slamduel.core.truth.errors import sighted_from
+from slamduel.datasets.fixes.geodetic import metres
 from slamduel.datasets.tables import csv_tables
-from slamduel.datasets.tables.geodetic import metres
 
 PLACES = np.array([[3.0, 1.0], [-2.0, 2.0]])
 

@@ -11,9 +11,10 @@ from slamduel.backends.keeping.smoother import build as smoother
 from slamduel.bench.measure.nees import nees
 from slamduel.core.factors import Log
 from slamduel.core.se2 import act, between
+from slamduel.frontend.laser.recording import LaserRecording
 from slamduel.frontend.several import log as several_log
 from slamduel.frontend.several.counted_once import check_counted_once
-from slamduel.frontend.several.log import Several, build, joined
+from slamduel.frontend.several.log import Scanned, Several, build, joined
 from slamduel.frontend.wheels.track import Track, TrackNoise
 from tiers import first_quick
 
@@ -40,12 +41,17 @@ def test_steps_are_those_of_frames_and_scans() -> None:
         np.testing.assert_array_equal(log.delta_cov[k], ours.cov)
 
 
+def scans_of(made: Driven) -> LaserRecording:
+    assert made.several.scans is not None
+    return made.several.scans
+
+
 def test_a_scan_at_a_frames_time_is_at_its_step() -> None:
     made = driven(0)
     later = made.alone.t[3]
     seen = replace(made.seen, t=np.where(np.arange(len(made.seen)) == 4, later + 4e-7, made.seen.t))
     assert (np.diff(seen.t) > 0).all()
-    log = joined(made.several, seen, made.alone, made.front_end, made.motions).log
+    log = joined(made.several, seen, Scanned(scans_of(made), made.alone, made.front_end, made.motions)).log
     assert later + 4e-7 in log.t
     assert later not in log.t
     assert len(log) == len(seen) + len(made.alone) - 1
@@ -124,7 +130,7 @@ def test_odometry_made_of_the_scans_is_refused(seed: int) -> None:
 def test_other_clocks_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     made = driven(0)
     monkeypatch.setattr(several_log, "build_frames", lambda *_: made.seen)
-    scans = replace(made.several.scans, t=made.several.scans.t + 1000)
+    scans = replace(scans_of(made), t=scans_of(made).t + 1000)
     words = r"frames are from 0\.0 to 30\.0 s, scans from 1000\.05 to 10.* s, expected both at one time, by one clock"
     refused(words, build, Several(made.several.frames, scans, made.several.settings))
 
