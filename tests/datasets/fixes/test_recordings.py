@@ -26,7 +26,8 @@ from slamduel.datasets.recordings.any_recording import Options as Chosen
 from slamduel.datasets.recordings.any_recording import make
 from slamduel.datasets.recordings.write import Located, write
 from slamduel.datasets.recordings.write_bag import Positions
-from slamduel.datasets.worlds.aruco_room import LOOP, MATCHING, Options, recorded
+from slamduel.datasets.worlds.aruco_room import MATCHING, Options, recorded
+from slamduel.datasets.worlds.rendered_world import LOOP
 from slamduel.datasets.worlds.wheeled_robot import drive as along
 from slamduel.frontend.world.compass import Compass
 from tiers import first_quick

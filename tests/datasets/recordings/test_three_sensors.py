@@ -21,7 +21,8 @@ from slamduel.datasets.recordings.write import write
 from slamduel.datasets.recordings.write_bag import NAMES
 from slamduel.datasets.recordings.write_depth import write_depth
 from slamduel.datasets.worlds import depth_room
-from slamduel.datasets.worlds.aruco_room import LOOP, MATCHING, Options, recorded
+from slamduel.datasets.worlds.aruco_room import MATCHING, Options, recorded
+from slamduel.datasets.worlds.rendered_world import LOOP
 from slamduel.datasets.worlds.wheeled_robot import drive as along
 from tiers import first_quick
 

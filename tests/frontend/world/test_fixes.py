@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from refusals import refused
-from slamduel.backends.incremental.smoother import build as smoother
+from slamduel.backends.keeping.smoother import build as smoother
 from slamduel.bench.measure.nees import nees
 from slamduel.core.factors import Log
 from slamduel.core.fixes import residual
