@@ -167,7 +167,7 @@ class Merging:
 
 
 def _end(landmark: int, of: dict[int, int]) -> int:
-    """What a landmark is in the end; each is of an earlier one."""
+    """The earliest landmark that a landmark is of, each being of an earlier one."""
     while landmark in of:
         landmark = of[landmark]
     return landmark

@@ -12,7 +12,7 @@ from places import LAYERS, ROOT
 
 HOME = ROOT / "core" / "kernels"
 NAMES = {"wrap", "dot", "cross", "cholesky", "rodrigues"}
-ROW_BY_ROW = {"backends/_joint_compatibility.py": "extended"}
+ROW_BY_ROW = {"backends/_joint_compatibility.py": "extended", "backends/association/_merging.py": "weigh"}
 """Functions that extend a Cholesky factor by the rows of one more variable."""
 
 
