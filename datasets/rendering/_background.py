@@ -67,8 +67,9 @@ def meet_all(
 ) -> None:
     """Writes what `meet` does, in a building: `reach` (n,) is how far along a ray, in its lengths, the surface is.
 
-    `size` has half_x, half_y, top and density, as `meet` does. `walls` (w, 5) are x0, y0, x1, y1 and where on the image's walls they begin, m. `people` (c, 6) are upright
-    cylinders: x, y, radius, bottom and top, m, and grey level. `grey` (n,) is that of a cylinder that is met, else -1.
+    `size` has half_x, half_y, top and density, as `meet` does. `walls` (w, 5) are x0, y0, x1, y1 and where on the
+    image's walls they begin, m. `people` (c, 6) are upright cylinders: x, y, radius, bottom and top, m, and grey level.
+    `grey` (n,) is that of a cylinder that is met, else -1.
     """
     half_x, half_y, top, density = size
     for k in range(rays.shape[1]):
