@@ -1,4 +1,4 @@
-"""Where a robot started in the world, by its first positions and headings, where nobody said so.
+"""The start of a robot in the world by its first positions and headings, for one that nobody gave.
 
 The path by the odometry is laid upon the first positions. What that tells of the start is stated three times as wide as
 it is, since the same positions are factors of the log as well: they count by a ninth more than once.
