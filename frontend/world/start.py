@@ -56,7 +56,7 @@ def start(log: Log, found: Measured, motion: Motion | None) -> Prior:
 
 
 def _first(path: Array, own: Measured) -> tuple[int, float]:
-    """How many positions tell the heading to SURE, or all of them, and its standard deviation by these."""
+    """The number of positions that tell the heading to SURE, or of all, and its standard deviation by these."""
     by_way = np.inf
     for rows in range(2, len(path) + 1):
         apart = path[:rows] - path[:rows].mean(axis=0)
