@@ -48,7 +48,7 @@ class SeveralFindings(MarkerFindings):
 
     @property
     def depth(self) -> Mapping[str, Any] | None:
-        """What the depth camera's front end did, of the log's notes; None without one."""
+        """The counts of the depth camera's front end among the log's notes; None without one."""
         return self.log.notes.get("depth")
 
     def used(self) -> list[str]:

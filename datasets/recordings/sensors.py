@@ -53,6 +53,8 @@ _Any = TypeVar("_Any", Opened, OpenedScans, OpenedDepth)
 
 def chosen(opened: _Any, sensors: Collection[str] | None) -> _Any:
     """The recording of one front end with those beside it that are named; InputError without wheels it needs."""
+    if sensors is None:
+        return opened
     kept = beside_them(sensors)
     if GYRO not in kept:
         opened = opened.without_gyro()

@@ -50,7 +50,7 @@ DEPTH, DEPTH_INFO = "/camera/depth_registered/image_raw", "/camera/depth_registe
 
 
 class Positions(NamedTuple):
-    """What a GPS receiver tells."""
+    """Positions by a GPS receiver."""
 
     t: Array  # (f,) s
     degrees: Array  # (f, 2) latitude and longitude

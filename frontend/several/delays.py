@@ -1,4 +1,4 @@
-"""How late a sensor's stamps are beside the gyro's or the wheels', by the turns that both tell.
+"""Delays: how late a sensor's stamps are beside the gyro's or the wheels', by the turns that both tell.
 
 A sensor that is d late saw at t - d what it stamps t. Its turn from one step to the next is then that of the gyro, or
 the wheels, between t - d of both, up to their noise: d is the one under which they differ least, by weighted least
@@ -35,7 +35,7 @@ class Delay(NamedTuple):
 
 
 class Turning(NamedTuple):
-    """What tells the turn between any two times."""
+    """A gyro or wheels that tell the turn between any two times."""
 
     by: str
     t: Array  # (n,) s

@@ -33,7 +33,7 @@ MOST = 0.5  # share of readings that may be left out
 
 @dataclass(frozen=True)
 class Compass:
-    """What nobody can read from a magnetometer."""
+    """Numbers that nobody can read from a magnetometer."""
 
     declination: float = 0.0  # rad, by which magnetic north is east of north
     sd: float = 0.1  # rad, of a heading

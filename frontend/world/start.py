@@ -1,4 +1,4 @@
-"""Where a robot started in the world, by its first positions and headings, where nobody said so.
+"""The start of a robot in the world by its first positions and headings, for one that nobody gave.
 
 The path by the odometry is laid upon the first positions. What that tells of the start is stated three times as wide as
 it is, since the same positions are factors of the log as well: they count by a ninth more than once.
@@ -56,7 +56,7 @@ def start(log: Log, found: Measured, motion: Motion | None) -> Prior:
 
 
 def _first(path: Array, own: Measured) -> tuple[int, float]:
-    """How many positions tell the heading to SURE, or all of them, and its standard deviation by these."""
+    """The number of positions that tell the heading to SURE, or of all, and its standard deviation by these."""
     by_way = np.inf
     for rows in range(2, len(path) + 1):
         apart = path[:rows] - path[:rows].mean(axis=0)

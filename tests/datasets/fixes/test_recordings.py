@@ -109,7 +109,7 @@ def test_positions_and_headings_are_those_of_the_robot(log: Log) -> None:
     off = log.fixes.z[placed, :2] - true[placed, :2]
     assert np.abs(off).max() < 4.5 * SD + 0.15  # the robot moves up to half a step between
     turned = wrap(log.fixes.z[~placed, 2] - true[~placed, 2])
-    assert np.abs(turned).max() < 0.03  # levels turn a field that is 63 degrees steep
+    assert np.abs(turned).max() < 0.06  # levels turn a field that is 63 degrees steep
     assert log.notes["origin"].startswith("latitude 48.1, longitude 11.5")
 
 
