@@ -70,7 +70,7 @@ def relink(g: Graph, k: int) -> bool:
     """Linearises link `k` at its poses, weighs a loop closure; False where the covariance is not positive definite."""
     first, last = g.variables[g.links[k, A], STEP], g.variables[g.links[k, B], STEP]
     L = g.linked[k]
-    S = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    spread = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if g.links[k, LOOP] == TURN:
         return True
     if g.links[k, LOOP]:
@@ -79,16 +79,16 @@ def relink(g: Graph, k: int) -> bool:
             p[POINT], p[POINT + 1], p[POINT + 2], q[POINT], q[POINT + 1], q[POINT + 2],
             L[MOTION], L[MOTION + 1], L[MOTION + 2],
         )  # fmt: skip
-        S = turned(c, s, L, COVARIANCE)
+        spread = turned(c, s, L, COVARIANCE)
     else:
         o0, o1, o2 = 0.0, 0.0, 0.0
         for j in range(first + 1, last + 1):
             e0, e1, e2, c, s = offset_of(g, j)
             gx, gy = g.steps[j - 1, POINT + 1] - g.steps[j, POINT + 1], g.steps[j, POINT] - g.steps[j - 1, POINT]
             o0, o1, o2 = o0 + (gx * o2 + e0), o1 + (gy * o2 + e1), o2 + e2
-            S = carry(g, j, c, s, S)
+            spread = carry(g, j, c, s, spread)
     L[OFFSET], L[OFFSET + 1], L[OFFSET + 2] = o0, o1, o2
-    definite, W = inverse(S[0], S[1], S[2], S[3], S[4], S[5])
+    definite, W = inverse(spread[0], spread[1], spread[2], spread[3], spread[4], spread[5])
     if definite:
         for i in range(6):
             L[INFORMATION + i] = W[i]
@@ -134,19 +134,19 @@ def inner(g: Graph, first: int, last: int, out: Array) -> bool:
     N: the gain is K = S (S + N)^-1, and C = K N.
     """
     n = last - first - 1
-    S, o0, o1, o2 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
+    ahead, o0, o1, o2 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0
     e0, e1, e2, c, s = offset_of(g, first + 1)
     for i in range(n):
         j = first + 1 + i
         gx, gy = g.steps[j - 1, POINT + 1] - g.steps[j, POINT + 1], g.steps[j, POINT] - g.steps[j - 1, POINT]
         o0, o1, o2 = o0 + (gx * o2 + e0), o1 + (gy * o2 + e1), o2 + e2
-        S = carry(g, j, c, s, S)
+        ahead = carry(g, j, c, s, ahead)
         for u in range(6):
-            out[i, u] = S[u]
+            out[i, u] = ahead[u]
         out[i, 18], out[i, 19], out[i, 20] = o0, o1, o2
         e0, e1, e2, c, s = offset_of(g, j + 1)
         out[i, 6], out[i, 7], out[i, 8], out[i, 9], out[i, 10] = e0, e1, e2, c, s  # until the way back has come by
-    N, b0, b1, b2 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0  # of the pose relative to `last`
+    behind, b0, b1, b2 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0  # of the pose relative to `last`
     ax, ay = g.steps[first, POINT], g.steps[first, POINT + 1]
     bx, by = g.steps[last, POINT], g.steps[last, POINT + 1]
     for i in range(n - 1, -1, -1):
@@ -154,11 +154,20 @@ def inner(g: Graph, first: int, last: int, out: Array) -> bool:
         x, y, x2, y2 = p[POINT], p[POINT + 1], q[POINT], q[POINT + 1]
         T = turned(out[i, 9], out[i, 10], q, NOISE)
         gx, gy = y2 - y, x - x2  # back along the motion
-        N = lever(N[0] + T[0], N[1] + T[1], N[2] + T[2], N[3] + T[3], N[4] + T[4], N[5] + T[5], gx, gy)
+        behind = lever(
+            behind[0] + T[0],
+            behind[1] + T[1],
+            behind[2] + T[2],
+            behind[3] + T[3],
+            behind[4] + T[4],
+            behind[5] + T[5],
+            gx,
+            gy,
+        )
         b2 -= out[i, 8]
         b0, b1 = b0 - out[i, 6] + gx * b2, b1 - out[i, 7] + gy * b2
         f0, f1, f2 = out[i, 18], out[i, 19], out[i, 20]
-        definite, K0, K1, K2 = gain((out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5]), N)
+        definite, K0, K1, K2 = gain((out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5]), behind)
         if not definite:
             return False
         ux, uy = ay - y, x - ax  # from first to here
@@ -169,7 +178,7 @@ def inner(g: Graph, first: int, last: int, out: Array) -> bool:
             out[i, 3 * r], out[i, 3 * r + 1], out[i, 3 * r + 2] = i0, i1, i0 * ux + i1 * uy + i2
             out[i, 9 + 3 * r], out[i, 10 + 3 * r], out[i, 11 + 3 * r] = k0, k1, k0 * vx + k1 * vy + k2
             out[i, 18 + r] = i0 * f0 + i1 * f1 + i2 * f2 + k0 * b0 + k1 * b1 + k2 * b2
-        out[i, 21], out[i, 22], out[i, 23] = product(K0[0], K0[1], K0[2], N)
-        out[i, 24], out[i, 25] = product(K1[0], K1[1], K1[2], N)[1:]
-        out[i, 26] = product(K2[0], K2[1], K2[2], N)[2]
+        out[i, 21], out[i, 22], out[i, 23] = product(K0[0], K0[1], K0[2], behind)
+        out[i, 24], out[i, 25] = product(K1[0], K1[1], K1[2], behind)[1:]
+        out[i, 26] = product(K2[0], K2[1], K2[2], behind)[2]
     return True

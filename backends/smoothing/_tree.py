@@ -196,8 +196,9 @@ def rebuild(g: Graph, x: int, wanted: Ints, opened: Ints, plan: Ints, count: int
         forget_dropped(g)
     made = np.empty(count, np.int64)
     begins, order = neighbourly(plan, count)
-    for i in order:
-        at = begins[i]
+    for n in range(count):
+        i = order[n]
+        at = int(begins[i])
         frontals, members, bound, children = plan[at], plan[at + 1], plan[at + 2], plan[at + 3]
         front, size = plan[at + 4], plan[at + 5]
         at += HEAD
@@ -237,7 +238,7 @@ def rebuild(g: Graph, x: int, wanted: Ints, opened: Ints, plan: Ints, count: int
 
 @compiled
 def neighbourly(plan: Ints, count: int) -> tuple[Ints, Ints]:
-    """Where each clique of a plan begins in it; and their order, each after its children, all below it just before.
+    """The begin of each clique of a plan; and their order, each after its children, all below it just before.
 
     Then what a substitution or an elimination passes one after the other is adjacent in memory.
     """

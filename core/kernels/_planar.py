@@ -115,7 +115,7 @@ def add_turned(S: Array, c: float, s: float, Q: Array, k: int) -> None:
 
 @compiled
 def inverse(xx: float, xy: float, xt: float, yy: float, yt: float, tt: float) -> tuple[bool, Six]:
-    """Whether a covariance is positive definite, and its inverse if it is.
+    """True and its inverse if a covariance is positive definite, else False.
 
     By the Cholesky factor and its reciprocals: variances along a long way differ by many orders of magnitude.
     """
