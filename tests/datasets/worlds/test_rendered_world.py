@@ -29,8 +29,8 @@ def away(inside: World, at: Array, directions: Array) -> Array:
     return cast(inside.room.outlines, np.zeros((0, 3)), float(at[0]), float(at[1]), directions, 50.0)
 
 
-ANGLES: Array = np.arange(360) * (np.pi / 180)
-AROUND: Array = np.stack((np.cos(ANGLES), np.sin(ANGLES)), axis=-1)
+ANGLES = np.linspace(0.0, 6.28, 360)
+AROUND = np.array([[np.cos(angle), np.sin(angle)] for angle in ANGLES.tolist()])
 
 
 @pytest.mark.parametrize("seed", first_quick(range(8)))
