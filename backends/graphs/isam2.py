@@ -192,7 +192,7 @@ class Isam2:
     def _settled(self, times: int = 1) -> tuple[bool | None, gtsam.Values]:
         """True if relinearization has ended, None without any, and the best estimate then.
 
-        With partial sightings it may lead to a higher J: damped steps are made from it, or from before if that is lower.
+        With partial sightings it may lead to a higher J: damped steps go from the lower one.
         """
         converged, before = None, self._estimate() if self._partly else NO_VALUES
         for _ in range(times * self._options.final_updates):
