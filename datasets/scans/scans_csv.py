@@ -103,7 +103,7 @@ def _rows(path: Path) -> Iterator[tuple[int, float, Fan, Array]]:
 
 
 def _counts(header: list[str]) -> str:
-    """How many cells a row may have, in words."""
+    """Words the number of cells that a row may have."""
     least = len(COLUMNS) + 2
     return str(least) if least == len(header) else f"{least} to {len(header)}"
 

@@ -58,6 +58,7 @@ def test_along_a_corridor_a_scan_tells_nothing() -> None:
 def test_wheels_that_are_off_move_the_matches_and_not_what_the_scans_tell(seed: int) -> None:
     """Wheels that read 10 % too much pull each match their way; taken out, a tenth of that or less is left."""
     scans, settings = driven(seed).several.scans, driven(seed).several.settings
+    assert scans is not None
     assert scans.odometry is not None
     motion = between(scans.odometry[:-1], scans.odometry[1:]) * [1.1, 1.0, 1.0]
     walked = [scans.odometry[0]]
@@ -117,7 +118,8 @@ def test_the_covariance_is_that_of_both_places() -> None:
 
 
 def test_without_wheels_the_motion_before_is_taken_out_too() -> None:
-    made = driven(0)
-    alone = matched(replace(made.several.scans, odometry=None), made.several.settings)
+    several = driven(0).several
+    assert several.scans is not None
+    alone = matched(replace(several.scans, odometry=None), several.settings)
     m, poses = scan_motions(alone), true_poses(np.array([step.t for step in alone.steps]))
     assert squares(m.delta, m.cov, between(poses[m.to], poses[m.at])).mean() < 1.7
