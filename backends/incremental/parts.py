@@ -101,6 +101,12 @@ class Parts:
             else:
                 self.rows[row - self._first] = variable, part, seen
 
+    def ended(self, path: Array) -> None:
+        """Starts the landmarks that are held back where the whole `path` (n, 3) places them: no more will be known."""
+        self._first = self._tables.stored
+        for landmark, place in self._late.ended(path):
+            self._start(landmark, *place.tolist())
+
     def taken(self) -> Rows:
         """The rows of the step, k of them, which are none after that."""
         if not self.rows:

@@ -244,8 +244,13 @@ class Smoother:
         return self._map(forest.estimate().values)
 
     def finish(self) -> Solution:
-        """Relinearises until nothing moves; returns the path with the covariances of its poses, and the map."""
+        """Relinearises until nothing moves; returns the path with the covariances of its poses, and the map.
+
+        Landmarks that partial sightings have not started are now, with all of their sightings.
+        """
         forest = self._forest
+        if self._parts.waits:
+            self._start_all()
         estimate, converged = settled(forest, self._options.final_iterations)
         values = estimate.values
         if not (np.isfinite(estimate.path).all() and np.isfinite(values).all()):
@@ -432,6 +437,19 @@ class Smoother:
         last, rows = int(g.state[LAST]), g.sightings[[row for row in held if row < g.state[SIGHTINGS]]]
         self._late = self._late or bool((rows[:, PART] != WHOLE).any())
         self._touched += rows[(rows[:, POSE] != last) | (rows[:, PART] != WHOLE), POSE].tolist()
+
+    def _start_all(self) -> None:
+        """Puts landmarks that wait on the map at the end of the log."""
+        forest, before = self._forest, len(self._variable)
+        self._parts.ended(forest.estimate().path)
+        touched, self._touched = self._touched, []
+        if not touched:
+            return
+        rows = self._parts.taken()  # priors of constant errors
+        n = len(rows.parts)
+        forest.room(0, 0, n, 0, n + len(self._variable) - before)
+        _log.add_parts_of(forest.g, self._newest, *rows)
+        self._reorganise(_opening.sighted(forest.g, self._newest), np.array(touched, np.int64), everything=True)
 
     def _hold(self, landmark: int, row: int) -> None:
         self._held[landmark].append(row)

@@ -75,6 +75,11 @@ class LatePlaces:
         self._held.pop(landmark, None)
         return held
 
+    def ended(self, path: Array) -> list[tuple[int, Array]]:
+        """Landmarks that are held back, each with its place (2,), m, by the whole `path` (n, 3), if it has one."""
+        found = ((i, placed(path[[one.step for one in held]], *_columns(held))) for i, held in self._held.items())
+        return [(landmark, place.xy) for landmark, place in found if place is not None]
+
     def added_to(self, landmarks: Map, path: Array) -> Map:
         """The map with those still held back, without covariance, where they are likeliest."""
         alone = {i: held for i, held in self._held.items() if i not in landmarks.ids}
