@@ -170,10 +170,16 @@ class Factors:
                 values.insert(self.keys.landmark(landmark), xy)
             held = self._late.taken(landmark, since)
             self.late = self.late or len(held) > 1
-            for seen in held:
-                errors = self.constant.of(landmark, graph, values) if seen.kind == RANGE else None
-                pose, to = self.keys.pose(seen.step), self.keys.landmarks[landmark]
-                graph.add(part_factor(pose, to, errors, seen, self.weighed))
+            self._add_held(landmark, held, graph, values)
+
+    def _add_held(
+        self, landmark: int, held: list[Seen], graph: gtsam.NonlinearFactorGraph, values: gtsam.Values
+    ) -> None:
+        """Adds partial sightings of a landmark on the map."""
+        for seen in held:
+            errors = self.constant.of(landmark, graph, values) if seen.kind == RANGE else None
+            pose, to = self.keys.pose(seen.step), self.keys.landmarks[landmark]
+            graph.add(part_factor(pose, to, errors, seen, self.weighed))
 
     def _add_sightings(
         self,
@@ -211,6 +217,14 @@ class Factors:
         """Removes these landmarks; sighted again they are new ones."""
         for landmark in landmarks:
             del self.keys.landmarks[landmark]
+
+    def ended(self, path: Array) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
+        """The factors of landmarks that partial sightings have not started, which the whole `path` (n, 3) places."""
+        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        for landmark, xy in self._late.ended(path):
+            values.insert(self.keys.landmark(landmark), xy)
+            self._add_held(landmark, self._late.taken(landmark), graph, values)
+        return graph, values
 
     def with_newcomers(self, path: Array, landmarks: Map) -> Map:
         """The map, with landmarks still held back added without covariance, at their last sighting."""

@@ -157,9 +157,15 @@ class Isam2:
     def finish(self) -> Solution:
         """Relinearizes until nothing moves by more than the threshold, then solves with full back-substitution.
 
+        Landmarks that partial sightings have not started are before, with all of their sightings.
+
         Landmarks that are near lower the threshold, and constant errors and partial sightings do: a tree with the new
         one is made of all factors, and kept if its J is lower.
         """
+        if self._partly:
+            more = self._factors.ended(path_and_map(self._factors.keys, self._steps, self._estimate())[0])
+            if more[0].size():
+                self._started(*more)
         converged, values = self._settled()
         fine = self._factors.constant.used or self._partly
         threshold = min(self._factors.closest / SMALL, FINE if fine else math.inf)
