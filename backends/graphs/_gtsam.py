@@ -211,6 +211,10 @@ class Factors:
                 to = self.keys.landmark(landmark)
                 r = max(z[0], NEAREST)
                 values.insert(to, guess.transformFrom(np.array((r * math.cos(z[1]), r * math.sin(z[1])))))
+                if self._late.waits:
+                    held_back = self._late.taken(landmark, since)
+                    self.late = self.late or len(held_back) > 0
+                    self._add_held(landmark, held_back, graph, values)
             add(factor(here, to, Rot2(z[1]), z[0], noise_of(cov)))
 
     def forget(self, landmarks: Iterable[int]) -> None:

@@ -29,10 +29,7 @@ from ._gtsam import FAILURES, Factors, array, failure, joint_covariance, path_an
 from .neighbourhood import Neighbourhood
 
 FINE = 3e-5
-"""Relinearize threshold at the end with constant errors: a scale of ranges is that of tens of metres.
-
-Likewise with partial sightings: with 0.1 rad, headings left 17 of 20 logs of bearings alone far from their least J.
-"""
+"""Relinearize threshold at the end with constant errors: a scale of ranges is that of tens of metres."""
 
 MORE_UPDATES = 5
 """Times `final_updates` with that threshold: on CMU's Plaza logs a loss needs more of them to move nothing by more."""
@@ -159,15 +156,15 @@ class Isam2:
 
         Landmarks that partial sightings have not started are before, with all of their sightings.
 
-        Landmarks that are near lower the threshold, and constant errors and partial sightings do: a tree with the new
-        one is made of all factors, and kept if its J is lower.
+        Landmarks that are near lower the threshold, and constant errors do: a tree with the new one is made of all
+        factors, and kept if its J is lower.
         """
         if self._partly:
             more = self._factors.ended(path_and_map(self._factors.keys, self._steps, self._estimate())[0])
             if more[0].size():
                 self._started(*more)
         converged, values = self._settled()
-        fine = self._factors.constant.used or self._partly
+        fine = self._factors.constant.used
         threshold = min(self._factors.closest / SMALL, FINE if fine else math.inf)
         if threshold < self._options.relinearize_threshold:
             graph, before = self._isam.getFactorsUnsafe(), self._isam
@@ -206,9 +203,10 @@ class Isam2:
             if converged:
                 break
         if self._partly:
-            graph, after = self._graph(), self._estimate()
-            self._renew(graph, after if graph.error(after) <= graph.error(before) else before)
-            converged = not self._stays and self._update(NO_FACTORS, NO_VALUES, relinearize=True) == 0
+            graph = self._graph()
+            if not graph.error(self._estimate()) <= graph.error(before):
+                self._renew(graph, before)
+                converged = not self._stays and self._update(NO_FACTORS, NO_VALUES, relinearize=True) == 0
         return converged, self._estimate()
 
     def _started(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> bool:

@@ -75,7 +75,7 @@ def test_every_simulated_world_with_sightings_has_them() -> None:
         for kind in (Parts, WorldSignatures)
     )
     assert signed == worlds
-    assert len(signed) == 9
+    assert len(signed) == 10
 
 
 def test_the_rest_of_the_log_is_the_same() -> None:
