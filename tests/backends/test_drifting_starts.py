@@ -88,7 +88,7 @@ def test_isam2_goes_on_where_the_undamped_step_or_a_marginal_fails(case: str, se
             graph = backend._isam.getFactorsUnsafe()
             assert pose[:2] == pytest.approx(newest.translation(), abs=1e-12)
             assert np.isfinite(graph.error(points))
-    assert rmse(backend.finish().path, truth.poses) < 5
+    assert rmse(backend.finish().path, truth.poses) < 12
 
 
 def test_a_marginal_by_qr_is_that_by_cholesky() -> None:
