@@ -11,46 +11,6 @@ AROUND, ENOUGH = 5, 3
 
 
 @compiled
-def in_sight(g: Graph, first: int, last: int) -> int:
-    """The number of landmarks sighted from steps `first` to `last`."""
-    stamp = g.state[STAMP] + 1
-    g.state[STAMP] = stamp
-    found = 0
-    for k in range(first, last + 1):
-        v = g.at[k]
-        if v < 0:
-            continue
-        for s in range(g.variables[v, FIRST], g.variables[v, END]):
-            landmark = g.sightings[s, LANDMARK]
-            if landmark >= 0 and g.variables[landmark, MARK] != stamp:
-                g.variables[landmark, MARK] = stamp
-                found += 1
-    return found
-
-
-@compiled
-def stretches(g: Graph, first: int, last: int, length: float, longest: int) -> Ints:
-    """The last steps of the stretches from step `first` on that end before step `last`.
-
-    A stretch ends further than `length` (m) from its start, or after `longest` steps, between two poses with sightings
-    where enough is in sight on either side.
-    """
-    out, n, start = np.empty(max(last - first, 0), np.int64), 0, first
-    for k in range(first, last):
-        dx, dy = g.steps[k, POINT] - g.steps[start, POINT], g.steps[k, POINT + 1] - g.steps[start, POINT + 1]
-        if dx * dx + dy * dy <= length * length and k - start + 1 < longest:
-            continue
-        if g.at[k] < 0 or g.at[k + 1] < 0:
-            continue
-        before = in_sight(g, max(start, k + 1 - AROUND), k)
-        if before >= ENOUGH and in_sight(g, k + 1, min(k + AROUND, last)) >= ENOUGH:
-            out[n] = k
-            n += 1
-            start = k + 1
-    return out[:n]
-
-
-@compiled
 def seen_in(g: Graph, first: int, last: int) -> tuple[Ints, bool]:
     """The landmarks sighted from steps `first` to `last`, in order; and True if a sighting is held back."""
     stamp = g.state[STAMP] + 1
@@ -73,3 +33,25 @@ def seen_in(g: Graph, first: int, last: int) -> tuple[Ints, bool]:
                 out[n] = landmark
                 n += 1
     return out[:n], held
+
+
+@compiled
+def stretches(g: Graph, first: int, last: int, length: float, longest: int) -> Ints:
+    """The last steps of the stretches from step `first` on that end before step `last`.
+
+    A stretch ends further than `length` (m) from its start, or after `longest` steps, between two poses with sightings
+    where enough is in sight on either side.
+    """
+    out, n, start = np.empty(max(last - first, 0), np.int64), 0, first
+    for k in range(first, last):
+        dx, dy = g.steps[k, POINT] - g.steps[start, POINT], g.steps[k, POINT + 1] - g.steps[start, POINT + 1]
+        if dx * dx + dy * dy <= length * length and k - start + 1 < longest:
+            continue
+        if g.at[k] < 0 or g.at[k + 1] < 0:
+            continue
+        before = len(seen_in(g, max(start, k + 1 - AROUND), k)[0])
+        if before >= ENOUGH and len(seen_in(g, k + 1, min(k + AROUND, last))[0]) >= ENOUGH:
+            out[n] = k
+            n += 1
+            start = k + 1
+    return out[:n]

@@ -2,7 +2,6 @@
 
 import shutil
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import pytest
 
 import bags
 from fuzzing import survivors
+from recording_logs import kept, of
 from refusals import refused, refused_at
 from slamduel.core.factors import Log
 from slamduel.core.se2 import wrap
@@ -22,8 +22,6 @@ from slamduel.datasets.fixes.geodetic import metres
 from slamduel.datasets.fixes.gps_csv import FILE, read_gps_csv
 from slamduel.datasets.fixes.gps_messages import read_gps_messages
 from slamduel.datasets.fixes.robot import GpsTable, WorldTables, world_in
-from slamduel.datasets.recordings.any_recording import Options as Chosen
-from slamduel.datasets.recordings.any_recording import make
 from slamduel.datasets.recordings.write import Located, write
 from slamduel.datasets.recordings.write_bag import Positions
 from slamduel.datasets.worlds.aruco_room import MATCHING, Options, recorded
@@ -70,18 +68,9 @@ def drive(folders: dict[str, Path], tmp_path: Path) -> Path:
     return shutil.copytree(folders["frames"], tmp_path / "drive")
 
 
-def of(folder: Path, **options: Any) -> Log:
-    return make(Chosen(path=str(folder), **options), np.random.default_rng(0)).log
-
-
-@cache
-def _log(folder: Path) -> Log:
-    return of(folder)
-
-
 @pytest.fixture
 def log(folders: dict[str, Path]) -> Log:
-    return _log(folders["frames"])
+    return kept(folders["frames"])
 
 
 @pytest.mark.parametrize("kind", first_quick(KINDS[1:], 1))

@@ -3,12 +3,12 @@
 import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from fuzzing import survivors
+from recording_logs import of
 from refusals import refused, refused_at
 from slamduel.core.factors import Log
 from slamduel.datasets.cache import generator
@@ -43,10 +43,6 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 def drive(folders: dict[str, Path], tmp_path: Path) -> Path:
     """A copy of the drive in files."""
     return shutil.copytree(folders["frames"], tmp_path / "drive")
-
-
-def of(folder: Path, **options: Any) -> Log:
-    return make(Chosen(path=str(folder), **options), np.random.default_rng(0)).log
 
 
 @pytest.fixture(scope="module")

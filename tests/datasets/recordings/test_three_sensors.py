@@ -1,21 +1,18 @@
 """A recording of markers, a laser scanner and a depth camera: the same factors in every kind of it."""
 
 import shutil
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from command import run as run_command
+from recording_logs import kept, of
 from refusals import refused
 from slamduel.bench.commands import detect as command_detect
 from slamduel.core.factors import Log
 from slamduel.core.se2 import between
 from slamduel.datasets.cache import generator
-from slamduel.datasets.recordings.any_recording import Options as Chosen
-from slamduel.datasets.recordings.any_recording import make
 from slamduel.datasets.recordings.several import OpenedSeveral, open_several
 from slamduel.datasets.recordings.write import write
 from slamduel.datasets.recordings.write_bag import NAMES
@@ -55,18 +52,9 @@ def drive(folders: dict[str, Path], tmp_path: Path) -> Path:
     return shutil.copytree(folders["frames"], tmp_path / "drive")
 
 
-def of(folder: Path, **options: Any) -> Log:
-    return make(Chosen(path=str(folder), **options), np.random.default_rng(0)).log
-
-
-@cache
-def _log(folder: Path) -> Log:
-    return of(folder)
-
-
 @pytest.fixture
 def log(folders: dict[str, Path]) -> Log:
-    return _log(folders["frames"])
+    return kept(folders["frames"])
 
 
 @pytest.mark.parametrize("kind", first_quick(KINDS[1:], 1))
