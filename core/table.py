@@ -275,14 +275,16 @@ def _scan_cells(
         yield InputError(f"{path}, line {line}: {other_count(cells, columns, delimiter)}.")
         return None
     blank = [blanks and k > 0 and not cell.strip() for k, cell in enumerate(cells)]
-    row = [np.nan if left_out else number(cell) for cell, left_out in zip(cells, blank, strict=True)]
-    for name, cell, found, left_out in zip(columns, cells, row, blank, strict=True):
+    row = list[float]()
+    for name, cell, left_out in zip(columns, cells, blank, strict=True):
+        found = np.nan if left_out else number(cell)
         if found is None:
             yield InputError(f"{path}, line {line}: {name} {no_number(cell)}.")
         elif blanks and np.isnan(found) and not left_out:
             yield InputError(f"{path}, line {line}: {name} is {found!s}, expected a finite number.")
-    whole = [found for found in row if found is not None]
-    return whole if len(whole) == len(row) else None
+        else:
+            row.append(found)
+    return row if len(row) == len(cells) else None
 
 
 def _check_header(path: Path, line: str, columns: Sequence[str]) -> None:

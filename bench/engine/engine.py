@@ -179,7 +179,7 @@ class _Engine:
                 refuse(names[cell.cell.dataset.label], finished.log.remarks)
             if told := self.logs.looked(cell, finished):
                 self.watcher.say(told)
-            self.watcher.looked(f"{names[cell.cell.dataset.label]} \N{MIDDLE DOT} seed {cell.cell.seed}")
+            self.watcher.looked(f"{names[cell.cell.dataset.label]} \N{MIDDLE DOT} {cell.cell.which}")
         self.logs.refuse_unlike()
         self.keys = [self._key(place) for place in range(len(self.work.cells))]
         rows = zip(self.work.cells, self.log_keys, self.keys, strict=True)

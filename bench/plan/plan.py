@@ -33,8 +33,14 @@ class Cell:
         """The log that it runs on."""
         return self.dataset.log(self.seed)
 
+    @property
+    def which(self) -> str:
+        """Tells the log from the dataset's others: by its name where the dataset names its logs, else by its seed."""
+        named = self.log.name if len(self.dataset.members) > 1 else None
+        return named or f"seed {self.seed}"
+
     def __str__(self) -> str:
-        return f"{self.dataset.label} · {self.backend.label} · seed {self.seed}"
+        return f"{self.dataset.label} · {self.backend.label} · {self.which}"
 
 
 @dataclass(frozen=True)

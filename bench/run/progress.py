@@ -178,7 +178,7 @@ class Screen:
     def _say(self, cell: Cell, row: Mapping[str, Any], said: str) -> None:
         kind = row.get("truth_kind") or ""
         found = [row[name] for name in path_errors(kind).values() if row.get(name) is not None]
-        parts = [self._names[cell.dataset.label], cell.backend.label, f"seed {cell.seed}"]
+        parts = [self._names[cell.dataset.label], cell.backend.label, cell.which]
         parts += [f"{ERRORS[kind]} {error:.3f} m" for error in found[:1]]
         text = plain(" \N{MIDDLE DOT} ".join(parts) + (f": {said}" if said else ""))
         status = f"[{STATUS_STYLE.get(row['status'], 'red')}]{row['status']}[/]"

@@ -93,7 +93,7 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     first = np.full((1, 3), np.nan)
     delta = np.concatenate((first, motions.delta))
     log = Log.from_arrays(
-        Path(options.odometry).stem,
+        _name(options, Path(options.odometry)),
         _prior(options, truth, t, delta),
         t,
         delta,
@@ -225,6 +225,11 @@ def _prior(options: Options, truth: Truth | None, t: Array, delta: Array) -> Pri
     position, heading = sd if isinstance(sd := options.start_sd, tuple) else (sd, sd)
     constant = Systematic(options.range_scale, options.range_offset, options.heading_offset)
     return Prior(pose, np.diag([position**2, position**2, heading**2]), systematic=constant)
+
+
+def _name(options: Options, odometry: Path) -> str:
+    """The log's name: as given, else that of the folder of its files, which often have the same names in all."""
+    return options.name or odometry.parent.name or odometry.stem
 
 
 def _notes(options: Options, seen: Detections, parts: Alone, fixes: World) -> dict[str, Any]:

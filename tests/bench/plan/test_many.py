@@ -74,6 +74,15 @@ def test_every_log_is_run_once_by_every_backend_whatever_the_seeds() -> None:
 
 
 @pytest.mark.usefixtures("drives")
+def test_a_cell_of_many_logs_is_told_by_its_name_and_not_by_a_seed_that_nothing_is_drawn_with() -> None:
+    for dataset, wanted in (("drives/*", "drives/d10"), ("circle", "seed 2"), ("drives/d1", "seed 2")):
+        words = DEFAULTS | {"dataset": dataset, "backend": "fastslam", "seeds": 3}
+        last = Plan.from_words(words).cells()[-1]
+        assert last.which == wanted
+        assert str(last).endswith(f"fastslam · {wanted}")
+
+
+@pytest.mark.usefixtures("drives")
 def test_a_number_of_seeds_for_such_datasets_alone_is_refused(tmp_path: Path) -> None:
     with pytest.raises(
         InputError, match=r"seeds: found 2, expected none, or 1: log\[path=drives/\*\] has 3 logs, and all"

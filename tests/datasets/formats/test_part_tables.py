@@ -169,6 +169,16 @@ def test_a_fault_is_named(folder: Path, case: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("file", "column"), [("ranges.csv", 3), ("bearings.csv", 4), ("fixes.csv", 2), ("fixes.csv", 11)]
+)
+@pytest.mark.parametrize("value", ["nan", "inf", "x"])
+def test_a_bad_cell_is_told_once(folder: Path, file: str, column: int, value: str) -> None:
+    (folder / file).write_text(put(2, column, value)((folder / file).read_text()))
+    told = [str(fault) for fault in log_folder.scan(folder)]
+    assert sum("line 2: " in fault for fault in told) == 1, told
+
+
+@pytest.mark.parametrize(
     ("old", "new", "said"),
     [
         ("range_scale = 0.1", "range_scale = -0.1", "range_scale: found -0.1, expected a number at least 0"),
