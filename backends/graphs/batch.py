@@ -37,9 +37,8 @@ from ..smoothing.maps import add_map, joint_map
 from ..smoothing.valleys import descend
 from ._whole_log import Columns, linearise_at, write_steps
 from .distances import of_partial, of_sightings
-from .first_values import first_values
+from .first_values import by_headings, first_values
 from .gauss_newton import Fit, eliminate, minimise
-from .headings import by_headings
 from .parts import Parts
 
 CHUNK = 100  # most steps of a chunk

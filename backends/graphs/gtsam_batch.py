@@ -17,10 +17,10 @@ from ..api import Diverged, Solution
 from . import isam2
 from ._gtsam import FAILURES, Factors, failure, joint_covariance, path_and_map, pose2
 from .distances import unevenness
+from .first_values import by_headings
 from .graph_options import Options
 from .gtsam_parts import FIRST_BIAS
 from .gtsam_whole import whole
-from .headings import by_headings
 
 CHUNK = 100
 """Most steps per iSAM2 update for the initial values: as good as one by one, and much cheaper."""

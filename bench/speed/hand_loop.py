@@ -11,7 +11,8 @@ import gtsam
 import numpy as np
 
 from ...backends.graphs._gtsam import FAILURES, FIRST_LANDMARK, FIRST_POSE, turned
-from ...backends.graphs.isam2 import Options, parameters
+from ...backends.graphs.bayes_tree import parameters
+from ...backends.graphs.isam2 import Options
 from ...core.factors import Prior, Step
 from ...core.se2 import rotation
 from .isam2_parts import BY_HAND, WHOLE

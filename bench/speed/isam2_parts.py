@@ -21,7 +21,7 @@ PARTS = ("update", "latest pose", PYTHON)
 
 WHOLE, BY_HAND = "whole step", "by hand"  # of the backend, and of a loop by hand, in turns
 
-_UPDATE, _LATEST, _ISAM = "_update", "_latest", "_isam"  # their names in the backend
+_TREE, _UPDATE, _LATEST = "_tree", "update", "_latest"  # their names in the backend, that of the update in its tree
 
 
 class Stopwatch:
@@ -54,9 +54,10 @@ def isam2_parts(backend: Any, steps: Sequence[Step], seconds: float, landmarks: 
     if not isinstance(backend, Isam2):
         return []
     watch = Stopwatch()
-    for method in (_UPDATE, _LATEST):
-        watch.watch(backend, method)
-    solved = getattr(backend, _ISAM).calculateBestEstimate
+    tree = getattr(backend, _TREE)
+    watch.watch(tree, _UPDATE)
+    watch.watch(backend, _LATEST)
+    solved = tree.isam.calculateBestEstimate
     parts: dict[str, list[int]] = {name: [] for name in (*PARTS, "marginal", "back-substitution")}
     begun = time.process_time()
     gc.collect()

@@ -82,10 +82,10 @@ def test_isam2_goes_on_where_the_undamped_step_or_a_marginal_fails(case: str, se
         pose = backend.step(step)
         assert np.isfinite(pose).all()
         assert np.isfinite(backend.belief().cov).all()
-        if backend._stays:
-            points = backend._isam.getLinearizationPoint()
+        if backend._tree.stays:
+            points = backend._tree.isam.getLinearizationPoint()
             newest = points.atPose2(backend._factors.keys.pose(k))
-            graph = backend._isam.getFactorsUnsafe()
+            graph = backend._tree.isam.getFactorsUnsafe()
             assert pose[:2] == pytest.approx(newest.translation(), abs=1e-12)
             assert np.isfinite(graph.error(points))
     assert rmse(backend.finish().path, truth.poses) < 12
@@ -98,7 +98,8 @@ def test_a_marginal_by_qr_is_that_by_cholesky() -> None:
         backend.step(step)
     for k in (0, 30, 59):
         key = backend._factors.keys.pose(k)
-        one, other = (np.abs(marginal(key).R()) for marginal in (backend._isam.marginalFactor, backend._by_qr))
+        tree = backend._tree
+        one, other = (np.abs(marginal(key).R()) for marginal in (tree.isam.marginalFactor, tree.by_qr))
         assert one == pytest.approx(other, rel=1e-6, abs=1e-9 * other.max())
 
 

@@ -11,7 +11,7 @@ from grid_graphs import grid_graph, misstated
 from random_logs import random_log
 from slamduel.backends.graphs.batch import Batch
 from slamduel.backends.graphs.distances import FEW, of_loops, of_sightings, unevenness
-from slamduel.backends.graphs.headings import by_headings
+from slamduel.backends.graphs.first_values import by_headings
 from slamduel.bench.measure.misfit import misfit
 from slamduel.core.factors import Log, Map
 from slamduel.core.se2 import Array, wrap

@@ -35,14 +35,15 @@ def compare_with_tree(backend: Any, landmarks: list[int]) -> None:
     pose, at, cov = backend._joint_marginals(landmarks)
     keys = [backend._factors.keys.landmarks[landmark] for landmark in landmarks]
     keys.append(backend._factors.keys.pose(backend._steps - 1))
-    joint = backend._isam.jointMarginalCovariance(keys)
+    joint = backend._tree.isam.jointMarginalCovariance(keys)
     there = np.block([[joint.at(a, b) for b in keys] for a in keys])
     R = np.eye(len(there))
     R[-3:, -3:] = rotation(pose[2])
     there = R @ there @ R.T
     scale = np.sqrt(np.outer(there.diagonal(), there.diagonal()))
     assert np.abs((cov - there) / scale).max() < 1e-8
-    assert at == pytest.approx(np.array([backend._isam.calculateEstimatePoint2(key) for key in keys[:-1]]), abs=1e-8)
+    places = [backend._tree.isam.calculateEstimatePoint2(key) for key in keys[:-1]]
+    assert at == pytest.approx(np.array(places), abs=1e-8)
 
 
 def logs(kind: str) -> Log:
