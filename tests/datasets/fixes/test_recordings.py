@@ -10,7 +10,7 @@ import pytest
 
 import bags
 from fuzzing import survivors
-from recording_logs import kept, of
+from recording_logs import of
 from refusals import refused, refused_at
 from slamduel.core.factors import Log
 from slamduel.core.se2 import wrap
@@ -60,17 +60,6 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     places = {home / name: name for name in KINDS}
     write(places, recording, truth, replace(imu, mag=mag), scans, MATCHING, world)
     return {name: home / name for name in KINDS}
-
-
-@pytest.fixture
-def drive(folders: dict[str, Path], tmp_path: Path) -> Path:
-    """A copy of the drive in files."""
-    return shutil.copytree(folders["frames"], tmp_path / "drive")
-
-
-@pytest.fixture
-def log(folders: dict[str, Path]) -> Log:
-    return kept(folders["frames"])
 
 
 @pytest.mark.parametrize("kind", first_quick(KINDS[1:], 1))

@@ -39,17 +39,6 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: home / name for name in KINDS}
 
 
-@pytest.fixture
-def drive(folders: dict[str, Path], tmp_path: Path) -> Path:
-    """A copy of the drive in files."""
-    return shutil.copytree(folders["frames"], tmp_path / "drive")
-
-
-@pytest.fixture(scope="module")
-def log(folders: dict[str, Path]) -> Log:
-    return of(folders["frames"])
-
-
 @pytest.mark.parametrize("kind", first_quick(KINDS[1:], 1))
 def test_every_kind_gives_the_same_factors(kind: str, folders: dict[str, Path], log: Log) -> None:
     found = of(folders[kind])

@@ -1,13 +1,12 @@
 """A recording of markers, a laser scanner and a depth camera: the same factors in every kind of it."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from command import run as run_command
-from recording_logs import kept, of
+from recording_logs import of
 from refusals import refused
 from slamduel.bench.commands import detect as command_detect
 from slamduel.core.factors import Log
@@ -44,17 +43,6 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         table = f'[depth]\nsource = "{inside}"\nregistered = true\n{floors}'
         robot.write_text(f"{robot.read_text()}\n{table}")
     return {name: home / name for name in KINDS}
-
-
-@pytest.fixture
-def drive(folders: dict[str, Path], tmp_path: Path) -> Path:
-    """A copy of the drive in files."""
-    return shutil.copytree(folders["frames"], tmp_path / "drive")
-
-
-@pytest.fixture
-def log(folders: dict[str, Path]) -> Log:
-    return kept(folders["frames"])
 
 
 @pytest.mark.parametrize("kind", first_quick(KINDS[1:], 1))
