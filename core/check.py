@@ -187,7 +187,7 @@ def _partial(found: PartialTable) -> Iterator[Problem]:
             yield Problem(table, int(rows[i]), f"id is {ids[i]}, expected 0 to {MOST}, or {UNKNOWN} for unknown")
         odd = z <= 0 if kind == RANGE else np.abs(z) > _HALF_TURN
         wanted = "more than 0" if kind == RANGE else "radians from -pi to pi"
-        for i in np.flatnonzero(odd):
+        for i in np.flatnonzero(odd & np.isfinite(z)):
             yield Problem(table, int(rows[i]), f"{name} is {z[i]!s}, expected {wanted}")
         for i in np.flatnonzero(~(np.isfinite(var) & (var > 0))):
             yield Problem(table, int(rows[i]), f"{variance} is {var[i]!s}, expected a variance, more than 0")
@@ -205,7 +205,8 @@ def _fixes(found: FixTable) -> Iterator[Problem]:
         yield Problem("fixes", int(row), "x, y and heading are all missing, expected at least one of them")
     for row, column in np.argwhere(np.isinf(found.z)):
         yield Problem("fixes", int(row), f"{FIXES[1 + column]} is {found.z[row, column]!s}, expected a finite number")
-    for row in np.flatnonzero((np.abs(found.z[:, :2]) > LARGEST).any(axis=1)):
+    far = (np.abs(found.z[:, :2]) > LARGEST) & np.isfinite(found.z[:, :2])
+    for row in np.flatnonzero(far.any(axis=1)):
         message = f"the position is {found.z[row, :2].tolist()}, expected metres, at most {LARGEST:g}"
         yield Problem("fixes", int(row), message)
     yield from _angle("fixes", "heading", found.z[:, 2])
@@ -252,7 +253,7 @@ def _finite(table: Table, names: Sequence[str], columns: Array, first: int = 0) 
 
 
 def _angle(table: Table, name: str, angles: Array, first: int = 0) -> Iterator[Problem]:
-    for row in np.flatnonzero(np.abs(angles) > _HALF_TURN):
+    for row in np.flatnonzero((np.abs(angles) > _HALF_TURN) & np.isfinite(angles)):
         yield Problem(table, int(row) + first, f"{name} is {angles[row]!s}, expected radians from -pi to pi")
 
 

@@ -20,13 +20,13 @@ WIDE = 1e9
 
 def counted(backend: Any) -> list[int]:
     """The number of landmarks of each question to the tree from now on."""
-    asked, ask = list[int](), backend._around._ask
+    asked, ask = list[int](), backend._tree.around._ask
 
     def counting(pose: int, most: int) -> None:
         asked.append(most)
         ask(pose, most)
 
-    backend._around._ask = counting
+    backend._tree.around._ask = counting
     return asked
 
 
@@ -34,7 +34,7 @@ def compare_with_tree(backend: Any, landmarks: list[int]) -> None:
     """The places and the joint covariance in the world frame are those of the tree, to rounding."""
     pose, at, cov = backend._joint_marginals(landmarks)
     keys = [backend._factors.keys.landmarks[landmark] for landmark in landmarks]
-    keys.append(backend._factors.keys.pose(backend._steps - 1))
+    keys.append(backend._factors.keys.pose(backend._tree.steps - 1))
     joint = backend._tree.isam.jointMarginalCovariance(keys)
     there = np.block([[joint.at(a, b) for b in keys] for a in keys])
     R = np.eye(len(there))
@@ -96,13 +96,13 @@ def test_the_tree_is_asked_for_landmarks_that_come_into_view_alone() -> None:
 def test_nothing_is_carried_where_nobody_asks() -> None:
     here = world(20, 30, 6, 0)
     backend = make("isam2", here.prior, relinearize_threshold=1e3)
-    folded, fold = list[int](), backend._around.fold
+    folded, fold = list[int](), backend._tree.around.fold
 
     def counting(*arguments: Any, **named: Any) -> None:
-        folded.append(len(backend._around._keys))
+        folded.append(len(backend._tree.around._keys))
         fold(*arguments, **named)
 
-    backend._around.fold = counting
+    backend._tree.around.fold = counting
     for step in here.survey:
         backend.step(step)
     assert not folded
