@@ -1,9 +1,9 @@
 """Landmarks that turn out to be one: laps whose drift is larger than landmarks are apart.
 
 A sighting is compared only with landmarks whose place, relative to the robot, is known well enough to tell by one
-sighting, or by those of one step together. Any other is of a new landmark at first. So a lap that closes doubles landmarks, and which of them are which
-is decided for a group of them: all at once, by the joint covariance of their places, where the group is much likelier
-than chance and than any other group (after Neira and Tardos 2001, and Frey et al., arXiv 1809.09646).
+sighting, or by those of one step together. Any other is of a new landmark at first. So a lap that closes doubles
+landmarks, and which of them are which is decided for a group of them: all at once, by the joint covariance of their
+places, where the group is much likelier than chance and than any other group (after Neira and Tardos 2001, and Frey et al., arXiv 1809.09646).
 """
 
 from collections.abc import Container, Iterable
@@ -38,8 +38,8 @@ JOINT = 0.9999  # probability that the differences of a right group are within t
 WITHIN = 6.0  # standard deviations, of a sighting in the world's frame, that an old landmark may be off by
 MOST = 100_000  # pairs weighed at most in search of a group: the search is given up where there are more
 SPLIT = 8 / tau
-"""Variances of a sighting that are added to those of x and y of each difference: of a landmark that is on the map twice each
-sighting goes to the nearer one, so the two end sqrt(8 / pi) standard deviations apart, in any direction."""
+"""Variances of a sighting that are added to those of x and y of each difference. Where a landmark is on the map twice,
+each sighting goes to the nearer one, so the two end sqrt(8 / pi) standard deviations apart, in any direction."""
 
 FLOOR = 1e-6  # m²; added besides
 TINY = 1e-300
