@@ -3,7 +3,8 @@
 A sighting is compared only with landmarks whose place, relative to the robot, is known well enough to tell by one
 sighting, or by those of one step together. Any other is of a new landmark at first. So a lap that closes doubles
 landmarks, and which of them are which is decided for a group of them: all at once, by the joint covariance of their
-places, where the group is much likelier than chance and than any other group (after Neira and Tardos 2001, and Frey et al., arXiv 1809.09646).
+places, where the group is much likelier than chance and than any other group (after Neira and Tardos 2001,
+and Frey et al., arXiv 1809.09646).
 """
 
 from collections.abc import Container, Iterable
