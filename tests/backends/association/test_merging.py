@@ -6,14 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from driven import final, make, run
+from driven import aligned_error, final, make, run
 from lost_logs import ring
-from slamduel.backends.api import Unites, Unsuited
+from slamduel.backends.api import Expected, Unites, Unsuited
 from slamduel.backends.association._merging import ALONE, likeliest_group
+from slamduel.backends.association.merging import Merging
 from slamduel.backends.association.quantiles import gates
 from slamduel.bench.measure.association import association_columns
 from slamduel.bench.plan.load import load
-from slamduel.core.factors import Log
+from slamduel.core.factors import UNKNOWN, Log, RangeBearing
 from slamduel.core.se2 import Array, Ints
 from slamduel.datasets.worlds import circle
 from tiers import first_quick
@@ -147,6 +148,61 @@ def test_a_lap_with_clutter_closes_without_ids(seed: int) -> None:
     assert row["landmarks_double"] <= 4
     told = final("smoother", known.log.identified())
     assert np.hypot(*(solution.path - told.path)[:, :2].T).mean() < 0.3
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_sightings_of_a_step_tell_landmarks_together_where_one_alone_does_not(seed: int) -> None:
+    expected, seen = looked(seed, landmarks=6)
+    one = RangeBearing(seen.ids[:1], seen.z[:1], seen.cov[:1])
+    nowhere = seen._replace(z=looked(seed + 100, landmarks=6)[1].z)
+    assert before().clear(expected, one) == []
+    assert before().clear(expected, seen) == list(range(6))
+    assert before().clear(expected, nowhere) == []
+
+
+def before() -> Merging:
+    """Six landmarks that were sighted long ago, about one in 30 m² as looks have it."""
+    merging, ids = Merging(()), [*range(-7, -1)]
+    merging.sighted(ids)
+    for look in range(100):
+        merging.sighted([-10 - look] * 3)
+    return merging
+
+
+def looked(seed: int, landmarks: int) -> tuple[Expected, RangeBearing]:
+    """Landmarks expected by a robot that has drifted by 0.3 m and 0.1 rad, and sightings of them.
+
+    These have a noise of 0.05 m and 0.02 rad.
+    """
+    rng = np.random.default_rng(seed)
+    z = np.stack((rng.uniform(2, 6, landmarks), rng.uniform(-1.5, 1.5, landmarks)), axis=1)
+    c, s = np.cos(z[:, 1]), np.sin(z[:, 1])
+    H = np.zeros((2 * landmarks, 3))
+    H[::2, 0], H[::2, 1], H[1::2, 0], H[1::2, 1], H[1::2, 2] = -c, -s, s / z[:, 0], -c / z[:, 0], -1.0
+    R = np.diag([0.05**2, 0.02**2])
+    cov = H @ np.diag([0.3**2, 0.3**2, 0.1**2]) @ H.T + 1e-4 * np.eye(2 * landmarks)
+    off = np.linalg.cholesky(cov + np.kron(np.eye(landmarks), R)) @ rng.normal(size=2 * landmarks)
+    ids = np.arange(-7, -7 + landmarks)
+    return Expected(ids, z, cov), RangeBearing(
+        np.full(landmarks, UNKNOWN), z + off.reshape(-1, 2), np.broadcast_to(R, (landmarks, 2, 2))
+    )
+
+
+@pytest.mark.parametrize("seed", first_quick(range(100, 108)))
+def test_a_dense_city_is_mapped_about_as_well_as_without(seed: int) -> None:
+    """A few landmarks of 200 stay doubled, and the error is at most that without and 2 cm."""
+    dataset = load("city[landmarks=200,ids=hidden]", seed)
+    assert dataset.truth is not None
+    assert dataset.truth.assigned is not None
+    (plain, without), (merging, path) = (
+        run("ekf", dataset.log, association="jcbb", merge=merge) for merge in (False, True)
+    )
+    doubles = [
+        association_columns(backend.assigned(), dataset.truth.assigned)["landmarks_double"]
+        for backend in (plain, merging)
+    ]
+    assert doubles[1] <= doubles[0] + 4
+    assert aligned_error(path, dataset.truth.poses) < aligned_error(without, dataset.truth.poses) + 0.02
 
 
 @pytest.mark.parametrize("name", BACKENDS)
