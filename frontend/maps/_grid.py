@@ -124,13 +124,19 @@ def walls_within(cells: Cells, box: Box, share: float) -> Box:
 
 @compiled
 def thinned(points: Array, spacing: float) -> Mask:
-    """Which points of a scan (k, 2), in the order of its beams, to keep so that neighbours are `spacing` (m) apart."""
+    """Which points of a scan (k, 2), in the order of its beams, to keep so that neighbours are `spacing` (m) apart.
+
+    Kept is the one after each that is so far from the last such one: the noise of a point has no part in its choice.
+    Of points that are chosen themselves, those are more often kept that noise takes away from the last one. Along the
+    walls on both sides that is to one side, by which a matched scan would be off, always the same way.
+    """
     keep = np.empty(len(points), np.bool_)
-    x, y = np.inf, np.inf
+    x, y, far = np.inf, np.inf, True
     for k in range(len(points)):
+        keep[k] = far
         dx, dy = points[k, 0] - x, points[k, 1] - y
-        keep[k] = not dx * dx + dy * dy < spacing * spacing
-        if keep[k]:
+        far = not dx * dx + dy * dy < spacing * spacing
+        if far:
             x, y = points[k, 0], points[k, 1]
     return keep
 
