@@ -126,12 +126,12 @@ def walls_within(cells: Cells, box: Box, share: float) -> Box:
 def thinned(points: Array, spacing: float) -> Mask:
     """Which points of a scan (k, 2), in the order of its beams, to keep so that neighbours are `spacing` (m) apart.
 
-    Kept is the one after each that is so far from the last such one: the noise of a point has no part in its choice.
-    Of points that are chosen themselves, those are more often kept that noise takes away from the last one. Along the
-    walls on both sides that is to one side, by which a matched scan would be off, always the same way.
+    Kept is the point after each one that is so far from the last such one, so that its own noise has no part in the
+    choice. Noise that takes a point away from the last one would choose it more often: along the walls on both sides
+    of a corridor these are off to one side, and so is the place of a matched scan.
     """
     keep = np.empty(len(points), np.bool_)
-    x, y, far = np.inf, np.inf, True
+    x, y, far = np.inf, np.inf, False
     for k in range(len(points)):
         keep[k] = far
         dx, dy = points[k, 0] - x, points[k, 1] - y
