@@ -51,7 +51,7 @@ def positions(seed: int) -> Positions:
 def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One drive as each kind of recording."""
     home = tmp_path_factory.mktemp("outdoors")
-    recording, truth, scans, imu = recorded(OPTIONS, generator("aruco-room", 3))
+    recording, truth, scans, imu, *_ = recorded(OPTIONS, generator("aruco-room", 3))
     assert imu is not None
     north = np.pi / 2 - COMPASS.declination - along(LOOP, OPTIONS.speed, imu.t)[0][:, 2]
     mag = np.column_stack((2e-5 * np.cos(north), 2e-5 * np.sin(north), np.full(len(north), -4e-5)))

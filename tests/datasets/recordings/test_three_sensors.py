@@ -32,7 +32,7 @@ DEPTH = depth_room.Drive(laps=0.24, frame_rate=2.0, speed=0.4)
 def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One drive as each kind of recording: the depth camera's part in a folder or bag of its own."""
     home = tmp_path_factory.mktemp("three")
-    recording, truth, scans, _ = recorded(OPTIONS, generator("aruco-room", 3))
+    recording, truth, scans, *_ = recorded(OPTIONS, generator("aruco-room", 3))
     write({home / name: name for name in KINDS}, recording, truth, None, scans, MATCHING)
     seen, true = depth_room.record(DEPTH, generator("depth-room", 3))
     cameras = depth_room.shots_of(seen).poses
