@@ -38,7 +38,7 @@ from .new_folders import new_folders
 from .robot import Robot, write_robot
 from .robot_camera import FrameSource
 from .rosbag import Topics
-from .write_bag import DEPTH_INFO, ENCODINGS, NAMES, BagWriter, Kind, Positions, topics_of
+from .write_bag import DEPTH_INFO, ENCODINGS, NAMES, TOPICS, BagWriter, Kind, Positions, topics_of
 from .write_depth_files import depth_files
 from .write_tables import imu_table, write_imu, write_positions, write_rows, write_track
 
@@ -284,6 +284,8 @@ def _write_words(folder: Path, recording: Recording, truth: Truth | None, kind: 
     if depth is not None:
         source = None if kind in NAMES else DEPTH
         robot = replace(robot, depth=DepthRobot(source=source, registered=True, settings=DepthSettings()))
+        if kind in NAMES:  # which has images of both kinds
+            robot = replace(robot, topics=Topics(image=TOPICS.image, camera_info=TOPICS.camera_info))
     if inertial is not None:
         robot = replace(robot, imu=imu_table(inertial, bag=kind in NAMES))
         if kind not in NAMES:
