@@ -114,7 +114,6 @@ def test_what_would_count_twice_is_refused(drive: Path) -> None:
 def test_sensors_that_are_not_there_are_refused(drive: Path) -> None:
     refused(r"has no \[gps\], expected it for the sensor gps", of, drive, sensors="markers+gps")
     refused("none of them sees, expected markers, laser, depth among them", of, drive, sensors="gps+wheels")
-    refused("found the sensors laser and depth, expected markers among several", of, drive, sensors="laser+depth")
 
 
 def test_the_page_says_what_was_used(drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
