@@ -16,6 +16,7 @@ from ...frontend.markers.pipeline import Recording
 from ...frontend.several.log import Built, build
 from ...frontend.world.fixes import NOTE as FIXES
 from ..drawing.figure import ReportFigure
+from ..systematic.delays import told_delays
 from ..words.numerals import counted, listed, number
 from ..words.styles import COLOURS
 from .findings import Findings
@@ -121,16 +122,8 @@ def _used(log: Log) -> list[str]:
     if (fixes := log.notes.get(FIXES)) is not None:
         named = (("positions", "position", "GPS"), ("headings", "heading", "the compass"))
         parts += [f"{counted(fixes[key], noun)} by {by}" for key, noun, by in named if fixes[key]]
-    said = [f"In the log: {listed(parts)}; each measurement is in one of them."]
-    for sensor, one in (("laser", laser), ("depth", depth)):
-        if one is None:
-            continue
-        if (late := one.get("late")) is None:
-            said.append(f"No delay of the {sensor} is known: its turns beside those of gyro or wheels do not tell it.")
-        else:
-            ms, sd = (number(1e3 * late[key]) for key in ("seconds", "sd"))
-            said.append(f"By the turns of the {late['by']} the stamps of the {sensor} are {ms} ± {sd} ms late.")
-    return said
+    said = f"In the log: {listed(parts)}; each measurement is in one of them."
+    return [said, *(one.sentence for one in told_delays(log))]
 
 
 def _of_depth(depth: Mapping[str, Any]) -> dict[str, int]:

@@ -41,6 +41,9 @@ def rows(noise: Noise) -> Iterator[NoiseRow]:
     if noise.frame is not None:
         for title, estimate, unit in systematic.rows_of_frame(noise.frame):
             yield NoiseRow(title, estimate, unit)
+    for label, one in noise.delays:
+        if one.late is not None:
+            yield NoiseRow(f"{_of_log(noise, label)}{one.sensor}: delay by the turns of the {one.by}", one.late, "s")
     if noise.systematic is not None:
         for title, estimate, unit in systematic.rows(noise.systematic):
             yield NoiseRow(title, estimate, unit)
@@ -103,7 +106,12 @@ def sentences(noise: Noise) -> list[str]:
         )
     if noise.motions is not None:
         said += _driven(noise.motions)
-    return said
+    return said + [f"{_of_log(noise, label)}{one.sentence}" for label, one in noise.delays]
+
+
+def _of_log(noise: Noise, label: str) -> str:
+    """The log's name before a word, where there are several."""
+    return f"{label}: " if len({one for one, _ in noise.delays}) > 1 else ""
 
 
 def _at_end(factor: Estimated) -> str:

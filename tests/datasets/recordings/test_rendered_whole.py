@@ -1,7 +1,9 @@
 """`bench render` of a robot with every sensor: read back, its factors are those of the simulated world."""
 
 import shutil
+from dataclasses import replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +15,19 @@ from recording_logs import of
 from refusals import refused
 from slamduel import load
 from slamduel.bench.commands import detect as command_detect
+from slamduel.bench.commands import noise as command_noise
 from slamduel.bench.commands import render as command_render
 from slamduel.core.factors import Dataset, Log
 from slamduel.core.se2 import between, wrap
 from slamduel.datasets.cache import generator
 from slamduel.datasets.fixes.geodetic import degrees, metres
 from slamduel.datasets.recordings.write import write
-from slamduel.datasets.worlds.aruco_room import Options, aruco_room, recorded
+from slamduel.datasets.worlds.aruco_room import BY_DEPTH, Options, aruco_room, recorded
 from slamduel.datasets.worlds.rendered_world import LOOP
 from slamduel.datasets.worlds.wheeled_robot import drive as along
+from slamduel.frontend.depth.log import looked_at
+from slamduel.frontend.several.delays import delay, turned, turning
+from slamduel.frontend.several.log import related_of
 from tiers import first_quick
 
 KINDS = ("frames", "ros1", "ros2", "mcap", "video")
@@ -102,6 +108,24 @@ def test_motions_by_depth_are_as_exact_as_they_say(seed: int) -> None:
     assert 0.3 < shares(log) < 2.5
 
 
+@pytest.mark.parametrize("seed", first_quick(range(8), 1))
+def test_a_depth_camera_that_is_late_is_found_by_the_gyro(seed: int) -> None:
+    options = Options(seconds=20.0, frame_rate=4.0, depth=True, imu=True, gyro=0.01, gyro_bias=0.5, blur=0.0)
+    made = recorded(options, generator("aruco-room", seed))
+    assert made.depth is not None
+    known = turning(made.recording.motion, made.imu)
+    assert known is not None
+    for late in (0.0, 0.05):
+        frames = [one._replace(seconds=one.seconds + late) for one in islice(made.depth.frames, 76)]
+        related = related_of(looked_at(replace(made.depth, frames=frames), BY_DEPTH))
+        seen = turned(related.t, related.at, related.to, related.delta[:, 2], related.cov[:, 2, 2])
+        found = delay(known, seen)
+        assert found is not None
+        assert found.sd < 0.01
+        assert abs(found.seconds - late) < 4 * found.sd
+        assert found.odd == (late > 0)
+
+
 @pytest.mark.parametrize("kind", first_quick(KINDS, 1))
 def test_scans_and_depth_make_a_log_without_markers(kind: str, folders: dict[str, Path], world: Dataset) -> None:
     log, both = of(folders[kind], sensors="laser+depth+wheels+gps"), world.log
@@ -138,6 +162,11 @@ def test_the_page_says_what_a_log_of_scans_and_depth_has(
     assert "16 positions by GPS and 8 headings by the compass; each measurement is in one of them" in said
     assert "sightings" not in said
     assert (tmp_path / "log" / "detection.html").is_file()
+    assert run(command_noise, tmp_path / "log") == 0
+    told = " ".join(capsys.readouterr().out.split())
+    assert "No delay of the laser is known: its turns beside those of gyro or wheels do not tell it." in told
+    assert "By the turns of the gyro the stamps of the depth are" in told
+    assert "depth: delay by the turns of the gyro" in told
     refused = partial(refused_command, capsys, "detect", folders["mcap"], "--out", tmp_path / "other", "--sensors")
     assert "--poses: --sensors laser,depth is without markers" in refused("laser,depth", "--poses", tmp_path / "p.csv")
 
