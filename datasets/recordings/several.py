@@ -98,8 +98,9 @@ def open_several(
     if MARKERS in used or (scans is not None and depth is not None):
         return OpenedSeveral(frames, scans, depth, settings, MARKERS in used)
     if scans is not None and depth is None:
-        return scans
+        return scans._replace(remarks=[*frames.told, *(one for one in scans.remarks if one not in frames.told)])
     assert depth is not None
+    depth.remarks[:0] = frames.told  # in place: it grows while the frames are read
     assert settings is not None
     return OpenedDepth(depth, settings, frames.truth, None, frames.start_given, frames.inertial, frames.world)
 
