@@ -32,7 +32,7 @@ def robot_of(path: Path, front_end: str, tables: Collection[str]) -> TomlTable |
         return None
     for other in FRONT_ENDS:
         if other != front_end and file.has(other):
-            raise file.refused(front_end, f"is given beside [{other}], expected one robot.toml for each front end.")
+            raise file.refused(front_end, f"is given beside [{other}], expected one robot.toml for each front end, or [markers] as well.")
     return file.only(("name", front_end, "prior", "imu", "gps", "compass", *tables))
 
 
