@@ -173,19 +173,18 @@ def detect_unmarked(opened: OpenedSeveral, request: Request, advance: Callable[[
     InputError as in `detect`.
     """
     recording, frames = opened.recording, opened.frames
-    assert recording.scans is not None
-    assert recording.depth is not None
-    seconds = request.seconds
+    scans, depth, seconds = recording.scans, recording.depth, request.seconds
+    assert scans is not None
+    assert depth is not None
     if seconds is not None:
-        recording = recording._replace(scans=first_seconds(recording.scans, seconds))
+        recording = recording._replace(scans=first_seconds(scans, seconds))
 
     def counted_frames() -> Iterator[DepthFrame]:
-        assert opened.depth is not None
-        for frame in opened.depth.frames:
+        for frame in depth.frames:
             yield frame
             advance(0)
 
-    recording = recording._replace(depth=replace(recording.depth, frames=counted_frames()))
+    recording = recording._replace(depth=replace(depth, frames=counted_frames()))
     built = build(recording, until_last_frame=seconds is not None)
     log, truth = with_truth(finished(opened, built.log), frames.truth, 0, frames.start_given)
     assert built.scans is not None

@@ -39,8 +39,7 @@ from .robot import Robot, write_robot
 from .robot_camera import FrameSource
 from .rosbag import Topics
 from .write_bag import DEPTH_INFO, ENCODINGS, NAMES, TOPICS, BagWriter, Kind, Positions, topics_of
-from .write_depth_files import depth_files
-from .write_tables import imu_table, write_imu, write_positions, write_rows, write_track
+from .write_files import depth_files, imu_table, write_imu, write_positions, write_rows, write_track
 
 DEPTH = "depth"  # the folder of frames with depth
 

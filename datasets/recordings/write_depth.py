@@ -24,8 +24,7 @@ from ..truth import write_truth
 from .new_folders import new_folders
 from .write import Located
 from .write_bag import DEPTH_INFO, ENCODINGS, TOPICS, BagWriter, Kind, Positions
-from .write_depth_files import depth_files, in_units, pixels_of, write_png
-from .write_tables import imu_table, write_imu, write_positions, write_track
+from .write_files import depth_files, imu_table, in_units, pixels_of, write_imu, write_png, write_positions, write_track
 
 FORMATS = {
     "tum": "PNG files in the layout of TUM's benchmark",

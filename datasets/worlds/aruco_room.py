@@ -43,8 +43,8 @@ from ..on_demand.slip import WorldSlip
 from ..on_map import OnMap
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
+from ..rendering.depth_shots import FrameDepths, RoomDepth
 from ..rendering.disturbances import Disturbances, Rocking, raised, take, tilts_in
-from ..rendering.frame_depths import FrameDepths, RoomDepth
 from ..rendering.render import Renderer
 from ..rendering.room_scans import RoomScans, scanned
 from ..rendering.sheet import scrambled
