@@ -55,4 +55,4 @@ def every(options: WorldFixes) -> float:
 
 def _due(period: float, end: float) -> Array:
     """The multiples of the period, s, after 0 and up to `end`; none without a period."""
-    return period * np.arange(1, int(end / period * (1 + 1e-12)) + 1) if period else np.zeros(0)
+    return period * np.arange(1, int(end / period * (1 + 1e-12)) + 1, dtype=np.float64) if period else np.zeros(0)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -172,8 +173,8 @@ def test_the_page_says_what_a_log_of_scans_and_depth_has(
 
 
 @pytest.mark.parametrize(("name", "value"), [("cameras", 2), ("building", True)])
-def test_depth_is_that_of_one_camera_in_the_one_room(name: str, value: object) -> None:
-    options = Options(**{"seconds": 2.0, "depth": True, name: value})
+def test_depth_is_that_of_one_camera_in_the_one_room(name: str, value: Any) -> None:
+    options = replace(Options(seconds=2.0, depth=True), **{name: value})
     refused(f"options depth=true and {name}=.*, expected one of them", recorded, options, np.random.default_rng(1))
 
 
