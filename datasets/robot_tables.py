@@ -30,9 +30,12 @@ def robot_of(path: Path, front_end: str, tables: Collection[str]) -> TomlTable |
     file = TomlTable.read(path)
     if not file.has(front_end):
         return None
+    also = "" if file.has("markers") else ", or [markers] as well"
     for other in FRONT_ENDS:
         if other != front_end and file.has(other):
-            raise file.refused(front_end, f"is given beside [{other}], expected one robot.toml for each front end.")
+            raise file.refused(
+                front_end, f"is given beside [{other}], expected one robot.toml for each front end{also}."
+            )
     return file.only(("name", front_end, "prior", "imu", "gps", "compass", *tables))
 
 

@@ -104,6 +104,12 @@ def _opened(namespace: argparse.Namespace) -> Opened:
     topics = ScanTopics(namespace.scan, namespace.odometry)
     sensors = None if namespace.sensors is None else sensors_in(namespace.sensors, "--sensors")
     several = open_several(path, namespace.robot, topics, sensors, namespace.seconds)
+    if isinstance(several, OpenedSeveral) and not several.markers:
+        of_markers = ("--preview", namespace.preview), ("--poses", namespace.poses)
+        for flag, given in (*of_markers, ("--calibrate-noise", namespace.calibrate_noise)):
+            if given:
+                raise InputError(f"{flag}: --sensors {namespace.sensors} is without markers, expected them as well.")
+        return Opened(partial(both.detect_unmarked, several), several.frames.length, "depth frames", "")
     if isinstance(several, OpenedSeveral):
         _check_pictures(namespace, several.frames)
         return Opened(partial(both.detect, several), several.frames.length, "frames", "markers")

@@ -5,20 +5,26 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
 from rich.console import Console
 
 from ...core.errors import InputError
 from ...datasets.cache import generator
-from ...datasets.on_demand.imu import Body
+from ...datasets.on_demand.imu import Body, Drive
 from ...frontend.inertial.imu import Imu
 from ..plan.spec import dataset_variants
 from ..plan.values import seed
 from ..plan.variant import DatasetVariant
 from ..words.console import ProgressBar
 
+if TYPE_CHECKING:
+    from ...datasets.recordings.write import Located
+
 MARKERS, DEPTH = RENDERED = ("aruco-room", "depth-room")
+
+ORIGIN = np.array([48.0, 11.5])  # degrees, of the middle of the room: x is east, y north
 
 Frame = TypeVar("Frame")
 
@@ -71,41 +77,72 @@ def _formats(name: str) -> Mapping[str, str]:
 
 
 def _markers(variant: DatasetVariant, number: int, places: Mapping[Path, str], console: Console) -> None:
-    """Writes the frames of a camera among markers."""
+    """Writes the frames of a camera among markers, with all other sensors of its robot."""
     if variant.options.outliers > 0:
         raise InputError(f"bench render: found {variant.label}: outliers are added to a log, not to frames.")
 
     from ...datasets.recordings.write import write
     from ...datasets.worlds.aruco_room import matching, recorded
 
-    recording, truth, scans, inertial = recorded(variant.options, generator(variant.name, number))
+    made = recorded(variant.options, generator(variant.name, number))
+    recording, end = made.recording, (variant.options.frames - 1) / variant.options.frame_rate
+    inertial, world = _located(variant, number, made.drive, end, made.imu, made.body)
     with ProgressBar(console, "rendering", variant.options.frames * len(recording.detectors)) as bar:
         recording = replace(recording, frames=_watched(recording.frames, bar))
-        write(places, recording, truth, inertial, scans, matching(variant.options))
+        write(places, recording, made.truth, inertial, made.scans, matching(variant.options), world, made.depth)
 
 
 def _depth(variant: DatasetVariant, number: int, places: Mapping[Path, str], console: Console) -> None:
-    """Writes the frames of a depth camera."""
+    """Writes the frames of a depth camera, with all other sensors of its robot."""
     from ...datasets.recordings.write_depth import write_depth
     from ...datasets.worlds.depth_room import record, shots_of
 
     recording, truth = record(variant.options, generator(variant.name, number))
-    cameras = shots_of(recording).poses
-    inertial = _inertial(variant, number, float(truth.t[-1]), shots_of(recording).rocking)
+    shots, end = shots_of(recording), float(truth.t[-1])
+    drive, felt = _inertial(variant.options, number, end, shots.rocking)
+    felt, world = _located(variant, number, drive, end, felt, shots.rocking)
     with ProgressBar(console, "rendering", len(truth.t)) as bar:
-        write_depth(places, replace(recording, frames=_watched(recording.frames, bar)), truth, cameras, inertial)
+        recording = replace(recording, frames=_watched(recording.frames, bar))
+        write_depth(places, recording, truth, shots.poses, felt, world)
 
 
-def _inertial(variant: DatasetVariant, number: int, end: float, body: Body | None) -> Imu | None:
-    """The readings of an IMU up to `end`, s, on a `body` that rocks or is level; None without options gyro and imu."""
+def _inertial(options: Any, number: int, end: float, body: Body | None) -> tuple[Drive, Imu | None]:
+    """The drive, and the readings of an IMU up to `end`, s, on a `body` that rocks or is level; None without one."""
     from ...datasets.on_demand.imu import imu_of
     from ...datasets.worlds.aruco_room import GYRO
     from ...datasets.worlds.rendered_world import LOOP
     from ...datasets.worlds.wheeled_robot import drive
 
-    along = partial(drive, LOOP, variant.options.speed)
-    options = variant.options if variant.options.gyro or body is None else replace(variant.options, gyro=GYRO)
-    return imu_of(options, along, end, generator(f"imu of {variant.name}", number), body)
+    along = partial(drive, LOOP, options.speed)
+    felt = body is not None or options.compass
+    given = replace(options, gyro=GYRO) if felt and not options.gyro else options
+    return along, imu_of(given, along, end, generator(f"imu of {DEPTH}", number), body)
+
+
+def _located(
+    variant: DatasetVariant, number: int, drive: Drive, end: float, imu: Imu | None, body: Body | None
+) -> tuple[Imu | None, "Located | None"]:
+    """The IMU with a compass, and positions by GPS up to `end`, s, by the options; x is east, y north."""
+    from ...datasets.fixes.geodetic import degrees
+    from ...datasets.fixes.robot import GpsTable, WorldTables
+    from ...datasets.on_demand.receivers import every, positions_of, with_magnetometer
+    from ...datasets.recordings.write import Located
+    from ...datasets.recordings.write_bag import Positions
+    from ...frontend.world.compass import Compass
+
+    options, name = variant.options, f"fixes of {variant.name}"
+    t, xy = positions_of(options, drive, end, generator(name, number))
+    gps = compass = positions = None
+    if len(t):
+        positions = Positions(t, degrees(xy, ORIGIN), np.full(len(t), options.gps_sd))
+        gps = GpsTable(origin=ORIGIN, antenna=np.array([options.gps_x, options.gps_y]))
+    if imu is not None and options.compass:
+        imu = with_magnetometer(imu, options, drive, generator(name, number), body)
+        if imu.mag is not None:
+            compass = Compass(sd=options.compass_sd, offset_sd=options.compass_offset, every=every(options))
+    if gps is None and compass is None:
+        return imu, None
+    return imu, Located(positions, WorldTables(gps, compass))
 
 
 def _watched(frames: Iterable[Frame], bar: ProgressBar) -> Iterator[Frame]:

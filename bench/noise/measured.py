@@ -17,6 +17,7 @@ from ...core.truth.errors import named
 from ...datasets.noise.model import Model, SightingModel
 from ...datasets.noise.systematic import Systematic, corrected
 from ..plan.reference import reference
+from ..systematic.delays import ToldDelay, told_delays
 from ..systematic.estimated import Estimated
 from ..systematic.fit import SystematicFit, fitted, of_estimate, of_truth
 from ..systematic.frame import PLACE, Frame, PutRight, put_right
@@ -57,6 +58,7 @@ class Noise(NamedTuple):
     remarks: Sequence[str]  # what cannot be said, without full stops
     systematic: SystematicFit | None = None  # errors that stay; None: not told. All else is without them.
     frame: Frame | None = None  # of a true path that is not the wheels' own; all else is by theirs
+    delays: Sequence[tuple[str, ToldDelay]] = ()  # of sensors of joined recordings, each after its log's label
 
     @property
     def model(self) -> Model:
@@ -70,6 +72,15 @@ class Noise(NamedTuple):
 
 
 def measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
+    """Measures the noise that `datasets` have in common, and lists the delays that their recordings told.
+
+    InputError where the logs tell nothing.
+    """
+    delays = [(label, one) for (log, _), label in zip(datasets, labels, strict=True) for one in told_delays(log)]
+    return _measured(datasets, labels)._replace(delays=delays)
+
+
+def _measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
     """Measures the noise that `datasets` have in common, by the true paths of those that have one.
 
     Without any, by the innovations of the EKF on the first log, which takes a minute. The turns of a gyro are taken

@@ -41,6 +41,10 @@ def rows(noise: Noise) -> Iterator[NoiseRow]:
     if noise.frame is not None:
         for title, estimate, unit in systematic.rows_of_frame(noise.frame):
             yield NoiseRow(title, estimate, unit)
+    for label, told in noise.delays:
+        if told.late is not None:
+            name = f"{_of_log(noise, label)}{told.sensor}: delay by the turns of the {told.by}"
+            yield NoiseRow(name, told.late, "s")
     if noise.systematic is not None:
         for title, estimate, unit in systematic.rows(noise.systematic):
             yield NoiseRow(title, estimate, unit)
@@ -103,7 +107,12 @@ def sentences(noise: Noise) -> list[str]:
         )
     if noise.motions is not None:
         said += _driven(noise.motions)
-    return said
+    return said + [f"{_of_log(noise, label)}{told.sentence}" for label, told in noise.delays]
+
+
+def _of_log(noise: Noise, label: str) -> str:
+    """The log's name before a word, where there are several."""
+    return f"{label}: " if len({other for other, _ in noise.delays}) > 1 else ""
 
 
 def _at_end(factor: Estimated) -> str:

@@ -84,8 +84,9 @@ def open_depth(path: Path, robot_file: Path | None = None) -> OpenedDepth | None
         tilted = tilts(inertial.imu, inertial.stood, motion, recording.remarks)
     felt = None if inertial is None else inertial.imu
     world = open_world(
-        found, home, robot.world, felt, motion, notes, recording.remarks, start_given=robot.prior is not None
-    )
+        found, home, robot.world, felt, motion, notes, recording.remarks,
+        None if tilted is None else tilted.levels, start_given=robot.prior is not None,
+    )  # fmt: skip
     recording = replace(recording, notes=notes, tilts=tilted)
     return opened._replace(recording=recording, inertial=inertial, world=world)
 

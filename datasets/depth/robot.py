@@ -98,6 +98,12 @@ class DepthRobot:
     imu: ImuTable | None = None
     world: WorldTables = field(default_factory=WorldTables)
 
+    @property
+    def words(self) -> dict[str, Any]:
+        """[depth] of a rendered robot as TOML has it, whose errors have no floors; None where it says nothing."""
+        floors = {name: getattr(self.settings, name) for name in FLOORS}
+        return {"source": self.source, "registered": self.registered, **floors}
+
 
 def read_depth_robot(path: Path) -> DepthRobot | None:
     """Reads the robot in `path`, a robot.toml; None if it has no [depth]. InputError names a fault's line and key."""
@@ -149,7 +155,11 @@ def depth_robot_in(file: TomlTable) -> DepthRobot:
 
 
 def write_depth_robot(
-    path: Path, recording: DepthRecording, topics: DepthTopics | None = None, imu: ImuTable | None = None
+    path: Path,
+    recording: DepthRecording,
+    topics: DepthTopics | None = None,
+    imu: ImuTable | None = None,
+    world: WorldTables | None = None,
 ) -> None:
     """Writes a robot.toml for a rendered `recording`, whose errors have no floors, with its camera's calibration.
 
@@ -167,11 +177,12 @@ def write_depth_robot(
     words: dict[str, Any] = {
         "name": recording.name,
         "camera": {"calibration": CALIBRATION, "mounting": {"matrix": recording.camera.mounting.tolist()}},
-        "depth": {"registered": True, **{name: getattr(Settings(), name) for name in FLOORS}},
+        "depth": DepthRobot(registered=True, settings=Settings()).words,
         "odometry": odometry,
         "prior": {"pose": prior.pose.tolist(), "sd": np.sqrt(np.diag(prior.cov)).tolist()},
         "topics": {} if topics is None else topics._asdict(),
         "imu": {} if imu is None else imu.words,
+        **({} if world is None else world.words),
     }
     try:
         write_opencv(path.with_name(CALIBRATION), recording.camera)

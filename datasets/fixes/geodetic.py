@@ -16,8 +16,17 @@ def metres(degrees: Array, origin: Array) -> Array:
     """
     apart = degrees - origin
     apart[:, 1] -= 360 * np.rint(apart[:, 1] / 360)
+    return np.radians(apart[:, ::-1]) * _radii(origin)
+
+
+def degrees(metres: Array, origin: Array) -> Array:
+    """(n, 2) latitudes and longitudes of places `metres` (n, 2) east and north of `origin` (2,): `metres` undone."""
+    return origin + np.degrees(metres / _radii(origin))[:, ::-1]
+
+
+def _radii(origin: Array) -> Array:
+    """(2,) m that a radian of longitude and one of latitude are at the origin."""
     s, c = sincos(np.radians(origin[0]))
     inside = 1 - SQUARED * s**2
     across = AXIS / np.sqrt(inside)  # radius of curvature from east to west
-    along = across * (1 - SQUARED) / inside  # and from south to north
-    return np.column_stack((across * c * np.radians(apart[:, 1]), along * np.radians(apart[:, 0])))
+    return np.array([across * c, across * (1 - SQUARED) / inside])  # and from south to north

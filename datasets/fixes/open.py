@@ -17,7 +17,7 @@ from ...frontend.inertial.levels import Levels
 from ...frontend.wheels.motion import Drift, Motion
 from ...frontend.world.compass import directions
 from ...frontend.world.fixes import path_at, ways, with_fixes
-from ...frontend.world.jumps import swapped, without_jumps
+from ...frontend.world.jumps import elsewhere, swapped, without_jumps
 from ...frontend.world.measured import Measured, joined
 from ...frontend.world.start import start
 from ..bags.bag import Bag, is_bag
@@ -113,12 +113,15 @@ def in_world(log: Log, opened: OpenedWorld | None, first: int = 0) -> Log:
     own = found.taken(inside & found.placed)
     if len(own.t):
         path = act(path_at(log, own.t, motion), own.arm)
-        measured_way = not isinstance(motion, Drift) and len(path) > 1
+        driven = not isinstance(motion, Drift)
+        measured_way = driven and len(path) > 1
         way = ways(path_at(log, own.t, motion)) if measured_way else None
         kept = without_jumps(opened.source, own, way, remarks)
         if measured_way:
             rows = [k for k, at in enumerate(own.t.tolist()) if at in set(kept.t.tolist())]
             remarks += swapped(opened.source, path[rows], kept)
+        if opened.start_given and len(kept.t):
+            remarks += elsewhere(opened.source, kept, log, driven=driven)
         found = joined(kept, found.taken(~found.placed))
         outside = opened.found.taken(opened.found.placed & ~inside)
         found = joined(outside, found)

@@ -12,7 +12,7 @@ truth.tum and landmarks.csv, if known. Of several cameras robot.toml names the p
 is the first camera of this machine. Recordings of laser scans are opened by `scans.open`.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -52,6 +52,7 @@ class Opened(NamedTuple):
     start_given: bool = True  # by [prior] in robot.toml
     inertial: OpenedImu | None = None
     world: OpenedWorld | None = None
+    told: Sequence[str] = ()  # remarks on inertial readings, positions and headings, which a log of any sensor gets
     pictures: bool = True  # False: only tags that another program found, without the images
 
     def without_gyro(self) -> "Opened":
@@ -107,7 +108,7 @@ def open_recording(
         "source": path.name.encode("utf-8", "replace").decode(),
         **{key: _told(key, views) for key in ("time_offset", "exposure")},
     }
-    inertial = None
+    inertial, before = None, len(remarks)
     if not is_live(path):
         inertial = open_imu(*places(path, robot), robot.imu, first.readings, notes, remarks)
     tilted = None
@@ -126,6 +127,7 @@ def open_recording(
             *places(path, robot), robot.world, felt, motion, notes, remarks,
             None if inertial is None else inertial.levels, start_given=robot.prior is not None,
         )  # fmt: skip
+    told = remarks[before:]
     recording = Recording(
         name=robot.name,
         frames=frames,
@@ -143,7 +145,7 @@ def open_recording(
     lengths = [one.length for one in streams.values()]
     length = None if None in lengths else sum(one or 0 for one in lengths)
     pictures = any(one.tags is None for one in streams.values())
-    return Opened(recording, first.truth, length, robot.prior is not None, inertial, world, pictures)
+    return Opened(recording, first.truth, length, robot.prior is not None, inertial, world, told, pictures)
 
 
 def _told(key: str, views: Mapping[str, Robot]) -> Any:

@@ -251,6 +251,7 @@ def write_robot(path: Path, robot: Robot) -> None:
         "imu": {} if robot.imu is None else robot.imu.words,
         **robot.world.words,
         "laser": {} if robot.laser is None else robot.laser.words,
+        "depth": {} if robot.depth is None else robot.depth.words,
         "frames": {} if robot.frames == FrameSource() else asdict(robot.frames),
     }
     try:

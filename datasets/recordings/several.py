@@ -42,12 +42,13 @@ class OpenedSeveral(NamedTuple):
     scans: OpenedScans | None  # with the motion of the frames' recording as its odometry
     depth: DepthRecording | None = None  # with that motion
     depth_settings: DepthSettings | None = None
+    markers: bool = True  # False: the log is of the scans and the depth, with what is beside them
 
     @property
     def recording(self) -> Several:
         """The front ends' input."""
         felt = None if self.frames.inertial is None else self.frames.inertial.imu
-        made = Several(self.frames.recording, depth=self.depth, imu=felt)
+        made = Several(self.frames.recording, depth=self.depth, imu=felt, markers=self.markers)
         if self.scans is not None:
             made = made._replace(scans=self.scans.recording, settings=self.scans.settings)
         return made if self.depth_settings is None else made._replace(depth_settings=self.depth_settings)
@@ -94,13 +95,14 @@ def open_several(
         scans = _scans(path, robot, replace(laser, topic=given.scan or laser.topic), frames)
     if DEPTH in used and robot.depth is not None:
         depth, settings = _depth(path, file, robot.depth, frames)
-    if MARKERS in used:
-        return OpenedSeveral(frames, scans, depth, settings)
+    if MARKERS in used or (scans is not None and depth is not None):
+        return OpenedSeveral(frames, scans, depth, settings, MARKERS in used)
     if scans is not None and depth is None:
-        return scans
-    if depth is not None and settings is not None and scans is None:
-        return OpenedDepth(depth, settings, frames.truth, None, frames.start_given, frames.inertial, frames.world)
-    raise InputError(f"{file}: found the sensors {' and '.join(used)}, expected {MARKERS} among several.")
+        return scans._replace(remarks=[*frames.told, *(one for one in scans.remarks if one not in frames.told)])
+    assert depth is not None
+    depth.remarks[:0] = frames.told  # in place: it grows while the frames are read
+    assert settings is not None
+    return OpenedDepth(depth, settings, frames.truth, None, frames.start_given, frames.inertial, frames.world)
 
 
 def build(opened: OpenedSeveral) -> Dataset:

@@ -5,7 +5,7 @@ codec and the bags preserve every pixel; MP4 does not. Known ground truth is wri
 landmarks.csv. Frames without an image are left out.
 """
 
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from functools import partial
@@ -18,6 +18,8 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.factors import Truth
 from ...frontend.camera.camera import Camera
+from ...frontend.depth.recording import DepthFrame, DepthRecording
+from ...frontend.depth.settings import Settings as DepthSettings
 from ...frontend.inertial.imu import Imu
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.settings import Settings
@@ -26,10 +28,8 @@ from ...frontend.markers.pipeline import Recording
 from ...frontend.wheels.motion import Drift
 from ...frontend.wheels.ticks import Wheels
 from ...frontend.wheels.track import Track
-from ..fixes.gps_csv import FILE as GPS
+from ..depth.robot import DepthRobot
 from ..fixes.robot import WorldTables
-from ..inertial.imu_csv import AXES, IMU
-from ..inertial.robot import ImuTable
 from ..robot_files import ROBOT
 from ..scans.robot import LaserRobot
 from ..scans.scans_csv import SCANS, write_scans_csv
@@ -38,7 +38,10 @@ from .new_folders import new_folders
 from .robot import Robot, write_robot
 from .robot_camera import FrameSource
 from .rosbag import Topics
-from .write_bag import IMU_TOPIC, NAMES, BagWriter, Kind, Positions, topics_of
+from .write_bag import DEPTH_INFO, ENCODINGS, NAMES, TOPICS, BagWriter, Kind, Positions, topics_of
+from .write_files import depth_files, imu_table, write_imu, write_positions, write_rows, write_track
+
+DEPTH = "depth"  # the folder of frames with depth
 
 FORMATS = {
     "frames": "PNG files",
@@ -50,7 +53,8 @@ FORMATS = {
 }
 """Formats of a drive."""
 
-_Add = Callable[[float, Image, str], None]  # writes the next frame, at its time (s), of the camera of that name
+_Add = Callable[[float, Image, str, DepthFrame | None], None]
+"""Writes the next frame, at its time (s), of the camera of that name, with its depth."""
 
 
 class Located(NamedTuple):
@@ -67,6 +71,7 @@ class Beside(NamedTuple):
     scans: LaserRecording | None = None
     settings: Settings | None = None  # of the scanner's front end
     world: Located | None = None
+    depth: DepthRecording | None = None  # of frames of the first camera
 
 
 def write(
@@ -77,20 +82,23 @@ def write(
     scans: LaserRecording | None = None,
     settings: Settings | None = None,
     world: Located | None = None,
+    depth: DepthRecording | None = None,
 ) -> None:
     """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`, with IMU and scans.
 
     `settings` are those of the scanner's front end. `world` are positions by GPS, and what is said of the compass.
+    `depth` are the frames of its only camera that have depth, iterated once: in a bag beside these, else in a folder.
 
-    A folder must not exist or be empty, and appears complete or not at all. InputError if one cannot be written, or the
-    recording has no image.
+    A folder must not exist or be empty, and appears complete or not at all. InputError if one cannot be written, the
+    recording has no image, or a depth image is at no frame's time.
     """
-    readings = Beside(inertial, scans, settings, world)
+    readings = Beside(inertial, scans, settings, world, depth)
     with new_folders(places) as beside, ExitStack() as stack:
         writers = [
             stack.enter_context(_writer(beside[folder], kind, recording, readings)) for folder, kind in places.items()
         ]
         latest = dict.fromkeys(recording.detectors, -np.inf)
+        deep = _Deep(depth)
         for number, frame in enumerate(recording.frames):
             if frame.image is None:
                 continue
@@ -98,8 +106,10 @@ def write(
             if not frame.t > before:
                 raise InputError(f"{recording.name}: frame {number} is at {frame.t} s, expected later than {before} s.")
             latest[frame.camera] = frame.t
+            beside_it = deep.at(frame.t)
             for add in writers:
-                add(frame.t, frame.image, frame.camera)
+                add(frame.t, frame.image, frame.camera, beside_it)
+        deep.check_over()
         if max(latest.values()) == -np.inf:
             raise InputError(f"{recording.name}: found no frame with an image, expected at least one.")
         stack.close()
@@ -107,14 +117,38 @@ def write(
             _write_words(beside[place], recording, truth, places[place], readings)
 
 
+class _Deep:
+    """Depth frames in the order of time, each asked for by its own."""
+
+    def __init__(self, depth: DepthRecording | None) -> None:
+        self._name = "" if depth is None else depth.name
+        self._frames: Iterator[DepthFrame] = iter(()) if depth is None else depth.in_order()
+        self._next = next(self._frames, None)
+
+    def at(self, t: float) -> DepthFrame | None:
+        """The one at `t`, s; None for none. InputError for one before that is at no frame's time."""
+        found = self._next
+        if found is None or found.seconds > t:
+            return None
+        if found.seconds < t:
+            raise InputError(f"{self._name}: a depth image is at {found.seconds} s, expected the time of a frame.")
+        self._next = next(self._frames, None)
+        return found
+
+    def check_over(self) -> None:
+        """Raises InputError for one after the last frame."""
+        if self._next is not None:
+            _ = self.at(np.inf)
+
+
 def _writer(folder: Path, kind: str, recording: Recording, readings: Beside) -> AbstractContextManager[_Add]:
     match kind:
         case "frames":
-            return _of_cameras(folder, recording, _files)
+            return _of_cameras(folder, recording, readings, _files)
         case "video":
-            return _of_cameras(folder, recording, partial(_video, name="drive.mkv", codec="FFV1"))
+            return _of_cameras(folder, recording, readings, partial(_video, name="drive.mkv", codec="FFV1"))
         case "mp4":
-            return _of_cameras(folder, recording, partial(_video, name="drive.mp4", codec="mp4v"))
+            return _of_cameras(folder, recording, readings, partial(_video, name="drive.mp4", codec="mp4v"))
         case "ros1" | "ros2" | "mcap":
             return _bag(folder, recording, kind, readings)
         case _:
@@ -126,15 +160,28 @@ _Next = Callable[[float, Image], None]  # as _Add, of one camera
 
 @contextmanager
 def _of_cameras(
-    folder: Path, recording: Recording, writer: Callable[[Path], AbstractContextManager[_Next]]
+    folder: Path, recording: Recording, readings: Beside, writer: Callable[[Path], AbstractContextManager[_Next]]
 ) -> Generator[_Add]:
-    """The frames of an only camera in `folder`, those of several in a folder for each, and the motion beside them."""
+    """The frames of an only camera in `folder`, those of several in a folder for each, and the motion beside them.
+
+    Frames with depth are in a folder of their own, too.
+    """
     with ExitStack() as stack:
         writers = dict[str, _Next]()
         for name in recording.detectors:
             (folder / name).mkdir(exist_ok=True)
             writers[name] = stack.enter_context(writer(folder / name))
-        yield lambda t, image, camera: writers[camera](t, image)
+        deep = None
+        if readings.depth is not None:
+            (folder / DEPTH).mkdir()
+            deep = stack.enter_context(depth_files(folder / DEPTH))
+
+        def add(t: float, image: Image, camera: str, depth: DepthFrame | None) -> None:
+            writers[camera](t, image)
+            if deep is not None and depth is not None:
+                deep(depth)
+
+        yield add
     _write_motion(folder, recording)
 
 
@@ -195,10 +242,13 @@ def _bag(folder: Path, recording: Recording, kind: Kind, readings: Beside) -> Ge
     found = None if readings.world is None else readings.world.positions
     with BagWriter(folder, kind, recording.motion, readings.inertial, readings.scans, found) as bag:
 
-        def add(t: float, image: Image, camera: str) -> None:
+        def add(t: float, image: Image, camera: str, depth: DepthFrame | None) -> None:
             bag.readings(t)
             bag.camera_info(t, recording.detectors[camera].camera, topics[camera].camera_info)
             bag.image(t, image, topics[camera].image)
+            if depth is not None:
+                bag.camera_info(t, recording.detectors[camera].camera, DEPTH_INFO)
+                bag.depth(t, depth.depth, ENCODINGS[kind])
 
         yield add
         bag.readings(np.inf)
@@ -219,41 +269,9 @@ def _write_motion(folder: Path, recording: Recording) -> None:
         write_track(folder, motion)
 
 
-def write_track(folder: Path, track: Track) -> None:
-    """odometry.csv."""
-    rows = zip(track.t.tolist(), *track.poses.T.tolist(), strict=True)
-    write_rows(folder / "odometry.csv", "t,x,y,heading", rows)
-
-
-def write_imu(folder: Path, imu: Imu) -> None:
-    """imu.csv."""
-    sensors = {"gyro": imu.gyro} | ({} if imu.accel is None else {"accel": imu.accel})
-    sensors |= {} if imu.mag is None else {"mag": imu.mag}
-    names = [f"{name}_{axis}" for name in sensors for axis in AXES]
-    rows = np.column_stack((imu.t, *sensors.values())).tolist()
-    write_rows(folder / IMU, ",".join(("t", *names)), [["" if np.isnan(one) else one for one in row] for row in rows])
-
-
-def write_positions(folder: Path, found: Positions) -> None:
-    """gps.csv."""
-    write_rows(folder / GPS, "t,lat,lon,sd", np.column_stack((found.t, found.degrees, found.sd)).tolist())
-
-
-def imu_table(imu: Imu, *, bag: bool) -> ImuTable:
-    """[imu] of a robot.toml beside imu.csv or a bag."""
-    if bag:
-        return ImuTable(topic=IMU_TOPIC, mounting=np.eye(4))
-    return ImuTable(
-        mounting=np.eye(4),
-        gyro="rad/s",
-        accelerometer=None if imu.accel is None else "m/s^2",
-        magnetometer=None if imu.mag is None else "T",
-    )
-
-
 def _write_words(folder: Path, recording: Recording, truth: Truth | None, kind: str, readings: Beside) -> None:
     """robot.toml, calibration.yaml, the ground truth if known, imu.csv and scans.csv where readings are in files."""
-    robot, (inertial, scans, settings, world) = _robot(recording), readings
+    robot, (inertial, scans, settings, world, depth) = _robot(recording), readings
     if world is not None:
         robot = replace(robot, world=world.tables)
         if world.positions is not None and kind not in NAMES:
@@ -262,6 +280,11 @@ def _write_words(folder: Path, recording: Recording, truth: Truth | None, kind: 
         robot = replace(robot, laser=LaserRobot(pose=scans.scanner.pose, settings=settings or Settings()))
         if kind not in NAMES:
             write_scans_csv(folder / SCANS, scans.t, scans.scanner, scans.ranges)
+    if depth is not None:
+        source = None if kind in NAMES else DEPTH
+        robot = replace(robot, depth=DepthRobot(source=source, registered=True, settings=DepthSettings()))
+        if kind in NAMES:  # which has images of both kinds
+            robot = replace(robot, topics=Topics(image=TOPICS.image, camera_info=TOPICS.camera_info))
     if inertial is not None:
         robot = replace(robot, imu=imu_table(inertial, bag=kind in NAMES))
         if kind not in NAMES:
@@ -312,10 +335,3 @@ def _robot(recording: Recording) -> Robot:
     if isinstance(motion, Drift):
         return replace(robot, drift=motion)
     raise InputError(f"{recording.name}: found {type(motion).__name__} readings, expected Wheels, Track or Drift.")
-
-
-def write_rows(path: Path, header: str, rows: Iterable[Sequence[object]]) -> None:
-    """A CSV file."""
-    with path.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(header + "\n")
-        file.writelines(",".join(map(str, row)) + "\n" for row in rows)

@@ -59,6 +59,9 @@ class Positions(NamedTuple):
 
 Encoding = Literal["16UC1", "32FC1", "compressedDepth"]
 
+ENCODINGS: dict[Kind, Encoding] = {"ros1": "32FC1", "ros2": "16UC1", "mcap": "compressedDepth"}
+"""Encoding of depth images by the kind of bag: a different one in each."""
+
 
 class BagWriter:
     """Writes one bag; a context manager. Times are s; messages must be written in order."""

@@ -8,9 +8,7 @@ from collections.abc import Callable, Generator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...core.errors import InputError
 from ...core.factors import Truth
@@ -19,13 +17,14 @@ from ...frontend.camera.quaternions import quaternion
 from ...frontend.depth.recording import DepthFrame, DepthRecording
 from ...frontend.inertial.imu import Imu
 from ...frontend.wheels.track import Track
-from ..depth.folder import MM, TRUTH, TUM_UNITS
+from ..depth.folder import TRUTH, TUM_UNITS
 from ..depth.robot import DepthTopics, write_depth_robot
 from ..robot_files import ROBOT
 from ..truth import write_truth
 from .new_folders import new_folders
-from .write import imu_table, write_imu, write_rows, write_track
-from .write_bag import DEPTH_INFO, TOPICS, BagWriter, Encoding, Kind
+from .write import Located
+from .write_bag import DEPTH_INFO, ENCODINGS, TOPICS, BagWriter, Kind, Positions
+from .write_files import depth_files, imu_table, in_units, pixels_of, write_imu, write_png, write_positions, write_track
 
 FORMATS = {
     "tum": "PNG files in the layout of TUM's benchmark",
@@ -36,9 +35,6 @@ FORMATS = {
 }
 """Formats of a drive."""
 
-ENCODINGS: dict[Kind, Encoding] = {"ros1": "32FC1", "ros2": "16UC1", "mcap": "compressedDepth"}
-"""Encoding of depth images by the kind of bag: a different one in each."""
-
 _Add = Callable[[DepthFrame], None]
 
 
@@ -48,15 +44,19 @@ def write_depth(
     truth: Truth | None,
     cameras: Array,
     inertial: Imu | None = None,
+    world: Located | None = None,
 ) -> None:
     """Writes `recording`, whose frames are iterated once, to folders, each in one of `FORMATS`, with its IMU.
 
+    `world` are positions by GPS, and what is said of the compass.
     `cameras` (n, 4, 4) are the true T_world_camera at the times of `truth`. A folder must not exist or be empty, and
     appears complete or not at all. InputError if one cannot be written, or the recording has no frame.
     """
+    found = None if world is None else world.positions
     with new_folders(places) as beside, ExitStack() as stack:
         writers = [
-            stack.enter_context(_writer(beside[place], kind, recording, inertial)) for place, kind in places.items()
+            stack.enter_context(_writer(beside[place], kind, recording, inertial, found))
+            for place, kind in places.items()
         ]
         empty = True
         for frame in recording.in_order():
@@ -71,7 +71,11 @@ def write_depth(
             bag = kind not in ("tum", "frames")
             topics = DepthTopics(odometry=TOPICS.odometry, image=TOPICS.image, camera_info=TOPICS.camera_info)
             imu = None if inertial is None else imu_table(inertial, bag=bag)
-            write_depth_robot(folder / ROBOT, recording, topics if bag else None, imu)
+            write_depth_robot(
+                folder / ROBOT, recording, topics if bag else None, imu, None if world is None else world.tables
+            )
+            if found is not None and not bag:
+                write_positions(folder, found)
             if inertial is not None and not bag:
                 write_imu(folder, inertial)
             if isinstance(recording.motion, Track) and not bag:
@@ -82,14 +86,16 @@ def write_depth(
                 write_truth(folder, truth)
 
 
-def _writer(folder: Path, kind: str, recording: DepthRecording, inertial: Imu | None) -> AbstractContextManager[_Add]:
+def _writer(
+    folder: Path, kind: str, recording: DepthRecording, inertial: Imu | None, found: Positions | None
+) -> AbstractContextManager[_Add]:
     match kind:
         case "tum":
             return _tum(folder)
         case "frames":
-            return _files(folder)
+            return depth_files(folder)
         case "ros1" | "ros2" | "mcap":
-            return _bag(folder, recording, kind, inertial)
+            return _bag(folder, recording, kind, inertial, found)
         case _:
             raise InputError(f"format: found {kind!r}, expected one of {', '.join(FORMATS)}.")
 
@@ -101,8 +107,8 @@ def _tum(folder: Path) -> Generator[_Add]:
 
     def add(frame: DepthFrame) -> None:
         stamp = f"{frame.seconds:.6f}"
-        _png(folder / "rgb" / f"{stamp}.png", _pixels(frame))
-        _png(folder / "depth" / f"{stamp}.png", _units(frame, TUM_UNITS))
+        write_png(folder / "rgb" / f"{stamp}.png", pixels_of(frame))
+        write_png(folder / "depth" / f"{stamp}.png", in_units(frame, TUM_UNITS))
         stamps.append(stamp)
 
     for name in ("rgb", "depth"):
@@ -114,51 +120,22 @@ def _tum(folder: Path) -> Generator[_Add]:
 
 
 @contextmanager
-def _files(folder: Path) -> Generator[_Add]:
-    """Two files for each frame, and their table."""
-    rows = list[tuple[str, str, float]]()
-
-    def add(frame: DepthFrame) -> None:
-        names = f"frames/{len(rows):06}.png", f"frames/{len(rows):06}-depth.png"
-        _png(folder / names[0], _pixels(frame))
-        _png(folder / names[1], _units(frame, MM))
-        rows.append((*names, frame.seconds))
-
-    (folder / "frames").mkdir()
-    yield add
-    write_rows(folder / "frames.csv", "image,depth,t", rows)
-
-
-@contextmanager
-def _bag(folder: Path, recording: DepthRecording, kind: Kind, inertial: Imu | None) -> Generator[_Add]:
+def _bag(
+    folder: Path, recording: DepthRecording, kind: Kind, inertial: Imu | None, found: Positions | None
+) -> Generator[_Add]:
     """A bag, with odometry and images in order of time."""
-    with BagWriter(folder, kind, recording.motion, inertial) as bag:
+    with BagWriter(folder, kind, recording.motion, inertial, positions=found) as bag:
 
         def add(frame: DepthFrame) -> None:
             t = frame.seconds
             bag.readings(t)
             bag.camera_info(t, recording.camera)
             bag.camera_info(t, recording.camera, DEPTH_INFO)
-            bag.image(t, _pixels(frame))
+            bag.image(t, pixels_of(frame))
             bag.depth(t, frame.depth, ENCODINGS[kind])
 
         yield add
         bag.readings(np.inf)
-
-
-def _pixels(frame: DepthFrame) -> NDArray[np.uint8]:
-    return frame.grey if frame.colour is None else frame.colour
-
-
-def _units(frame: DepthFrame, units: float) -> NDArray[np.uint16]:
-    """The depth in units, rounded to whole millimetres."""
-    mm = np.rint(1000 * frame.depth.astype(np.float64))
-    return (mm * (units / 1000)).astype(np.uint16)
-
-
-def _png(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
-    _, content = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    path.write_bytes(content.tobytes())
 
 
 def _write_cameras(path: Path, t: Array, cameras: Array) -> None:

@@ -1,4 +1,8 @@
-"""The frames of a depth camera on a robot that rocks as it drives, rendered as they are asked for."""
+"""The frames of a depth camera on a robot that rocks as it drives, rendered as they are asked for.
+
+It is alone on its robot, or it is the camera among markers, whose images then have depth: of their own pixels, all
+taken at once in the middle of the exposure.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -7,9 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.options import option
 from ...core.se2 import Array
 from ...frontend.depth.recording import DepthFrame
 from ...frontend.markers.aruco import Image
+from ...frontend.markers.pipeline import Frame
 from .boxes import Box
 from .depth import NOISE_SD, kinect, true_depth
 from .disturbances import Rocking, raised, rocked
@@ -97,3 +103,36 @@ def _with(renderer: Renderer, visitor: Visitor | None) -> Renderer:
         room=replace(room, boxes=(*room.boxes, visitor.box)),
         surfaces=surfaces._replace(boxes=(*surfaces.boxes, visitor.textures)),
     )
+
+
+@dataclass(frozen=True)
+class RoomDepth:
+    """Depth beside the images, by default none; a rendered world's options inherit it."""
+
+    depth: bool = option(
+        False, "the camera measures depth, too, as a Kinect does: the log then has motions by these frames as well"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FrameDepths:
+    """Frames with their depth, the same ones whenever they are iterated."""
+
+    frames: Callable[[], Iterator[Frame]]  # makes the camera's, from the first one on
+    renderer: Callable[[], Renderer]  # makes the camera's
+    poses: Array  # (n, 3) of the robot in the frames
+    tilts: Array  # (n, 2) rad, of its body: pitch, forward, and roll, to the right
+    seeds: np.random.SeedSequence
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def __iter__(self) -> Iterator[DepthFrame]:
+        renderer = self.renderer()
+        for k, (frame, pose) in enumerate(zip(self.frames(), raised(self.poses), strict=True)):
+            assert frame.image is not None
+            camera = pose @ rocked(*self.tilts[k].tolist()) @ renderer.camera.mounting
+            rng = np.random.default_rng(
+                np.random.SeedSequence(self.seeds.entropy, spawn_key=(*self.seeds.spawn_key, k))
+            )
+            yield DepthFrame(frame.t, frame.image, kinect(true_depth(renderer.room, renderer.lens, camera), rng))

@@ -100,6 +100,14 @@ def take(
             yield Frame(time, renderer.frame(poses, grain, conditions), camera=renderer.camera.name)
 
 
+def tilts_in(t: Array, disturbances: Disturbances, rng: np.random.Generator, rocking: Rocking | None = None) -> Array:
+    """(n, 2) rad, pitch and roll of the body in the frames that `take` yields at `t` (n,), s, with the same `rng`."""
+    if rocking is not None:
+        return rocking.at(t)
+    *_, floor = rng.spawn(4)  # as `take` does
+    return disturbances.sway * floor.normal(0, 1, (len(t), 2))
+
+
 def views(
     renderer: Renderer, path: Callable[[Array], Array], t: float, mounting: Array, rocking: Rocking | None = None
 ) -> Array:

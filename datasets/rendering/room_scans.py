@@ -32,7 +32,9 @@ class RoomScans:
     """A laser scanner beside the camera, by default none; a rendered world's options inherit it."""
 
     sensors: str = option(
-        "both", "whose measurements the log has, of a robot with a scanner", choices=("both", "markers", "laser")
+        "both",
+        "whose measurements the log has, of a robot with a scanner or depth; both: all that there are",
+        choices=("both", "markers", "laser"),
     )
     scan_rate: float = option(
         0.0, "scans per second of a laser scanner, whose log is then one of markers and scans; 0: none",

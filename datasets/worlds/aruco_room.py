@@ -4,6 +4,7 @@ The world is simulated, but its frames are images, processed by the same front e
 """
 
 from collections.abc import Iterator
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -15,6 +16,8 @@ from ...core.factors import UNKNOWN, Dataset, Log, Prior, Truth
 from ...core.options import option
 from ...core.se2 import Array, Ints
 from ...frontend.camera.camera import Camera
+from ...frontend.depth.recording import DepthRecording
+from ...frontend.depth.settings import Settings as DepthSettings
 from ...frontend.inertial.imu import Imu
 from ...frontend.inertial.standing import standing
 from ...frontend.inertial.tilts import tilts
@@ -33,14 +36,15 @@ from ...frontend.wheels.ticks import Ticks, Wheels
 from ..hidden_ids import HiddenIds
 from ..on_demand.fixes import WorldFixes
 from ..on_demand.gyro import WorldGyro
-from ..on_demand.imu import imu_of
+from ..on_demand.imu import Drive, imu_of
 from ..on_demand.parts import Parts
 from ..on_demand.signatures import WorldSignatures
 from ..on_demand.slip import WorldSlip
 from ..on_map import OnMap
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
-from ..rendering.disturbances import Disturbances, Rocking, raised, take
+from ..rendering.depth_shots import FrameDepths, RoomDepth
+from ..rendering.disturbances import Disturbances, Rocking, raised, take, tilts_in
 from ..rendering.render import Renderer
 from ..rendering.room_scans import RoomScans, scanned
 from ..rendering.sheet import scrambled
@@ -72,6 +76,9 @@ AROUND = {"front": 0.0, "back": 180.0, "left": 90.0, "right": -90.0}
 MATCHING = Settings(stamp_sd=0.0)
 """Of the scanner's front end in the one room: its scans are taken at once, and at the times that they say."""
 
+BY_DEPTH = DepthSettings(landmarks=False, loops=True)
+"""Of the depth camera's front end: its ids would be those of the markers, and calibration and times are exact."""
+
 
 @dataclass(frozen=True)
 class Options(
@@ -84,6 +91,7 @@ class Options(
     WorldSignatures,
     WheelFaults,
     RoomScans,
+    RoomDepth,
     CameraOptions,
     WorldOptions,
 ):
@@ -152,10 +160,12 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
             f"dataset aruco-room: found options unreadable={options.unreadable:g} and outliers={options.outliers:g}, "
             "expected one of them: a marker without an id has none to be wrong."
         )
-    if options.sensors != "both" and not options.scan_rate:
+    if options.sensors == "laser" and not options.scan_rate:
+        raise InputError("dataset aruco-room: found option sensors=laser, expected it beside scan_rate.")
+    if options.sensors == "markers" and not (options.scan_rate or options.depth):
         raise InputError(
-            f"dataset aruco-room: found option sensors={options.sensors}, expected it beside scan_rate: without a "
-            "scanner there are markers alone."
+            "dataset aruco-room: found option sensors=markers, expected it beside scan_rate or depth: without these "
+            "there are markers alone."
         )
     if options.sensors == "laser":
         for name in ("unreadable", "outliers"):
@@ -164,8 +174,8 @@ def aruco_room(options: Options, rng: np.random.Generator) -> Dataset:
                     f"dataset aruco-room: found options sensors=laser and {name}={getattr(options, name):g}, expected "
                     "one of them: there are no sightings."
                 )
-    recording, truth, scans, _ = recorded(options, rng)
-    log = _log(recording, scans, options)
+    made = recorded(options, rng)
+    truth, log = made.truth, _log(made, options)
     rows = np.searchsorted(truth.t, log.t)
     truth = truth._replace(t=truth.t[rows], poses=truth.poses[rows])
     if options.unreadable:
@@ -187,13 +197,13 @@ def matching(options: Options) -> Settings:
     return replace(MATCHING, stamp_sd=Settings().stamp_sd, dense_start=2.0, step=0.2, turn=0.16)
 
 
-def _log(recording: Recording, scans: LaserRecording | None, options: Options) -> Log:
+def _log(made: "Recorded", options: Options) -> Log:
     """Makes the log of the sensors that the options name, by the front ends of each."""
-    if scans is None or options.sensors == "markers":
-        return build_log(recording)
-    if options.sensors == "laser":
-        return build_scans(scans, matching(options))
-    return build_several(Several(recording, scans, matching(options)))
+    if made.scans is not None and options.sensors == "laser":
+        return build_scans(made.scans, matching(options))
+    if options.sensors == "markers" or (made.scans is None and made.depth is None):
+        return build_log(made.recording)
+    return build_several(Several(made.recording, made.scans, matching(options), made.depth, BY_DEPTH))
 
 
 class Recorded(NamedTuple):
@@ -202,13 +212,16 @@ class Recorded(NamedTuple):
     recording: Recording
     truth: Truth  # at the times of frames and scans
     scans: LaserRecording | None  # with the wheels' motion
-    imu: Imu | None = None
+    imu: Imu | None
+    depth: DepthRecording | None  # of the camera's own frames, with the wheels' motion
+    drive: Drive
+    body: Rocking | None  # that rocks smoothly
 
 
 def record(options: Options, rng: np.random.Generator) -> tuple[Recording, Truth]:
     """The camera's part of `recorded`, and the ground truth."""
-    recording, truth, _, _ = recorded(options, rng)
-    return recording, truth
+    made = recorded(options, rng)
+    return made.recording, made.truth
 
 
 def recorded(options: Options, rng: np.random.Generator) -> Recorded:
@@ -224,6 +237,8 @@ def recorded(options: Options, rng: np.random.Generator) -> Recorded:
                 f"dataset aruco-room: option {name}={seconds:g}: expected at most the time between frames, "
                 f"{1 / options.frame_rate:.4g} s at frame_rate={options.frame_rate:g}."
             )
+    if options.depth:
+        _check_depth(options)
     layout, wheels, sensor, decoration = rng.spawn(4)
     inside = world(options, options.seconds, layout)
     room = inside.room
@@ -242,9 +257,12 @@ def recorded(options: Options, rng: np.random.Generator) -> Recorded:
     def path(t: Array) -> Array:
         return inside.drive(t)[0]
 
-    def frames() -> Iterator[Frame]:
-        painted = paint(room, decoration)
-        renderers = [
+    walls, noise = deepcopy(decoration), deepcopy(sensor)  # as they are before the first frames are made
+    disturbances = Disturbances(options.sway, options.gain_drift, options.shadow, options.occlusion)
+
+    def renderers() -> list[Renderer]:
+        painted = paint(room, deepcopy(walls))
+        return [
             Renderer(
                 room,
                 camera,
@@ -258,8 +276,9 @@ def recorded(options: Options, rng: np.random.Generator) -> Recorded:
             )
             for camera in cameras
         ]
-        disturbances = Disturbances(options.sway, options.gain_drift, options.shadow, options.occlusion)
-        yield from take(renderers, path, frame_times, disturbances, sensor, rocking, inside.people)
+
+    def frames() -> Iterator[Frame]:
+        yield from take(renderers(), path, frame_times, disturbances, deepcopy(noise), rocking, inside.people)
 
     detector, *others = (
         Detector(Markers(DICTIONARY, SIDE), options.known(camera), unread=options.unreadable > 0) for camera in cameras
@@ -277,17 +296,43 @@ def recorded(options: Options, rng: np.random.Generator) -> Recorded:
     )
     truth = Truth(frame_times, poses, room.landmarks, None, "truth")
     t = options.scan_times(float(frame_times[-1]))
+    depth = None
+    if options.depth:
+        tilted = tilts_in(frame_times, disturbances, deepcopy(noise), rocking)
+        *_, deep = deepcopy(noise).spawn(5)  # beyond those of `take`
+        seeds = np.random.SeedSequence(int(deep.integers(2**63)))
+        depth = DepthRecording(
+            name=recording.name,
+            camera=detector.camera,
+            frames=FrameDepths(frames, lambda: renderers()[0], poses, tilted, seeds),
+            motion=recording.motion,
+            prior=recording.prior,
+            notes=recording.notes,
+            tilts=recording.tilts,
+        )
     if not len(t):
-        return Recorded(recording, truth, None, imu)
+        return Recorded(recording, truth, None, imu, depth, inside.drive, rocking)
     (beams,) = rng.spawn(1)
     scans = scanned(room, path, inside.people, t, beams)
     scans = replace(scans, odometry=walked(recording.motion, t), prior=recording.prior)
-    return Recorded(recording, _at(np.union1d(frame_times, t), truth, inside), scans, imu)
+    truth = _at(np.union1d(frame_times, t), truth, inside)
+    return Recorded(recording, truth, scans, imu, depth, inside.drive, rocking)
+
+
+def _check_depth(options: Options) -> None:
+    """Raises InputError for what has no depth: several cameras, and a building, whose walls and people it lacks."""
+    for name, plain in (("cameras", 1), ("building", False)):
+        found = getattr(options, name)
+        if found != plain:
+            raise InputError(
+                f"dataset aruco-room: found options depth=true and {name}={str(found).lower()}, expected one of them: "
+                "depth is that of one camera in the one room."
+            )
 
 
 def _felt(options: Options, inside: World, end: float, rng: np.random.Generator) -> tuple[Rocking | None, Imu | None]:
     """The rocking body, and the readings of its inertial measurement unit up to `end`, s; None without one."""
-    if not (options.gyro or options.imu):
+    if not (options.gyro or options.imu or options.compass):
         return None, None
     body, readings = rng.spawn(2)
     rocking = Rocking.drawn(options.sway, body)

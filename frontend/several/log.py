@@ -4,7 +4,7 @@ What carries what, so that no reading counts twice:
 
 - the odometry is that of wheels, counters or commands, as it is without a scanner; without any it is a motion that
   nothing measured;
-- sightings are those of the cameras;
+- sightings are those of the cameras, if markers are wanted at all;
 - the scans are in relative poses alone: of a step to an earlier one that saw the same walls, with what the wheels told
   the matcher taken out (`scan_motions`), and loop closures to places of long ago;
 - the depth camera's frames are in relative poses, too: of a step to the one before, by the features of both, and loop
@@ -57,6 +57,7 @@ class Several(NamedTuple):
     depth: DepthRecording | None = None
     depth_settings: DepthSettings = DepthSettings(landmarks=False, loops=True)
     imu: Imu | None = None  # whose gyro tells delays
+    markers: bool = True  # False: the frames are not looked at, and there are no sightings
 
 
 class Scanned(NamedTuple):
@@ -101,7 +102,7 @@ def build(
 
     `until_last_frame`: the scans after it are left out.
     """
-    seen = build_frames(recording.frames, observe)
+    seen = build_frames(recording.frames, observe) if recording.markers else _unseen(recording)
     name, motion = recording.frames.name, recording.frames.motion
     end = float(seen.t[-1]) if until_last_frame else np.inf
     scanned = looked = None
@@ -120,6 +121,19 @@ def build(
         _check_clock(seen, np.array(looked.t), "depth frames")
         looked = depth_log_of(depth, looked), related_of(looked)
     return joined(recording, seen, scanned, looked)
+
+
+def _unseen(recording: Several) -> Log:
+    """A log of the motion alone, from the first scan to the last."""
+    frames, scans = recording.frames, recording.scans
+    assert scans is not None
+    t, nothing = scans.t[[0, -1]], np.zeros(0, np.int64)
+    delta, cov = _odometry(frames.motion, t)
+    remarks = {REMARKS: list(frames.remarks)} if frames.remarks else {}
+    return Log.from_arrays(
+        frames.name, frames.prior, t, delta, cov, nothing, nothing, np.zeros((0, 2)), np.zeros((0, 2, 2)),
+        notes={**frames.notes, **frames.motion.settings, **remarks},
+    )  # fmt: skip
 
 
 def joined(recording: Several, seen: Log, scanned: Scanned | None, looked: tuple[Log, Related] | None = None) -> Built:

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.factors import Log
 from ...core.se2 import Array, Ints
 from .measured import Measured
 
@@ -86,6 +87,28 @@ def _parts(found: Measured, way: Array | None) -> Ints:
             label[k] = len(last)
             last.append(k)
     return label
+
+
+def elsewhere(source: str, found: Measured, log: Log, *, driven: bool) -> list[str]:
+    """The remark on positions whose first one is out of reach of the log's given start; none if not.
+
+    The way until then is the odometry's where it is that of a robot that was `driven` by measured motions.
+    """
+    first, prior = found.taken(np.arange(1)), log.prior
+    (before,) = np.flatnonzero(log.t <= first.t[0])[-1:]
+    way = FAST * float(first.t[0] - log.t[0])
+    if driven:
+        way = float(np.hypot(*log.delta[1 : before + 2, :2].T).sum())
+    off = float(np.hypot(*(first.z[0, :2] - prior.pose[:2])))
+    sd = float(np.sqrt(np.trace(prior.cov[:2, :2]) + np.trace(first.cov[0, :2, :2])))
+    if off <= way + float(np.hypot(*first.arm[0])) + GATE * sd + SLACK:
+        return []
+    said = (
+        f"{source}: the first position, at {first.t[0]:.10g} s, is {off:.3g} m from the start that [prior] gives, and "
+        f"the robot drove {way:.3g} m until then: expected [gps] origin at the place from which [prior] counts, x to "
+        "the east, or no [prior]"
+    )
+    return [said]
 
 
 def swapped(source: str, path: Array, found: Measured) -> list[str]:

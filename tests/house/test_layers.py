@@ -103,7 +103,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "logs": {"contradiction", "systematic", "drawing", "plan", "measure", "words"},
         "noise": {"systematic", "drawing", "plan", "measure", "words"},
         "camera": {"drawing", "words"},
-        "detect": {"contradiction", "drawing", "measure", "words"},
+        "detect": {"contradiction", "drawing", "measure", "systematic", "words"},
         "replay": {"engine", "workers", "plan", "record", "measure", "drawing", "words"},
         "verify": {"engine", "workers", "verdict", "plan", "record", "measure", "words"},
         "suite": {

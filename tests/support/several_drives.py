@@ -42,7 +42,7 @@ def true_poses(t: Array) -> Array:
 def driven(seed: int, seconds: float = 30.0) -> Driven:
     """The drive of `seed`, with a frame a second."""
     options = Options(seconds=seconds, frame_rate=1.0, scan_rate=5.0)
-    recording, truth, scans, _ = recorded(options, generator("aruco-room", seed))
+    recording, truth, scans, *_ = recorded(options, generator("aruco-room", seed))
     assert scans is not None
     assert truth.map is not None
     t = np.arange(options.frames) / options.frame_rate

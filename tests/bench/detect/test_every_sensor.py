@@ -35,7 +35,7 @@ def markers(folder: Path) -> None:
 
 def several(folder: Path) -> None:
     options = aruco_room.Options(seconds=5.0, frame_rate=2.0, scan_rate=5.0)
-    recording, truth, scans, _ = aruco_room.recorded(options, np.random.default_rng(1))
+    recording, truth, scans, *_ = aruco_room.recorded(options, np.random.default_rng(1))
     write({folder: "frames"}, recording, truth, None, scans, aruco_room.MATCHING)
 
 

@@ -51,7 +51,7 @@ def positions(seed: int) -> Positions:
 def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One drive as each kind of recording."""
     home = tmp_path_factory.mktemp("outdoors")
-    recording, truth, scans, imu = recorded(OPTIONS, generator("aruco-room", 3))
+    recording, truth, scans, imu, *_ = recorded(OPTIONS, generator("aruco-room", 3))
     assert imu is not None
     north = np.pi / 2 - COMPASS.declination - along(LOOP, OPTIONS.speed, imu.t)[0][:, 2]
     mag = np.column_stack((2e-5 * np.cos(north), 2e-5 * np.sin(north), np.full(len(north), -4e-5)))
@@ -118,6 +118,38 @@ def test_each_sensor_of_a_recording_has_the_fixes(drive: Path, log: Log) -> None
         assert alone.notes["fixes"]["positions"] >= 20
     only = of(drive, imu=False)
     assert only.notes["fixes"] == {"positions": log.notes["fixes"]["positions"], "headings": 0}
+
+
+def test_an_origin_elsewhere_is_a_remark(drive: Path, log: Log) -> None:
+    assert not any("from the start that [prior] gives" in one for one in log.remarks)
+    text = (drive / "robot.toml").read_text()
+    assert "48.1" in text
+    (drive / "robot.toml").write_text(text.replace("48.1", "48.2"))
+    for sensors in ("all", "laser+wheels+gps"):
+        said = [one for one in of(drive, sensors=sensors).remarks if "from the start that [prior] gives" in one]
+        assert len(said) == 1
+        assert "s, is 1.11e+04 m from the start that [prior] gives, and the robot drove" in said[0]
+        assert "expected [gps] origin at the place from which [prior] counts" in said[0]
+
+
+def test_what_is_odd_about_readings_is_told_in_the_log_of_each_sensor(drive: Path) -> None:
+    rows = [line.split(",") for line in (drive / "imu.csv").read_text().splitlines()]
+    for row in rows[1:]:
+        row[-3:] = [str(1e4 * float(one)) if one else "" for one in row[-3:]]
+    (drive / "imu.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+    for sensors in ("all", "markers+wheels+compass", "laser+wheels+compass"):
+        log = of(drive, sensors=sensors)
+        assert log.notes.get("fixes", {"headings": 0})["headings"] == 0
+        assert sum("T across (median), expected 5e-06 to 4.5e-05 T" in one for one in log.remarks) == 1
+    robot = drive / "robot.toml"
+    robot.write_text(robot.read_text().replace('magnetometer = "T"', 'magnetometer = "G"'))
+    log = of(drive)
+    assert log.notes["fixes"]["headings"] >= 8
+    assert not log.remarks
+    robot.write_text(robot.read_text().replace('magnetometer = "G"\n', ""))
+    log = of(drive, sensors="laser+wheels+compass")
+    assert log.notes["fixes"]["headings"] >= 7
+    assert any("taken to be in G, and converted" in one for one in log.remarks)
 
 
 def test_what_is_asked_for_and_is_not_there_is_refused(drive: Path) -> None:

@@ -29,7 +29,7 @@ KINDS = ("ros1", "ros2", "mcap")
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     home = tmp_path_factory.mktemp("levels")
-    recording, truth, _, imu = recorded(OPTIONS, generator("aruco-room", 6))
+    recording, truth, _, imu, *_ = recorded(OPTIONS, generator("aruco-room", 6))
     frames = list(recording.frames)
     recording = replace(recording, frames=frames)
     write({home / name: name for name in ("frames", *KINDS)}, recording, truth, imu)

@@ -34,7 +34,7 @@ OPTIONS = Options(seconds=8.0, frame_rate=1.0, scan_rate=5.0)
 def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One drive as each kind of recording."""
     home = tmp_path_factory.mktemp("several")
-    recording, truth, scans, _ = recorded(OPTIONS, generator("aruco-room", 3))
+    recording, truth, scans, *_ = recorded(OPTIONS, generator("aruco-room", 3))
     write({home / name: name for name in KINDS}, recording, truth, None, scans, MATCHING)
     return {name: home / name for name in KINDS}
 
@@ -60,8 +60,8 @@ def test_the_world_gives_the_same_factors_without_a_recording(log: Log) -> None:
 
 
 def test_a_room_without_a_scanner_is_what_it_was() -> None:
-    alone, truth, scans, _ = recorded(replace(OPTIONS, scan_rate=0.0), generator("aruco-room", 3))
-    beside, both, _, _ = recorded(OPTIONS, generator("aruco-room", 3))
+    alone, truth, scans, *_ = recorded(replace(OPTIONS, scan_rate=0.0), generator("aruco-room", 3))
+    beside, both, *_ = recorded(OPTIONS, generator("aruco-room", 3))
     assert scans is None
     assert isinstance(alone.motion, Wheels)
     assert isinstance(beside.motion, Wheels)

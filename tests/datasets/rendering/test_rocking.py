@@ -61,10 +61,10 @@ def test_readings_are_those_of_the_body_that_is_rendered(seed: int) -> None:
 
 def test_frames_are_taken_from_the_rocking_body() -> None:
     options = Options(seconds=1.0, frame_rate=4.0, imu=True)
-    recording, _, _, imu = recorded(options, np.random.default_rng(2))
+    recording, _, _, imu, *_ = recorded(options, np.random.default_rng(2))
     assert imu is not None
     assert recording.tilts is not None
-    plain, _, _, none = recorded(Options(seconds=1.0, frame_rate=4.0), np.random.default_rng(2))
+    plain, _, _, none, *_ = recorded(Options(seconds=1.0, frame_rate=4.0), np.random.default_rng(2))
     assert none is None
     assert plain.tilts is None
     taken: list[Array] = []

@@ -73,7 +73,7 @@ def test_a_level_robot_has_the_ranges_it_had() -> None:
 
 def test_robot_toml_asks_for_it(tmp_path: Path) -> None:
     options = Options(seconds=4.0, frame_rate=1.0, scan_rate=5.0, imu=True)
-    recording, truth, made, imu = recorded(options, generator("aruco-room", 1))
+    recording, truth, made, imu, *_ = recorded(options, generator("aruco-room", 1))
     write({tmp_path / "drive": "frames"}, recording, truth, imu, made, MATCHING)
     robot = tmp_path / "drive" / "robot.toml"
     plain = open_several(tmp_path / "drive")

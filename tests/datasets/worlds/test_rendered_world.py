@@ -111,7 +111,7 @@ def test_each_sensor_has_the_same_drive() -> None:
 def first_headings(seed: int, dense: float) -> Array:
     """Errors (m,) of the headings that the scans tell near the start of a building, rad."""
     options = replace(IN_BUILDING, seconds=12.0, scan_rate=5.0, speed=0.6)
-    _, truth, scans, _ = recorded(options, generator("aruco-room", seed))
+    _, truth, scans, *_ = recorded(options, generator("aruco-room", seed))
     assert scans is not None
     front_end = matched(scans, replace(matching(options), dense_start=dense, step=0.5, turn=0.4))
     told = scan_motions(front_end)
