@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.factors import UNKNOWN, Log
-from ..core.se2 import Array, wrap
+from ..core.se2 import Array, Ints, wrap
 from ..core.truth.doubts import MOVING, UNTURNED
 
 FAR = 1000.0  # m; a median range or stride beyond it may be in millimetres
@@ -54,10 +54,17 @@ def of_ways(log: Log) -> Iterator[str]:
     yield from stands or _units(log, path)
 
 
-def _pairs(log: Log, path: Array, apart: int) -> _Pairs:
-    """Every sighting with the one of its landmark that is so many sightings later; `path` (n, 2) is the odometry's."""
-    order = np.lexsort((log.sighting_step, log.ids))
-    order = order[log.ids[order] != UNKNOWN]
+def _by_landmark(log: Log) -> Ints:
+    """The sightings of known landmarks, landmark by landmark, each one's in the order of the log."""
+    order = np.argsort(log.ids, kind="stable")
+    return order[log.ids[order] != UNKNOWN]
+
+
+def _pairs(log: Log, path: Array, order: Ints, apart: int) -> _Pairs:
+    """Every sighting with the one of its landmark that is so many sightings later; `path` (n, 2) is the odometry's.
+
+    `order` is that of `_by_landmark`.
+    """
     one, other = order[:-apart], order[apart:]
     same = log.ids[one] == log.ids[other]
     one, other = one[same], other[same]
@@ -76,8 +83,8 @@ def _stands(log: Log, path: Array, size: float) -> Iterator[str]:
     Between neighbouring sightings they may change by too little, and after a lap not at all: several distances are
     tried.
     """
-    apart, nearest, most = 1, 0.0, (0.0, 0.0)
-    while len((pairs := _pairs(log, path, apart)).a) >= FEW:
+    apart, nearest, most, order = 1, 0.0, (0.0, 0.0), _by_landmark(log)
+    while len((pairs := _pairs(log, path, order, apart)).a) >= FEW:
         change = np.abs(pairs.a - pairs.b)
         typical = float(np.median(change))
         nearest = nearest or typical
@@ -96,8 +103,8 @@ def _stands(log: Log, path: Array, size: float) -> Iterator[str]:
 
 def _repeats(log: Log, path: Array) -> Iterator[str]:
     """Finds ranges that change while the odometry repeats a reading, as where it is stuck for a part of the log."""
-    apart, nearest, most = 1, 0.0, (0.0, 0.0)
-    while len((pairs := _pairs(log, path, apart)).a) >= FEW:
+    apart, nearest, most, order = 1, 0.0, (0.0, 0.0), _by_landmark(log)
+    while len((pairs := _pairs(log, path, order, apart)).a) >= FEW:
         same = pairs.way == 0
         apart *= 2
         if same.sum() < FEW:
@@ -121,8 +128,8 @@ def _unturned(log: Log, path: Array) -> Iterator[str]:
     """Finds bearings that change by more than ways do it, though the odometry never turns."""
     if np.ptp(np.cumsum(log.delta[1:, 2])) > UNTURNED:
         return
-    apart, first = 1, 0.0
-    while len((pairs := _pairs(log, path, apart)).a) >= FEW:
+    apart, first, order = 1, 0.0, _by_landmark(log)
+    while len((pairs := _pairs(log, path, order, apart)).a) >= FEW:
         nearest = np.minimum(pairs.a, pairs.b)
         small = pairs.way < nearest / 2
         typical = float(np.median(pairs.turned))
@@ -141,7 +148,7 @@ def _unturned(log: Log, path: Array) -> Iterator[str]:
 
 def _units(log: Log, path: Array) -> Iterator[str]:
     """Finds ranges and ways that differ as by a unit."""
-    pairs = _pairs(log, path, 1)
+    pairs = _pairs(log, path, _by_landmark(log), 1)
     if len(pairs.a) < FEW:
         return
     moving = pairs.way > np.median(pairs.way) / 10
