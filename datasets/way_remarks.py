@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.factors import UNKNOWN, Log
-from ..core.se2 import Array, Ints, wrap
+from ..core.se2 import Array, wrap
 from ..core.truth.doubts import MOVING, UNTURNED
 
 FAR = 1000.0  # m; a median range or stride beyond it may be in millimetres
@@ -54,27 +54,31 @@ def of_ways(log: Log) -> Iterator[str]:
     yield from stands or _units(log, path)
 
 
-def _by_landmark(log: Log) -> Ints:
+class _Sequence:
     """The sightings of known landmarks, landmark by landmark, each one's in the order of the log."""
-    order = np.argsort(log.ids, kind="stable")
-    return order[log.ids[order] != UNKNOWN]
 
+    def __init__(self, log: Log, path: Array) -> None:
+        """`path` (n, 2) is the odometry's."""
+        order = np.argsort(log.ids, kind="stable")
+        order = order[log.ids[order] != UNKNOWN]
+        step = log.sighting_step[order]
+        self._ids, self._z, self._place = log.ids[order], log.z[order], path[step]
+        self._var = np.diagonal(log.z_cov, axis1=1, axis2=2)[order]
+        self._gone = np.concatenate(([0.0], np.cumsum(np.hypot(*log.delta[1:, :2].T))))[step]
 
-def _pairs(log: Log, path: Array, order: Ints, apart: int) -> _Pairs:
-    """Every sighting with the one of its landmark that is so many sightings later; `path` (n, 2) is the odometry's.
+    def pairs(self, apart: int) -> _Pairs:
+        """Every sighting with the one of its landmark that is so many sightings later."""
+        same = self._ids[:-apart] == self._ids[apart:]
 
-    `order` is that of `_by_landmark`.
-    """
-    one, other = order[:-apart], order[apart:]
-    same = log.ids[one] == log.ids[other]
-    one, other = one[same], other[same]
-    first, last = log.sighting_step[one], log.sighting_step[other]
-    gone = np.concatenate(([0.0], np.cumsum(np.hypot(*log.delta[1:, :2].T))))
-    noise = np.sqrt(log.z_cov[one, 0, 0] + log.z_cov[other, 0, 0])
-    straight = np.hypot(*(path[last] - path[first]).T)
-    turned = np.abs(wrap(log.z[other, 1] - log.z[one, 1]))
-    turn_noise = np.sqrt(log.z_cov[one, 1, 1] + log.z_cov[other, 1, 1])
-    return _Pairs(log.z[one, 0], log.z[other, 0], noise, gone[last] - gone[first], straight, turned, turn_noise)
+        def both(values: Array) -> tuple[Array, Array]:
+            return values[:-apart][same], values[apart:][same]
+
+        (z, other_z), (var, other_var), (place, other_place) = map(both, (self._z, self._var, self._place))
+        gone, other_gone = both(self._gone)
+        noise, turn_noise = np.sqrt(var + other_var).T
+        straight = np.hypot(*(other_place - place).T)
+        turned = np.abs(wrap(other_z[:, 1] - z[:, 1]))
+        return _Pairs(z[:, 0], other_z[:, 0], noise, other_gone - gone, straight, turned, turn_noise)
 
 
 def _stands(log: Log, path: Array, size: float) -> Iterator[str]:
@@ -83,8 +87,8 @@ def _stands(log: Log, path: Array, size: float) -> Iterator[str]:
     Between neighbouring sightings they may change by too little, and after a lap not at all: several distances are
     tried.
     """
-    apart, nearest, most, order = 1, 0.0, (0.0, 0.0), _by_landmark(log)
-    while len((pairs := _pairs(log, path, order, apart)).a) >= FEW:
+    apart, nearest, most, sightings = 1, 0.0, (0.0, 0.0), _Sequence(log, path)
+    while len((pairs := sightings.pairs(apart)).a) >= FEW:
         change = np.abs(pairs.a - pairs.b)
         typical = float(np.median(change))
         nearest = nearest or typical
@@ -103,8 +107,8 @@ def _stands(log: Log, path: Array, size: float) -> Iterator[str]:
 
 def _repeats(log: Log, path: Array) -> Iterator[str]:
     """Finds ranges that change while the odometry repeats a reading, as where it is stuck for a part of the log."""
-    apart, nearest, most, order = 1, 0.0, (0.0, 0.0), _by_landmark(log)
-    while len((pairs := _pairs(log, path, order, apart)).a) >= FEW:
+    apart, nearest, most, sightings = 1, 0.0, (0.0, 0.0), _Sequence(log, path)
+    while len((pairs := sightings.pairs(apart)).a) >= FEW:
         same = pairs.way == 0
         apart *= 2
         if same.sum() < FEW:
@@ -128,8 +132,8 @@ def _unturned(log: Log, path: Array) -> Iterator[str]:
     """Finds bearings that change by more than ways do it, though the odometry never turns."""
     if np.ptp(np.cumsum(log.delta[1:, 2])) > UNTURNED:
         return
-    apart, first, order = 1, 0.0, _by_landmark(log)
-    while len((pairs := _pairs(log, path, order, apart)).a) >= FEW:
+    apart, first, sightings = 1, 0.0, _Sequence(log, path)
+    while len((pairs := sightings.pairs(apart)).a) >= FEW:
         nearest = np.minimum(pairs.a, pairs.b)
         small = pairs.way < nearest / 2
         typical = float(np.median(pairs.turned))
@@ -148,7 +152,7 @@ def _unturned(log: Log, path: Array) -> Iterator[str]:
 
 def _units(log: Log, path: Array) -> Iterator[str]:
     """Finds ranges and ways that differ as by a unit."""
-    pairs = _pairs(log, path, _by_landmark(log), 1)
+    pairs = _Sequence(log, path).pairs(1)
     if len(pairs.a) < FEW:
         return
     moving = pairs.way > np.median(pairs.way) / 10
