@@ -68,7 +68,7 @@ def test_a_way_too_long_to_be_thinned_is_drawn_as_the_last_steps_before_each_fra
     monkeypatch.setattr(view_module, "LAST", 1)
     pieces = view(shown)
     assert pieces.pieces
-    drawn = np.isfinite(pieces.truth).all(axis=1)
+    drawn = np.atleast_1d(np.isfinite(pieces.truth).all(axis=1))
     whole = np.zeros((len(shown.log.log), 2))
     whole[:] = seen.truth  # every step of it
     assert {tuple(xy) for xy in whole[shown.frames]} <= {tuple(xy) for xy in pieces.truth[drawn]}
