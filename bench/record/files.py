@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.files import csv_text, replaced, write_whole
-from ...core.number_rows import number_rows
+from ...core.files import csv_text, number_rows, replaced, write_whole
 from ...core.se2 import Array
 from ...core.truth.tum import write_tum
 from ..measure.locating import poses_judged

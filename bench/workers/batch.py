@@ -20,7 +20,6 @@ from ..contradiction.remark import remarked
 from ..measure import cell
 from ..measure.cell import Job, Result
 from ..plan.reference import made_with_reference
-from ..process.memory import MEGABYTE
 from ..record.beside_arrays import beside_arrays
 from ..record.sketch import sketch
 
@@ -170,7 +169,7 @@ def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: 
 def _megabytes(log: Log) -> float:
     """The size of a log's main columns."""
     columns = log.t, log.delta, log.delta_cov, log.ids, log.z, log.z_cov, log.loop_to, log.loop_delta, log.loop_cov
-    return sum(column.nbytes for column in columns) / MEGABYTE
+    return sum(column.nbytes for column in columns) / 1e6
 
 
 def unmade(batch: Batch, result: Result, seconds: float) -> Iterator[Finished]:

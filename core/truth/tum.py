@@ -13,7 +13,7 @@ import numpy as np
 
 from ..csv_values import digits_lost
 from ..elementary import arctan2, sincos
-from ..number_rows import number_rows
+from ..files import number_rows
 from ..scan import Scan, strict
 from ..se2 import Array
 from ..table import LARGEST, Table, scan_spaced

@@ -17,7 +17,7 @@ from ...core.coordinates import after_motion, as_points
 from ...core.elementary import sincos
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Log
-from ...core.number_rows import number_rows
+from ...core.files import number_rows
 from ...core.partial import BEARING
 from ...core.se2 import Array, Ints, act
 from ...core.small_matrices import upper

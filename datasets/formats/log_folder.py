@@ -43,9 +43,8 @@ from ...core.beside import KINDS
 from ...core.check import LOOPS, ODOMETRY, SIGHTINGS, SIGNATURES, check, problems
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Truth
-from ...core.files import beside
+from ...core.files import beside, number_rows
 from ...core.mounting import NONE
-from ...core.number_rows import number_rows
 from ...core.options import option
 from ...core.scan import Scan, attempted, counted, strict
 from ...core.se2 import Array, Ints

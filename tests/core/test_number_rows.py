@@ -6,8 +6,8 @@ import io
 import numpy as np
 import pytest
 
-from slamduel.core import number_rows as module
-from slamduel.core.number_rows import number_rows
+from slamduel.core import files
+from slamduel.core.files import number_rows
 
 RNG = np.random.default_rng(3)
 FLOATS = np.append(RNG.normal(0, 10.0 ** RNG.integers(-300, 300, 40)), (0.0, -0.0, 1e16, 1e-5, np.inf))
@@ -16,7 +16,7 @@ COUNTS = RNG.integers(-(2**62), 2**62, len(FLOATS))
 
 @pytest.mark.parametrize("block", [1, 7, 45, 1000])
 def test_rows_are_those_of_a_csv_writer_in_blocks_of_any_size(block: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "BLOCK", block)
+    monkeypatch.setattr(files, "BLOCK", block)
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(zip(COUNTS.tolist(), FLOATS.tolist(), strict=True))
     blocks = list(number_rows([COUNTS, FLOATS]))

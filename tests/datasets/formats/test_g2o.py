@@ -16,7 +16,7 @@ from differences import central
 from fuzzing import survivors
 from graph_round_trip import all_kinds, assert_same_parts, with_parts
 from refusals import refusal, refused, refused_at
-from slamduel.core import number_rows
+from slamduel.core import files
 from slamduel.core.check import problems
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log, Map
@@ -331,7 +331,7 @@ def test_a_log_of_more_rows_than_are_written_at_once_is_the_same_file(
     log = source.make(source.options(landmarks=60, steps=50), generator("city", 1)).log
     write_g2o(tmp_path / "whole.g2o", log)
     monkeypatch.setattr(g2o_write, "CHUNK", 7)
-    monkeypatch.setattr(number_rows, "BLOCK", 5)
+    monkeypatch.setattr(files, "BLOCK", 5)
     write_g2o(tmp_path / "parts.g2o", log)
     assert (tmp_path / "parts.g2o").read_bytes() == (tmp_path / "whole.g2o").read_bytes()
 
