@@ -62,23 +62,24 @@ class _Sequence:
         order = np.argsort(log.ids, kind="stable")
         order = order[log.ids[order] != UNKNOWN]
         step = log.sighting_step[order]
-        self._ids, self._z, self._place = log.ids[order], log.z[order], path[step]
-        self._var = np.diagonal(log.z_cov, axis1=1, axis2=2)[order]
+        self._ids, (self._range, self._bearing) = log.ids[order], log.z[order].T.copy()
+        self._x, self._y = path[step].T.copy()
+        self._range_var, self._bearing_var = log.z_cov[order, 0, 0], log.z_cov[order, 1, 1]
         self._gone = np.concatenate(([0.0], np.cumsum(np.hypot(*log.delta[1:, :2].T))))[step]
 
     def pairs(self, apart: int) -> _Pairs:
         """Every sighting with the one of its landmark that is so many sightings later."""
-        same = self._ids[:-apart] == self._ids[apart:]
-
-        def both(values: Array) -> tuple[Array, Array]:
-            return values[:-apart][same], values[apart:][same]
-
-        (z, other_z), (var, other_var), (place, other_place) = map(both, (self._z, self._var, self._place))
-        gone, other_gone = both(self._gone)
-        noise, turn_noise = np.sqrt(var + other_var).T
-        straight = np.hypot(*(other_place - place).T)
-        turned = np.abs(wrap(other_z[:, 1] - z[:, 1]))
-        return _Pairs(z[:, 0], other_z[:, 0], noise, other_gone - gone, straight, turned, turn_noise)
+        one, other = slice(-apart), slice(apart, None)
+        same = self._ids[one] == self._ids[other]
+        return _Pairs(
+            self._range[one][same],
+            self._range[other][same],
+            np.sqrt(self._range_var[one] + self._range_var[other])[same],
+            (self._gone[other] - self._gone[one])[same],
+            np.hypot(self._x[other] - self._x[one], self._y[other] - self._y[one])[same],
+            np.abs(wrap(self._bearing[other] - self._bearing[one]))[same],
+            np.sqrt(self._bearing_var[one] + self._bearing_var[other])[same],
+        )
 
 
 def _stands(log: Log, path: Array, size: float) -> Iterator[str]:
