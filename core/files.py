@@ -1,11 +1,11 @@
-"""Atomic file writes, files that can be read to their end, and arrays in files."""
+"""Atomic file writes, tables as text, files that can be read to their end, and arrays in files."""
 
 import contextlib
 import csv
 import io
 import os
 import secrets
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from pathlib import Path
 from tempfile import TemporaryFile, gettempdir
 from typing import IO, Any
@@ -16,6 +16,8 @@ import platformdirs
 from numpy.typing import DTypeLike, NDArray
 
 from .errors import InputError
+
+BLOCK = 10_000  # rows that are text at once
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -29,6 +31,27 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows((header, *rows))
     return text.getvalue()
+
+
+def number_rows(columns: Sequence[NDArray[Any]], between: str = ",", before: str = "") -> Iterator[str]:
+    """Yields the lines of `columns` (n,) each, many in a text: `before`, then the numbers with `between` them.
+
+    Floats read back bit for bit; NaN, and what is masked, is blank.
+    """
+    for first in range(0, len(columns[0]), BLOCK):
+        texts = [_texts(column[first : first + BLOCK]) for column in columns]
+        yield "".join([f"{before}{row}\n" for row in map(between.join, zip(*texts, strict=True))])
+
+
+def _texts(numbers: NDArray[Any]) -> Sequence[str]:
+    masked = np.ma.getmaskarray(numbers)
+    unknown = masked | np.isnan(numbers) if numbers.dtype.kind == "f" else masked
+    if unknown.all():
+        return [""] * len(numbers)
+    texts = list(map(repr, np.ma.getdata(numbers).tolist()))
+    for row in np.flatnonzero(unknown).tolist():
+        texts[row] = ""
+    return texts
 
 
 @contextlib.contextmanager

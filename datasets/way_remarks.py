@@ -54,20 +54,32 @@ def of_ways(log: Log) -> Iterator[str]:
     yield from stands or _units(log, path)
 
 
-def _pairs(log: Log, path: Array, apart: int) -> _Pairs:
-    """Every sighting with the one of its landmark that is so many sightings later; `path` (n, 2) is the odometry's."""
-    order = np.lexsort((log.sighting_step, log.ids))
-    order = order[log.ids[order] != UNKNOWN]
-    one, other = order[:-apart], order[apart:]
-    same = log.ids[one] == log.ids[other]
-    one, other = one[same], other[same]
-    first, last = log.sighting_step[one], log.sighting_step[other]
-    gone = np.concatenate(([0.0], np.cumsum(np.hypot(*log.delta[1:, :2].T))))
-    noise = np.sqrt(log.z_cov[one, 0, 0] + log.z_cov[other, 0, 0])
-    straight = np.hypot(*(path[last] - path[first]).T)
-    turned = np.abs(wrap(log.z[other, 1] - log.z[one, 1]))
-    turn_noise = np.sqrt(log.z_cov[one, 1, 1] + log.z_cov[other, 1, 1])
-    return _Pairs(log.z[one, 0], log.z[other, 0], noise, gone[last] - gone[first], straight, turned, turn_noise)
+class _Sequence:
+    """The sightings of known landmarks, landmark by landmark, each one's in the order of the log."""
+
+    def __init__(self, log: Log, path: Array) -> None:
+        """`path` (n, 2) is the odometry's."""
+        order = np.argsort(log.ids, kind="stable")
+        order = order[log.ids[order] != UNKNOWN]
+        step = log.sighting_step[order]
+        self._ids, (self._range, self._bearing) = log.ids[order], log.z[order].T.copy()
+        self._x, self._y = path[step].T.copy()
+        self._range_var, self._bearing_var = log.z_cov[order, 0, 0], log.z_cov[order, 1, 1]
+        self._gone = np.concatenate(([0.0], np.cumsum(np.hypot(*log.delta[1:, :2].T))))[step]
+
+    def pairs(self, apart: int) -> _Pairs:
+        """Every sighting with the one of its landmark that is so many sightings later."""
+        one, other = slice(-apart), slice(apart, None)
+        same = self._ids[one] == self._ids[other]
+        return _Pairs(
+            self._range[one][same],
+            self._range[other][same],
+            np.sqrt(self._range_var[one] + self._range_var[other])[same],
+            (self._gone[other] - self._gone[one])[same],
+            np.hypot(self._x[other] - self._x[one], self._y[other] - self._y[one])[same],
+            np.abs(wrap(self._bearing[other] - self._bearing[one]))[same],
+            np.sqrt(self._bearing_var[one] + self._bearing_var[other])[same],
+        )
 
 
 def _stands(log: Log, path: Array, size: float) -> Iterator[str]:
@@ -76,8 +88,8 @@ def _stands(log: Log, path: Array, size: float) -> Iterator[str]:
     Between neighbouring sightings they may change by too little, and after a lap not at all: several distances are
     tried.
     """
-    apart, nearest, most = 1, 0.0, (0.0, 0.0)
-    while len((pairs := _pairs(log, path, apart)).a) >= FEW:
+    apart, nearest, most, sightings = 1, 0.0, (0.0, 0.0), _Sequence(log, path)
+    while len((pairs := sightings.pairs(apart)).a) >= FEW:
         change = np.abs(pairs.a - pairs.b)
         typical = float(np.median(change))
         nearest = nearest or typical
@@ -96,8 +108,8 @@ def _stands(log: Log, path: Array, size: float) -> Iterator[str]:
 
 def _repeats(log: Log, path: Array) -> Iterator[str]:
     """Finds ranges that change while the odometry repeats a reading, as where it is stuck for a part of the log."""
-    apart, nearest, most = 1, 0.0, (0.0, 0.0)
-    while len((pairs := _pairs(log, path, apart)).a) >= FEW:
+    apart, nearest, most, sightings = 1, 0.0, (0.0, 0.0), _Sequence(log, path)
+    while len((pairs := sightings.pairs(apart)).a) >= FEW:
         same = pairs.way == 0
         apart *= 2
         if same.sum() < FEW:
@@ -121,8 +133,8 @@ def _unturned(log: Log, path: Array) -> Iterator[str]:
     """Finds bearings that change by more than ways do it, though the odometry never turns."""
     if np.ptp(np.cumsum(log.delta[1:, 2])) > UNTURNED:
         return
-    apart, first = 1, 0.0
-    while len((pairs := _pairs(log, path, apart)).a) >= FEW:
+    apart, first, sightings = 1, 0.0, _Sequence(log, path)
+    while len((pairs := sightings.pairs(apart)).a) >= FEW:
         nearest = np.minimum(pairs.a, pairs.b)
         small = pairs.way < nearest / 2
         typical = float(np.median(pairs.turned))
@@ -141,7 +153,7 @@ def _unturned(log: Log, path: Array) -> Iterator[str]:
 
 def _units(log: Log, path: Array) -> Iterator[str]:
     """Finds ranges and ways that differ as by a unit."""
-    pairs = _pairs(log, path, 1)
+    pairs = _Sequence(log, path).pairs(1)
     if len(pairs.a) < FEW:
         return
     moving = pairs.way > np.median(pairs.way) / 10

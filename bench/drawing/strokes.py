@@ -36,8 +36,9 @@ def _once(cell: NDArray[np.int64], step: NDArray[np.int64]) -> tuple[NDArray[np.
     last = np.append(np.flatnonzero(first)[1:], len(step))[:, None] - 1  # of each run of poses in one cell
     cell, here = cell[first, 0] * FAR + cell[first, 1], step[first]
     unbroken = here[1:] - step[last[:-1, 0]] == 1
-    pairs = np.sort(np.column_stack((cell[:-1], cell[1:])), axis=1)
-    new = np.unique(pairs[unbroken], axis=0, return_index=True)[1]
+    cell = np.unique(cell, return_inverse=True)[1]  # below 2^31, so that a pair is one number
+    pairs = np.minimum(cell[:-1], cell[1:]) * FAR + np.maximum(cell[:-1], cell[1:])
+    new = np.unique(pairs[unbroken], return_index=True)[1]
     at = np.flatnonzero(unbroken)[np.sort(new)]
     return here[at], here[at + 1]
 

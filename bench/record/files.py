@@ -1,14 +1,14 @@
 """Writes the files of a run's folder from its record: cells.csv, metrics.csv, run.json, and paths that evo reads."""
 
 import json
-from collections.abc import Iterable, Sequence
-from math import isfinite
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ...core.files import csv_text, write_whole
+from ...core.files import csv_text, number_rows, replaced, write_whole
 from ...core.se2 import Array
 from ...core.truth.tum import write_tum
 from ..measure.locating import poses_judged
@@ -66,7 +66,9 @@ def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> 
     place.mkdir(parents=True, exist_ok=True)
     if "online" in arrays:
         write_tum(place / "online.tum", arrays["t"], arrays["online"])
-        write_whole(place / "steps.csv", csv_text(STEPS, _steps(arrays, truth)))
+        with replaced(place / "steps.csv") as part, part.open("w", encoding="utf-8", newline="\n") as file:
+            file.write(",".join(STEPS) + "\n")
+            file.writelines(_steps(arrays, truth))
     if "final" in arrays:
         write_tum(place / "final.tum", arrays["t"], arrays["final"])
     prefix = "final_map" if "final_map_ids" in arrays else "map"
@@ -78,7 +80,8 @@ def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> 
     write_whole(place / "map.csv", csv_text(MAP, rows))
 
 
-def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[Any]]:
+def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterator[str]:
+    """Yields the lines of steps.csv, many in a text."""
     n = len(arrays["t"])
     error, consistency = np.full((2, n), np.nan)
 
@@ -90,13 +93,17 @@ def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterable[Sequence[A
     if "nees" in arrays:
         consistency[arrays["at"]] = arrays["nees"]
     cov = arrays.get("cov", np.full((n, 3, 3), np.nan))[:, *np.triu_indices(3)]
-    table = np.column_stack((arrays["t"], arrays["online"], cov, error, consistency, known("nis")))
-    clocks = (known(name) / 1e3 for name in ("step_ns", "wall_ns", "belief_ns"))
-    after = np.column_stack((known("n_eff"), *clocks))
-    inside = np.column_stack([known(name) for name in ("nis_dof", "ancestors", "refused")])
-    for k in range(n):
-        dof, *counts = (int(count) if isfinite(count) else None for count in inside[k].tolist())
-        yield k, *_blank(table[k]), dof, *_blank(after[k]), *counts
+    numbers = [arrays["t"], *arrays["online"].T, *cov.T, error, consistency, known("nis")]
+    dof, ancestors, refused = (_counts(known(name)) for name in ("nis_dof", "ancestors", "refused"))
+    after = [known("n_eff"), *(known(name) / 1e3 for name in ("step_ns", "wall_ns", "belief_ns"))]
+    floats = [[np.asarray(column, float) for column in columns] for columns in (numbers, after)]
+    return number_rows([np.arange(n), *floats[0], dof, *floats[1], ancestors, refused])
+
+
+def _counts(values: Array) -> NDArray[np.int64]:
+    """Whole numbers; those that are not finite are masked."""
+    unknown = ~np.isfinite(values)
+    return np.ma.array(np.where(unknown, 0, values).astype(np.int64), mask=unknown)
 
 
 def _blank(values: Array) -> list[float | None]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, act
@@ -18,6 +19,8 @@ from .replay import Part, Replay
 ELLIPSE_95 = 2.4477  # half axes of a 95 % ellipse, in standard deviations: root of chi-square's 95 % point
 TRAIL = 1500  # points up to which a path is drawn without thinning, roughly
 ASTRAY = 0.15  # share of the known path's extent that the frame leaves for dead reckoning beyond it
+ACROSS = 0.1  # share of the picture that the robot goes between two points of a thinned path, at most
+LAST = 10  # steps before each frame that are drawn where it goes further
 FLATTEST, TALLEST = 0.3, 1.4  # bounds of a panel's height, in its widths: a straight drive is no line
 
 
@@ -58,6 +61,7 @@ class View(NamedTuple):
     t: Array  # (f,) s since the log began
     timed: bool  # the log has times, and does not number its steps
     at: Ints  # (f,) number of the trail's points up to the frame
+    pieces: bool  # the trail is the last steps before each frame, as those between would be lines across the picture
     truth: Array  # (q, 2) along the trail, NaN where not known
     robot: Array  # (f, 3) the known pose, NaN where there is none
     places: Array  # (l, 2) the known landmarks
@@ -67,11 +71,37 @@ class View(NamedTuple):
     rings: bool  # the log has ranges alone
 
 
+class _Trail(NamedTuple):
+    """The steps that paths are drawn through, in order."""
+
+    steps: Ints  # (q,)
+    gap: NDArray[np.bool_]  # (q,) the line is broken here, and goes on with the next
+
+    def along(self, path: Array) -> Array:
+        """The points (p, 2) of a path (n, 2 or 3) as far as it came, NaN in gaps."""
+        there = self.steps < len(path)
+        return np.where(self.gap[there, None], np.nan, path[self.steps[there], :2])
+
+
+def _trail(replay: Replay, size: float) -> _Trail:
+    """Thins paths in a picture whose longer side is `size` m."""
+    log, frames = replay.log.log, replay.frames
+    n = len(log)
+    thinned = np.unique(np.concatenate((frames, np.linspace(0, n - 1, min(n, TRAIL)).round().astype(np.int64))))
+    way = float(np.hypot(*log.delta[1:, :2].T).sum())
+    if n <= TRAIL or way / len(thinned) <= ACROSS * size:
+        return _Trail(thinned, np.zeros(len(thinned), bool))
+    first = np.maximum(frames - LAST, np.append(-1, frames[:-1]) + 1)
+    pieces = [np.append(begin, np.arange(begin, end + 1)) for begin, end in zip(first, frames, strict=True)]
+    begins = np.cumsum([0, *map(len, pieces[:-1])])
+    steps = np.concatenate(pieces)
+    return _Trail(steps, np.isin(np.arange(len(steps)), begins))
+
+
 def view(replay: Replay) -> View:
     """Computes the view."""
     log, truth = replay.log
     n = len(log)
-    trail = np.unique(np.concatenate((replay.frames, np.linspace(0, n - 1, min(n, TRAIL)).round().astype(np.int64))))
     poses = np.full((n, 3), np.nan)
     if truth is not None and len(truth.t):
         poses[np.searchsorted(log.t, truth.t)] = truth.poses
@@ -80,6 +110,7 @@ def view(replay: Replay) -> View:
     seconds = log.t - log.t[0]
     low, high = _box(replay, poses, places)
     cells = None if log.scans is None else raster(low, high)
+    trail = _trail(replay, float((high - low).max()))
     return View(
         title=f"{replay.dataset} · seed {replay.seed}",
         known=replay.known,
@@ -88,11 +119,12 @@ def view(replay: Replay) -> View:
         steps=replay.frames,
         t=seconds[replay.frames],
         timed=not numbered(log.t),
-        at=np.searchsorted(trail, replay.frames, "right"),
-        truth=poses[trail][:, :2],
+        at=np.searchsorted(trail.steps, replay.frames, "right"),
+        pieces=bool(trail.gap.any()),
+        truth=trail.along(poses),
         robot=poses[replay.frames],
         places=places,
-        reckoned=replay.reckoned[trail][:, :2],
+        reckoned=trail.along(replay.reckoned),
         panels=[_panel(replay, part, poses, trail, cells, float(np.hypot(*(high - low)))) for part in replay.parts],
         cells=cells,
         rings=log.partial is not None and bool((log.partial.kind == RANGE).any()),
@@ -135,7 +167,7 @@ def when(view: View, frame: int) -> str:
     return f"{view.t[frame]:,.1f} s  ·  {step}" if view.timed else step
 
 
-def _panel(replay: Replay, part: Part, poses: Array, trail: Ints, cells: Raster | None, across: float) -> Panel:
+def _panel(replay: Replay, part: Part, poses: Array, trail: _Trail, cells: Raster | None, across: float) -> Panel:
     """A part's panel, of a plane that is `across` m from corner to corner."""
     course, log = part.course, replay.log.log
     scans = log.scans if len(course.maps) else None
@@ -150,7 +182,7 @@ def _panel(replay: Replay, part: Part, poses: Array, trail: Ints, cells: Raster 
         label=part.label,
         look=part.look,
         remark=part.remark,
-        trail=course.path[trail[trail < len(course.path)]][:, :2],
+        trail=trail.along(course.path),
         pose=path,
         ellipse=ellipses(cov[:, :2, :2]),
         maps=course.maps,

@@ -46,10 +46,12 @@ def benchmark(
     *,
     retry: bool = False,
     strict: bool = False,
+    lasting: bool = False,
 ) -> tuple[Plan, Recorded]:
     """Runs `given` and DEFAULTS into `out`, or continues its run; returns its plan and its record.
 
-    InputError where that has other settings, and with `strict` for a log with a remark.
+    The executor is closed before the report is written, which needs the memory of its workers where logs are long,
+    unless it is `lasting`. InputError where `out` has other settings, and with `strict` for a log with a remark.
     """
     plan = planned(given, out)
     if (plan.repeats or 1) > 1 and not executor.times:
@@ -69,6 +71,8 @@ def benchmark(
             raise Interrupted(f"no cell was begun, and {out} holds nothing of this run") from None
         raise Interrupted(f"bench run --out {shlex.quote(str(out))} continues from here") from None
     watcher.reporting()
+    if not lasting:
+        executor.close()
     with Store(out) as store:
         return plan, write_report(store)
 

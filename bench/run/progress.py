@@ -27,6 +27,9 @@ from .terminal import STATUS_STYLE, tables
 Kind = tuple[str, str]  # a cell's dataset and backend, by their labels
 
 
+MORE_LATE = 0.25  # s still to go for each s that a cell is late
+
+
 class Pace:
     """Estimates the time left from the wall time of the cells so far, by dataset and backend."""
 
@@ -40,14 +43,22 @@ class Pace:
         self._left.remove(kind)
         self._taken.setdefault(kind, []).append(seconds)
 
-    def left(self) -> float | None:
-        """The s from the latest to the last cell's end, at least those of the longest cell; None before any."""
+    def left(self, since: float = 0.0) -> float | None:
+        """The s to the last cell's end, `since` s after the latest cell's; None before any.
+
+        At least those of the longest cell. While a cell takes longer than expected, the time of the others stays, and a
+        share of the delay is added: what takes long mostly goes on to.
+        """
         if not self._taken:
             return None
         known = {kind: fmean(seconds) for kind, seconds in self._taken.items()}
         guessed = {kind: _guess(known, kind) for kind in set(self._left)}
         awaited = [guessed[kind] for kind in self._left]
-        return max(sum(awaited) / self._workers, max(awaited, default=0.0))
+        if not awaited:
+            return 0.0
+        left = max(sum(awaited) / self._workers, *awaited)
+        running = sum(awaited) / len(awaited) / min(self._workers, len(awaited))  # from one cell's end to the next
+        return left - min(since, running) + MORE_LATE * max(0.0, since - running)
 
 
 def _guess(known: Mapping[Kind, float], kind: Kind) -> float:
@@ -194,10 +205,8 @@ class Screen:
 
     def _left(self) -> str | None:
         """The time left, in words; None before the first cell has ended, and at the end."""
-        left = self._pace.left()
-        if left is None or self._done == self._total:
-            return None
-        return words(max(0.0, left - (time.monotonic() - self._latest)))
+        left = self._pace.left(time.monotonic() - self._latest)
+        return None if left is None or self._done == self._total else words(left)
 
     def _draw(self) -> None:
         """Recomputes the tables; where they are too tall, one line per dataset, or none."""

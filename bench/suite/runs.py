@@ -32,7 +32,7 @@ def run_suite(
         try:
             with screen(run) as watcher:
                 command = [*run.words, "--out", str(place)]
-                _, record = benchmark(run.given, place, executor, command, watcher, retry=retry)
+                _, record = benchmark(run.given, place, executor, command, watcher, retry=retry, lasting=True)
         except Absent as error:
             skipped[run.name] = str(error)
             end(folder, skipped)

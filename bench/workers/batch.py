@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.errors import Absent, InputError, SlamduelError
-from ...core.factors import Dataset, Map, Start
+from ...core.factors import Dataset, Log, Map, Start
 from ...core.truth.errors import counted
 from ...datasets import archive
 from ...datasets import registry as datasets
@@ -26,6 +26,7 @@ from ..record.sketch import sketch
 HOST = platform.node()
 
 LOGS_KEPT = 3  # logs that a process keeps: cells that share a log come nearly one after another
+LARGE_MB = 100.0  # a log of more is loaded again for each batch: each backend has a process, and all would keep it
 
 
 class KeptLog(NamedTuple):
@@ -102,6 +103,11 @@ class Logs:
         for name in [name for name in self._kept if name[0][3] is None and not datasets.find(name[0][0]).seeded]:
             del self._kept[name]
 
+    def forget_large(self) -> None:
+        """Forgets logs of more than LARGE_MB."""
+        for name in [name for name, (dataset, _) in self._kept.items() if _megabytes(dataset.log) > LARGE_MB]:
+            del self._kept[name]
+
     def get(self, batch: Batch) -> tuple[Dataset, LogFacts]:
         """The batch's log and its facts; SlamduelError where it cannot be made or loaded."""
         name = batch.log, batch.round > 1
@@ -158,6 +164,12 @@ def work(batch: Batch, logs: Logs, made: Callable[[LogFacts], None] = lambda _: 
         if not batch.keep:
             result = replace(result, arrays={})
         yield Finished(batch, index, facts, result, time.perf_counter() - began, False, HOST)
+
+
+def _megabytes(log: Log) -> float:
+    """The size of a log's main columns."""
+    columns = log.t, log.delta, log.delta_cov, log.ids, log.z, log.z_cov, log.loop_to, log.loop_delta, log.loop_cov
+    return sum(column.nbytes for column in columns) / 1e6
 
 
 def unmade(batch: Batch, result: Result, seconds: float) -> Iterator[Finished]:

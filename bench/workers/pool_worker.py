@@ -26,7 +26,10 @@ class Reply(NamedTuple):
 
 
 def serve(pipe: Connection) -> None:
-    """Runs in the process: reads batches from the pipe; sends each log's facts, then a reply for each job."""
+    """Runs in the process: reads batches from the pipe; sends each log's facts, then a reply for each job.
+
+    Between batches it holds no large log.
+    """
     logs, latest, cold = Logs(), 0, True
     while True:
         try:
@@ -44,6 +47,8 @@ def serve(pipe: Connection) -> None:
             if cold:  # the first job's imports stay: no collection needed
                 gc.freeze()
                 cold = False
+        finished = None  # which has the log's archive and the result's arrays
+        logs.forget_large()
 
 
 @dataclass

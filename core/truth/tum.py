@@ -13,6 +13,7 @@ import numpy as np
 
 from ..csv_values import digits_lost
 from ..elementary import arctan2, sincos
+from ..files import number_rows
 from ..scan import Scan, strict
 from ..se2 import Array
 from ..table import LARGEST, Table, scan_spaced
@@ -29,10 +30,10 @@ LEVEL = 30.0
 def write_tum(path: Path, t: Array, poses: Array) -> None:
     """Writes poses (n, 3) at times `t` (n,)."""
     qz, qw = _quaternion(poses[:, 2])
-    rows = zip(t.tolist(), *poses[:, :2].T.tolist(), qz.tolist(), qw.tolist(), strict=True)
+    zero = np.zeros(len(t), np.int64)
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write("# " + " ".join(COLUMNS) + "\n")
-        file.writelines(f"{t!r} {x!r} {y!r} 0 0 0 {z!r} {w!r}\n" for t, x, y, z, w in rows)
+        file.writelines(number_rows([t, *poses[:, :2].T, zero, zero, zero, qz, qw], " "))
 
 
 def read_tum(path: Path) -> tuple[Array, Array]:

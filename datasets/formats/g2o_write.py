@@ -17,12 +17,14 @@ from ...core.coordinates import after_motion, as_points
 from ...core.elementary import sincos
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Log
+from ...core.files import number_rows
 from ...core.partial import BEARING
 from ...core.se2 import Array, Ints, act
 from ...core.small_matrices import upper
 from .graph_parts import check_parts
 from .pose_graph import inverses
 
+CHUNK = 100_000  # sightings that are converted at once
 MOST_ID = 2**31 - 1  # the largest id of a vertex: g2o's is an int
 
 
@@ -90,8 +92,10 @@ def _motions(log: Log, first: int) -> Iterator[str]:
 
 
 def _points(log: Log, first: int) -> Iterator[str]:
-    xy, cov = as_points(log.z, log.z_cov)
-    return _rows("EDGE_SE2_XY", first + log.sighting_step, log.ids, *xy.T, *_information(cov))
+    for begin in range(0, len(log.ids), CHUNK):
+        some = slice(begin, begin + CHUNK)
+        xy, cov = as_points(log.z[some], log.z_cov[some])
+        yield from _rows("EDGE_SE2_XY", first + log.sighting_step[some], log.ids[some], *xy.T, *_information(cov))
 
 
 def _parts(log: Log, first: int) -> Iterator[str]:
@@ -130,7 +134,7 @@ def _information(cov: Array) -> Iterable[Array]:
 
 
 def _rows(tag: str, *columns: Array | Ints) -> Iterator[str]:
-    return (f"{tag} {' '.join(map(repr, row))}\n" for row in zip(*(c.tolist() for c in columns), strict=True))
+    return number_rows(columns, " ", f"{tag} ")
 
 
 def _places(log: Log, poses: Array) -> tuple[Ints, Array]:

@@ -43,13 +43,13 @@ from ...core.beside import KINDS
 from ...core.check import LOOPS, ODOMETRY, SIGHTINGS, SIGNATURES, check, problems
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Truth
-from ...core.files import beside
+from ...core.files import beside, number_rows
 from ...core.mounting import NONE
 from ...core.options import option
 from ...core.scan import Scan, attempted, counted, strict
 from ...core.se2 import Array, Ints
 from ...core.small_matrices import symmetric, upper
-from ...core.table import CHUNK, Table, scan_csv
+from ...core.table import Table, scan_csv
 from ...core.toml.table import TomlTable
 from ...core.truth.check import check_truth, relation_problems
 from ..registry import Named, Source
@@ -326,11 +326,4 @@ def _write_files(folder: Path, log: Log, truth: Truth | None) -> None:
 def _write_rows(path: Path, head: str, columns: Sequence[Array | Ints]) -> None:
     with path.open("w", encoding="utf-8", newline="\n") as file:
         file.write(head + "\n")
-        for first in range(0, len(columns[0]), CHUNK):
-            rows = zip(*(column[first : first + CHUNK].tolist() for column in columns), strict=True)
-            file.writelines(",".join(map(_cell, row)) + "\n" for row in rows)
-
-
-def _cell(value: float) -> str:
-    """A number of a table, blank for NaN."""
-    return "" if value != value else repr(value)
+        file.writelines(number_rows(columns))

@@ -16,6 +16,7 @@ from random_logs import random_log
 from slamduel.bench.cli import main
 from slamduel.bench.record.store import Store
 from slamduel.bench.replay import rerun
+from slamduel.bench.replay import view as view_module
 from slamduel.bench.replay.replay import Replay, choose, replay
 from slamduel.bench.replay.view import View, ellipses, view
 from slamduel.datasets.formats import log_folder
@@ -55,6 +56,32 @@ def seen(shown: Replay) -> View:
 def recorded(folder: Path, backend: str) -> dict[str, Any]:
     with Store(folder) as store:
         return next(store.arrays(row) for row in store.cells() if row.columns["backend"] == backend)
+
+
+def test_a_way_too_long_to_be_thinned_is_drawn_as_the_last_steps_before_each_frame(
+    shown: Replay, seen: View, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not seen.pieces
+    monkeypatch.setattr(view_module, "TRAIL", 20)  # points, of 40 steps
+    assert not view(shown).pieces  # the robot goes little from one to the next
+    monkeypatch.setattr(view_module, "ACROSS", 1e-6)
+    monkeypatch.setattr(view_module, "LAST", 1)
+    pieces = view(shown)
+    assert pieces.pieces
+    drawn = np.atleast_1d(np.isfinite(pieces.truth).all(axis=1))
+    whole = np.zeros((len(shown.log.log), 2))
+    whole[:] = seen.truth  # every step of it
+    assert {tuple(xy) for xy in whole[shown.frames]} <= {tuple(xy) for xy in pieces.truth[drawn]}
+    both = drawn[1:] & drawn[:-1]
+    steps = [int(np.flatnonzero((whole == xy).all(axis=1))[0]) for xy in pieces.truth[drawn]]
+    assert both.any()
+    at = np.full(len(drawn), -1)
+    at[drawn] = steps
+    assert (np.diff(at)[both] == 1).all()  # no line joins what is not next to each other
+    assert [at[count - 1] for count in pieces.at] == shown.frames.tolist()  # up to each frame, and no further
+    ekf, alone = pieces.panels[0].trail, seen.panels[0].trail
+    assert len(ekf) == len(drawn)
+    assert np.array_equal(ekf[drawn], alone[steps])
 
 
 def test_the_paths_and_the_last_map_are_the_recorded_ones(folder: Path, shown: Replay) -> None:

@@ -23,8 +23,12 @@ from slamduel.bench.plan.plan import Plan
 from slamduel.bench.record.lock import claimed
 from slamduel.bench.record.schema import COLUMNS, Row
 from slamduel.bench.record.store import Store
+from slamduel.bench.run import benchmark as benchmark_module
 from slamduel.bench.run.benchmark import planned
+from slamduel.bench.run.progress import Screen
 from slamduel.bench.run.runner import killed_plan, recorded_plan
+from slamduel.bench.words.console import screen_console
+from slamduel.bench.workers.executor import Here
 from slamduel.bench.workers.tasks import execute
 from slamduel.core.errors import InputError
 from slamduel.core.factors import REMARKS, Log
@@ -314,6 +318,30 @@ def test_a_worker_starts_with_all_backends_imported_and_numba_at_work() -> None:
     ]
     called = f"len({modules}['slamduel.core.kernels._planar'].wrap.signatures)"
     assert [ended.value for ended in execute(eval, [*asked, called], workers=1)] == [True, True, True, 1]
+
+
+@pytest.mark.parametrize("lasting", [False, True])
+def test_workers_end_before_the_report_unless_another_run_follows(
+    lasting: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    open_then: list[bool] = []
+
+    class Pool(Here):
+        open = True
+
+        def close(self) -> None:
+            self.open = False
+
+    def reported(*of: Any) -> Any:
+        open_then.append(pool.open)
+        return report(*of)
+
+    report, pool = benchmark_module.write_report, Pool()
+    monkeypatch.setattr(benchmark_module, "write_report", reported)
+    given = {"backend": "dead-reckoning", "dataset": "circle[steps=20]", "seeds": 1}
+    with Screen(screen_console(quiet=True)) as screen:
+        benchmark_module.benchmark(given, tmp_path / "run", pool, ["bench"], screen, lasting=lasting)
+    assert open_then == [lasting]
 
 
 def test_two_runs_cannot_share_a_folder(tmp_path: Path, log_folder: Path) -> None:

@@ -209,6 +209,22 @@ def test_time_left_is_by_dataset_and_backend() -> None:
     assert side_by_side.left() == pytest.approx(30.0)  # the last one is not shared
 
 
+def test_time_left_neither_runs_out_nor_jumps_while_a_cell_is_late() -> None:
+    pace = Pace([("city", "ekf")] * 5, 1)
+    pace.took(("city", "ekf"), 100.0)
+    left = [pace.left(since) or 0.0 for since in range(600)]
+    assert left[0] == pytest.approx(400.0)
+    assert left[60] == pytest.approx(340.0)
+    assert min(left) == pytest.approx(300.0)  # the other cells still take as long
+    assert max(abs(b - a) for a, b in pairwise(left)) <= 1.0 + 1e-9
+    assert left[500] == pytest.approx(400.0)  # 400 s late: perhaps another 100
+    pace.took(("city", "ekf"), 500.0)
+    last = Pace([("city", "ekf")] * 2, 4)
+    last.took(("city", "ekf"), 10.0)
+    assert words(last.left(0.0) or 0.0) == "about 10 s left"
+    assert words(last.left(300.0) or 0.0) == "about 70 s left"  # not "some seconds"
+
+
 def test_a_time_is_told_no_finer_than_it_is_known() -> None:
     told = [words(seconds) for seconds in (0, 9, 44, 300, 9000)]
     assert told == ["some seconds left"] * 2 + ["about 40 s left", "about 5 min left", "about 2.5 h left"]

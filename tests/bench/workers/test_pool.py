@@ -1,6 +1,7 @@
 """A pool of processes that each do many cells: the same numbers as in a process each, whatever becomes of one."""
 
 import dataclasses
+import gc
 import multiprocessing
 import os
 import random
@@ -10,9 +11,10 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Generator, Iterable, Sequence
+import weakref
+from collections.abc import Callable, Generator, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -22,13 +24,15 @@ import lasting_workers
 from random_logs import random_log
 from slamduel.backends import registry as backends
 from slamduel.bench.measure.cell import Job, Result
+from slamduel.bench.plan.reference import made_with_reference
 from slamduel.bench.process.memory import limited
-from slamduel.bench.workers import local_executor
+from slamduel.bench.workers import batch as batch_module
+from slamduel.bench.workers import local_executor, pool_worker
 from slamduel.bench.workers.batch import Batch, Finished
 from slamduel.bench.workers.batch_queue import BatchQueue
 from slamduel.bench.workers.executor import Here
 from slamduel.bench.workers.local_executor import Local
-from slamduel.core.factors import Log
+from slamduel.core.factors import Dataset, Log
 from slamduel.datasets import registry as datasets
 from slamduel.datasets.formats import log_folder
 from small_run import TIMES
@@ -266,6 +270,45 @@ def test_batches_on_one_log_go_to_one_worker() -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="no other kernel keeps the limit")
+@pytest.mark.parametrize(("large_mb", "made", "held"), [(1000.0, 1, True), (0.0, 2, False)])
+def test_a_worker_holds_no_large_log_between_batches(
+    large_mb: float, made: int, held: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(batch_module, "LARGE_MB", large_mb)
+    logs: list[weakref.ref[Log]] = []
+
+    def making(*of: Any) -> Dataset:
+        dataset = made_with_reference(*of)
+        logs.append(weakref.ref(dataset.log))
+        return dataset
+
+    monkeypatch.setattr(batch_module, "made_with_reference", making)
+    pipe = Script([batch(["ekf"], keep=True), batch(["ekf"], keep=True)], lambda: logs and logs[0]() is not None)
+    pool_worker.serve(cast("Any", pipe))
+    assert len(logs) == made
+    assert pipe.looks == [False, held, held]
+    first, second = (said.result for said in pipe.said if isinstance(said, pool_worker.Reply))
+    assert numbers(first) == numbers(second)
+
+
+class Script:
+    """A worker's end of a pipe, which gives it these batches and looks whether it holds a log before each."""
+
+    def __init__(self, batches: Sequence[Batch], held: Callable[[], bool | list[Any]]) -> None:
+        self._batches, self._held = list(batches), held
+        self.said, self.looks = list[Any](), list[bool]()
+
+    def recv(self) -> tuple[int, Batch]:
+        gc.collect()
+        self.looks.append(bool(self._held()))
+        if not self._batches:
+            raise EOFError
+        return 1, self._batches.pop(0)
+
+    def send(self, said: Any) -> None:
+        self.said.append(said if isinstance(said, pool_worker.Reply) else None)
+
+
 def test_a_limit_of_memory_is_put_back() -> None:
     before = resource.getrlimit(resource.RLIMIT_AS)
     for _ in range(2):

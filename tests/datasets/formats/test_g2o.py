@@ -16,13 +16,14 @@ from differences import central
 from fuzzing import survivors
 from graph_round_trip import all_kinds, assert_same_parts, with_parts
 from refusals import refusal, refused, refused_at
+from slamduel.core import files
 from slamduel.core.check import problems
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log, Map
 from slamduel.core.partial import BEARING, RANGE
 from slamduel.core.se2 import Array, inverse, rotation
 from slamduel.datasets.cache import generator
-from slamduel.datasets.formats import g2o
+from slamduel.datasets.formats import g2o, g2o_write
 from slamduel.datasets.formats.g2o_write import write_g2o
 from slamduel.datasets.registry import find
 from small_log import small_log
@@ -321,6 +322,18 @@ def test_simulated_logs_come_back(name: str, options: dict[str, int], tmp_path: 
     log = source.make(source.options(**options), generator(name, 1)).log
     write_g2o(tmp_path / "log.g2o", log)
     assert_same_factors(g2o.read(tmp_path / "log.g2o").log, log, rtol=1e-11)
+
+
+def test_a_log_of_more_rows_than_are_written_at_once_is_the_same_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = find("city")
+    log = source.make(source.options(landmarks=60, steps=50), generator("city", 1)).log
+    write_g2o(tmp_path / "whole.g2o", log)
+    monkeypatch.setattr(g2o_write, "CHUNK", 7)
+    monkeypatch.setattr(files, "BLOCK", 5)
+    write_g2o(tmp_path / "parts.g2o", log)
+    assert (tmp_path / "parts.g2o").read_bytes() == (tmp_path / "whole.g2o").read_bytes()
 
 
 def test_bearings_alone_and_priors_of_other_poses_are_read(small: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from fuzzing import survivors
 from refusals import refusal, refused
-from slamduel.core import table
+from slamduel.core import files, table
 from slamduel.core.check import problems
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Truth
@@ -387,7 +387,7 @@ def test_a_scan_goes_on_where_a_file_is_missing(folder: Path, missing: str):
 
 
 def test_a_log_of_more_rows_than_are_written_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(log_folder, "CHUNK", 4)
+    monkeypatch.setattr(files, "BLOCK", 4)
     monkeypatch.setattr(table, "CHUNK", 4)
     log_folder.write(tmp_path / "log", *small_dataset())
     assert_same(log_folder.read(tmp_path / "log"), small_dataset())
