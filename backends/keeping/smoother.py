@@ -49,16 +49,17 @@ class Keeping(Smoother):
     """Incremental smoothing with submaps in place of poses from which nothing new is seen."""
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
-        for there, what in (
-            (prior.loops, "no loop closures, which are to poses that it does not keep"),
-            (prior.partial, "no sightings that tell a range or a bearing alone"),
-            (prior.fixes, "no positions and headings measured in the world"),
-            (prior.gyro is not None, "no gyro's bias in the state; gyro=front estimates it in front"),
-            (prior.map is not None, "no given map, with which nothing is new"),
-            (options.loss != "none", "no robust loss, whose weights would stay as they are"),
+        lag = "so does fixed-lag, at a bounded cost"
+        for there, what, other in (
+            (prior.loops, "no loop closures, which are to poses that it does not keep", "ekf[poses=200] takes some"),
+            (prior.partial, "no sightings that tell a range or a bearing alone", lag),
+            (prior.fixes, "no positions and headings measured in the world", lag),
+            (prior.gyro is not None, "no gyro's bias in the state", "gyro=front estimates it in front"),
+            (prior.map is not None, "no given map, with which nothing is new", lag),
+            (options.loss != "none", "no robust loss, whose weights would stay as they are", lag),
         ):
             if there:
-                raise Unsuited(f"keep={options.keep:g} takes {what}; keep=0 does")
+                raise Unsuited(f"keep={options.keep:g} takes {what}; keep=0 does, and {other}")
         super().__init__(prior, options, rng)
         compile_ahead(f"{__package__}.kernels")
         self.submaps, self._left_out = list[Submap](), LeftOut()
