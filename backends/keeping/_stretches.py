@@ -3,11 +3,14 @@
 import numpy as np
 
 from ...core.kernels.compiled import compiled
-from ...core.se2 import Ints
+from ...core.se2 import Array, Ints
 from ..smoothing._graph import END, FIRST, LANDMARK, MARK, POINT, STAMP, Graph
 
 AROUND, ENOUGH = 5, 3
 """Steps on either side of a cut, and the landmarks that have to be in sight there: three determine a pose well."""
+
+SHORT = 0.25
+"""Least length of a stretch that ends where another submap is nearer, over that of the longest."""
 
 
 @compiled
@@ -36,17 +39,34 @@ def seen_in(g: Graph, first: int, last: int) -> tuple[Ints, bool]:
 
 
 @compiled
-def stretches(g: Graph, first: int, last: int, length: float, longest: int) -> Ints:
+def nearest(x: float, y: float, centres: Array) -> int:
+    """The row of the nearest of the centres (c, 2) to a place; -1 if there is none."""
+    best, least = -1, 0.0
+    for i in range(len(centres)):
+        dx, dy = centres[i, 0] - x, centres[i, 1] - y
+        if best < 0 or dx * dx + dy * dy < least:
+            best, least = i, dx * dx + dy * dy
+    return best
+
+
+@compiled
+def stretches(g: Graph, first: int, last: int, length: float, longest: int, centres: Array) -> Ints:
     """The last steps of the stretches from step `first` on that end before step `last`.
 
-    A stretch ends further than `length` (m) from its start, or after `longest` steps, between two poses with sightings
-    where enough is in sight on either side.
+    A stretch ends further than `length` (m) from its start, or after `longest` steps, or, if it is longer than SHORT of
+    the length, where another of the centres (c, 2) of submaps is nearest: so the stretches of a place see the same
+    landmarks. It ends between two poses with sightings where enough is in sight on either side.
     """
     out, n, start = np.empty(max(last - first, 0), np.int64), 0, first
+    here = nearest(g.steps[first, POINT], g.steps[first, POINT + 1], centres)
     for k in range(first, last):
         dx, dy = g.steps[k, POINT] - g.steps[start, POINT], g.steps[k, POINT + 1] - g.steps[start, POINT + 1]
-        if dx * dx + dy * dy <= length * length and k - start + 1 < longest:
-            continue
+        far = dx * dx + dy * dy
+        if far <= length * length and k - start + 1 < longest:
+            if far <= (SHORT * length) ** 2:
+                continue
+            if nearest(g.steps[k + 1, POINT], g.steps[k + 1, POINT + 1], centres) == here:
+                continue
         if g.at[k] < 0 or g.at[k + 1] < 0:
             continue
         before = len(seen_in(g, max(start, k + 1 - AROUND), k)[0])
@@ -54,4 +74,5 @@ def stretches(g: Graph, first: int, last: int, length: float, longest: int) -> I
             out[n] = k
             n += 1
             start = k + 1
+            here = nearest(g.steps[start, POINT], g.steps[start, POINT + 1], centres)
     return out[:n]

@@ -13,7 +13,8 @@ def kernels() -> Kernels:
     ints, numbers, table, tables = np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     return [
         (_condensed.condense, (g, 0, 0, ints, True, table, numbers, tables)),
-        (_stretches.stretches, (g, 0, 0, 0.0, 0)),
+        (_stretches.nearest, (0.0, 0.0, table)),
+        (_stretches.stretches, (g, 0, 0, 0.0, 0, table)),
         (_stretches.seen_in, (g, 0, 0)),
         (_rehung.rehang, (g,)),
         (_following.follow, (table, table, table, table, ints, ints, ints, 0.0)),

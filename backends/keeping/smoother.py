@@ -24,7 +24,7 @@ from ..common_options import without_loss
 from ..incremental.smoother import Options, Smoother
 from ..smoothing._graph import FURTHEST, LAST, ROOT, STEP, STEPS, VARIABLES, WIDTH, Graph
 from ._condensed import condense
-from ._stretches import seen_in, stretches
+from ._stretches import nearest, seen_in, stretches
 from .compacted import Which, compacted
 from .left_out import LeftOut
 from .submaps import Condensed, Submap, begun
@@ -49,16 +49,17 @@ class Keeping(Smoother):
     """Incremental smoothing with submaps in place of poses from which nothing new is seen."""
 
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
-        for there, what in (
-            (prior.loops, "no loop closures, which are to poses that it does not keep"),
-            (prior.partial, "no sightings that tell a range or a bearing alone"),
-            (prior.fixes, "no positions and headings measured in the world"),
-            (prior.gyro is not None, "no gyro's bias in the state; gyro=front estimates it in front"),
-            (prior.map is not None, "no given map, with which nothing is new"),
-            (options.loss != "none", "no robust loss, whose weights would stay as they are"),
+        lag = "so does fixed-lag, at a bounded cost"
+        for there, what, other in (
+            (prior.loops, "no loop closures, which are to poses that it does not keep", "ekf[poses=200] takes some"),
+            (prior.partial, "no sightings that tell a range or a bearing alone", lag),
+            (prior.fixes, "no positions and headings measured in the world", lag),
+            (prior.gyro is not None, "no gyro's bias in the state", "gyro=front estimates it in front"),
+            (prior.map is not None, "no given map, with which nothing is new", lag),
+            (options.loss != "none", "no robust loss, whose weights would stay as they are", lag),
         ):
             if there:
-                raise Unsuited(f"keep={options.keep:g} takes {what}; keep=0 does")
+                raise Unsuited(f"keep={options.keep:g} takes {what}; keep=0 does, and {other}")
         super().__init__(prior, options, rng)
         compile_ahead(f"{__package__}.kernels")
         self.submaps, self._left_out = list[Submap](), LeftOut()
@@ -92,7 +93,8 @@ class Keeping(Smoother):
         self._known = np.concatenate((self._known, np.zeros(int(g.state[VARIABLES]) - len(self._known), np.bool_)))
         self._numbers = np.concatenate((self._numbers, np.arange(self._steps - rows + len(self._numbers), self._steps)))
         ended, gone = self._waiting, list[tuple[int, int]]()
-        for end in stretches(g, self._begin, rows - NEWEST, self._options.keep, LONGEST).tolist():
+        ends = stretches(g, self._begin, rows - NEWEST, self._options.keep, LONGEST, self._centres(g))
+        for end in ends.tolist():
             ended.append(Stretch(self._begin, end, self._is_new(self._begin, end)))
             self._begin = end + 1
         for this, after in pairwise(ended):
@@ -140,14 +142,16 @@ class Keeping(Smoother):
         frames[[g.variables[submap.frame, STEP] for submap in self.submaps]] = True
         self._renumber(keeps, frames)
 
+    def _centres(self, g: Graph) -> Array:
+        """(n, 2) the middles of the stretches that the submaps were made for."""
+        return np.array([of.middle_at(g.values[of.frame]) for of in self.submaps]).reshape(-1, 2)
+
     def _nearest(self, g: Graph, middle: Array) -> int:
         """The submap of the stretch whose middle is nearest to this one (2,); their number if none is near."""
-        if not self.submaps:
-            return 0
-        off = np.array([submap.middle_at(g.values[submap.frame]) for submap in self.submaps]) - middle
-        far = np.hypot(off[:, 0], off[:, 1])
-        best = int(far.argmin())
-        return best if far[best] <= NEAR * self._options.keep else len(self.submaps)
+        centres = self._centres(g)
+        best = nearest(middle[0], middle[1], centres)
+        far = NEAR * self._options.keep
+        return best if best >= 0 and np.hypot(*(centres[best] - middle)) <= far else len(centres)
 
     def _renumber(self, keeps: Which, frames: Which) -> None:
         """Puts the tables that are left in place of the present ones, and eliminates everything."""

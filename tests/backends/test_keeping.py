@@ -21,6 +21,7 @@ from slamduel.backends.smoothing._graph import (
     NO_VARIABLE,
     PART,
     PLACE,
+    POINT,
     POSE,
     SIGHTINGS,
     SUBMAP,
@@ -200,6 +201,46 @@ def test_it_is_the_exact_smoother_bit_for_bit_while_nothing_is_marginalised(
     assert ends[0].map.xy.tobytes() == ends[1].map.xy.tobytes()
 
 
+def ends(g: Graph, last: int, length: float, longest: int, centres: Array) -> list[int]:
+    """The ends of all stretches from step 0 on, by their definition."""
+    places = g.steps[:, POINT : POINT + 2]
+
+    def near(k: int) -> int:
+        return int(np.hypot(*(centres - places[k]).T).argmin()) if len(centres) else -1
+
+    def seen(first: int, last: int) -> int:
+        poses = [int(v) for v in g.at[first : last + 1] if v >= 0]
+        return len({int(i) for v in poses for i in g.sightings[g.variables[v, FIRST] : g.variables[v, END], LANDMARK]})
+
+    out, start = list[int](), 0
+    for k in range(last):
+        far = np.hypot(*(places[k] - places[start]))
+        elsewhere = far > _stretches.SHORT * length and near(k + 1) != near(start)
+        if not (far > length or k - start + 1 >= longest or elsewhere):
+            continue
+        if min(g.at[k], g.at[k + 1]) >= 0 and seen(max(start, k - 4), k) >= 3 and seen(k + 1, min(k + 5, last)) >= 3:
+            out.append(k)
+            start = k + 1
+    return out
+
+
+@pytest.mark.parametrize("centres", [0, 1, 30])
+def test_stretches_end_where_another_submap_is_nearer(centres: int) -> None:
+    backend = make("smoother", a_city(7, 700).log.prior, keep=1e6)
+    for step in a_city(7, 700).log:
+        backend.step(step)
+    g = backend._forest.g
+    rng = np.random.default_rng(8)
+    places = g.steps[:700, POINT : POINT + 2]
+    around = rng.uniform(places.min(axis=0), places.max(axis=0), (centres, 2))
+    for length, longest in ((15.0, 1000), (8.0, 1000), (1e3, 30)):
+        found = _stretches.stretches(g, 0, 699, length, longest, around).tolist()
+        assert found == ends(g, 699, length, longest, around)
+        assert len(found) > 5
+    alone = _stretches.stretches(g, 0, 699, 1e3, 1000, around)
+    assert len(alone) == 0
+
+
 class Watched(keeping.Keeping):
     """Lists the steps that are marginalised."""
 
@@ -257,11 +298,14 @@ def test_it_is_nearly_as_good_as_the_exact_smoother_and_honest(seeds: range) -> 
 def test_what_it_holds_does_not_grow_with_time() -> None:
     log = a_city(1, 9000).log
     backend = make("smoother", log.prior, keep=15.0)
-    held = list[int]()
+    held, within = list[int](), list[int]()
     for step in log:
         backend.step(step)
         held.append(backend.held)
+        within.append(sum(len(of.landmarks) for of in backend.submaps))
     assert max(held[5000:]) < 1.02 * max(held[1000:5000]) < 2000
+    assert within[5000] > LANDMARKS
+    assert within[-1] < 1.1 * within[5000]
     assert len(backend.submaps) < 40
     assert len(backend.finish().path) == 9000
 
@@ -291,7 +335,8 @@ def test_what_it_does_not_take_is_said() -> None:
     log, truth = random_log(np.random.default_rng(0), 20, 5)
     assert truth is not None
     assert refused(log.prior, loss="cauchy") == (
-        "keep=5 takes no robust loss, whose weights would stay as they are; keep=0 does"
+        "keep=5 takes no robust loss, whose weights would stay as they are; keep=0 does, "
+        "and so does fixed-lag, at a bounded cost"
     )
     assert "no given map" in refused(log.prior._replace(map=truth.map))
     assert "gyro=front" in refused(log.prior._replace(gyro=Bias(0.0, 0.1)))
