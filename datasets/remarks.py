@@ -16,6 +16,7 @@ from ..core.factors import REMARKS, UNKNOWN, Dataset, Log
 from ..core.se2 import Array
 from ..core.table import LARGEST
 from ..frontend.pauses import PAUSE
+from .fixes.remarks import of_fixes
 from .hidden_ids import HIDDEN_NOTE
 from .truth_remarks import of_truth
 from .way_remarks import FAR, FEW, of_ways
@@ -59,6 +60,7 @@ def _remarks(log: Log) -> Iterator[str]:
     yield from _times(log)
     yield from _sizes(log)
     yield from _motions(log)
+    yield from of_fixes(log)
     if not len(log.ids):
         if not len(log.loop_to) and log.partial is None and log.fixes is None:
             yield NO_SIGHTING
@@ -131,15 +133,17 @@ def _motions(log: Log) -> Iterator[str]:
     between = np.diff(log.t)
     slower = np.minimum(np.median(between) / between, 1.0)  # a long motion in a long time is no jump,
     moves = _large(stride) | (turn > STILL * turn.max())  # nor any motion of a robot that mostly stands
-    for column, (name, power) in enumerate((("dx", 1), ("dy", 2), ("dtheta", 1))):  # aside a curve goes as its square
+    columns = (("dx", 1, "m"), ("dy", 2, "m"), ("dtheta", 1, "rad"))
+    for column, (name, power, unit) in enumerate(columns):  # aside a curve goes as its square
         motion = log.delta[1:, column]
         far = (_score(motion[moves]) > JUMP) & (_score((motion * slower**power)[moves]) > JUMP)
         jumps = np.flatnonzero(moves)[far]
         if len(jumps):
             first = int(jumps[0])
             yield (
-                f"{_count(len(jumps), 'jump')} of the odometry's {name}, {JUMP:g} standard deviations of the other "
-                f"steps from their mean, the first of {motion[first]:.3g} at step {first + 1}"
+                f"{_count(len(jumps), 'jump')} of the odometry's {name}: more than {JUMP:g} standard deviations of the other "
+                f"steps from their mean; the first is {motion[first]:.3g} {unit} at step {first + 1}, "
+                f"{log.t[first + 1]:.10g} s"
             )
 
 
