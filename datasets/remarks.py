@@ -141,9 +141,8 @@ def _motions(log: Log) -> Iterator[str]:
         if len(jumps):
             first = int(jumps[0])
             yield (
-                f"{_count(len(jumps), 'jump')} of the odometry's {name}: more than {JUMP:g} standard deviations of the other "
-                f"steps from their mean; the first is {motion[first]:.3g} {unit} at step {first + 1}, "
-                f"{log.t[first + 1]:.10g} s"
+                f"{_count(len(jumps), 'jump')} of the odometry's {name}: more than {JUMP:g} standard deviations of the "
+                f"other steps from their mean; the first of {motion[first]:.3g} {unit} at step {first + 1}"
             )
 
 

@@ -23,9 +23,9 @@ TYPICAL = 0.67449
 STATED = 3.0
 """Standard deviations of a scale or an offset that the prior states, up to which the log knows of it."""
 
-REACH, SPREAD = 2.0, 10.0
-"""A reflection's way is seldom more than twice the longest direct one; beyond that, and so many standard deviations of
-the range, there is no way of it."""
+REACH, SPREAD = 5.0, 10.0
+"""Times the longest direct way, and standard deviations: a way with reflections is seldom more than twice as long, and
+one of many late ranges 2.5 times. What is beyond is no noise: a lost digit, another unit, an error's code."""
 
 LONE = 0.05
 """Share of the ranges to a landmark up to which they are single ones; more are its noise, or a unit's."""
@@ -46,7 +46,7 @@ def ratios(log: Log, truth: Truth | None) -> Array:
 
 
 def too_long(dataset: Dataset) -> Iterator[str]:
-    """Says what ranges alone are too long by, where that is as large as their stated noise and the log does not state it."""
+    """Says what ranges alone are too long by, if it is as large as their stated noise and the log does not state it."""
     log, truth = dataset
     if log.partial is None or truth is None or truth.kind != "truth" or not len(truth.t) or truth.map is None:
         return
@@ -61,8 +61,8 @@ def too_long(dataset: Dataset) -> Iterator[str]:
         return
     said = listed([clause(found, name) for name in names])
     yield (
-        f"by the true path and the known places {said}: this is {number(size)} times the stated noise of ranges, and no "
-        "noise; `bench noise LOG --apply FOLDER` corrects it, and an unknown one is stated by range_scale and "
+        f"by the true path and the known places {said}: this is {number(size)} times the stated noise of ranges, and "
+        "no noise; `bench noise LOG --apply FOLDER` corrects it, and an unknown one is stated by range_scale and "
         "range_offset of csv"
     )
 
@@ -126,8 +126,8 @@ def beyond_reach(log: Log, truth: Truth | None) -> Iterator[str]:
     step = int(table.step[first])
     by = "the true path" if _longest(truth, landmark) is not None else "the others and the robot's way"
     yield (
-        f"{len(far):,} of {len(mine):,} ranges alone {'is' if len(far) == 1 else 'are'} longer than there is a way: the "
-        f"first is of {number(float(table.z[first]))} m to landmark {landmark} at {log.t[step]:.10g} s, where by {by} "
+        f"{len(far):,} of {len(mine):,} ranges alone {'is' if len(far) == 1 else 'are'} longer than there is a way: "
+        f"the first is of {number(float(table.z[first]))} m to landmark {landmark} at {log.t[step]:.10g} s, where by {by} "
         f"{number(reach[landmark])} m are the most, and a reflection has at most about {REACH:g} times as many"
     )
 

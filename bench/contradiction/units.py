@@ -69,7 +69,7 @@ def wrong_units(log: Log, truth: Truth | None = None) -> Iterator[str]:
     if len(known := ratios(log, truth)) >= FEWEST:
         if (factor := _typical(known.tolist())) is not None:
             yield (
-                f"ranges alone are {number(factor)} times the distances by the true path and the known places (median): "
+                f"ranges alone are {number(factor)} times the distances by the true path and known places (median): "
                 f"{_unit(factor, 'ranges are', 'the places are')}"
             )
     elif (factor := _typical(list(_of_ranges(log, path)))) is not None:
@@ -107,6 +107,8 @@ def _of_ranges(log: Log, path: Array) -> Iterator[float]:
             # A straight line leaves the direction across it open: the shortest solution has nothing of it.
             U, s, V = np.linalg.svd(columns, full_matrices=False)
             kept = s > 1e-3 * s[0]
+            if (V[~kept, 3] ** 2).sum() > 1e-3:  # on a circle it leaves f open, too
+                continue
             found = V[kept].T @ ((U[:, kept].T @ r**2) / s[kept])
             left, free = r**2 - columns @ found, len(r) - int(kept.sum())
             error = np.sqrt((left @ left) / free * ((V[kept, 3] / s[kept]) ** 2).sum())

@@ -12,7 +12,7 @@ FRAME, NOISE = 3.0, 5.0
 frames are not the same, as a start is there by chance alone; of others, noise has more once in 270,000 logs."""
 
 SURE = 0.5
-"""Of the first position's standard deviations: the odometry's error up to there is at most so much, or it tells nothing."""
+"""Of the first position's standard deviations: the odometry's error up to there is less, or nothing is said."""
 
 
 def of_fixes(log: Log) -> Iterator[str]:

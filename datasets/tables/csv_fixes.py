@@ -46,7 +46,9 @@ def world(options: Options, track: Track, remarks: list[str]) -> World:
     found = World(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 2)), 0, {})
     for name, read in (("positions", _positions), ("headings", _headings)):
         if (given := getattr(options, name)) is not None:
-            found = _joined(found, read(Path(given), options, track, remarks), Path(given), name[:-1], start, end, remarks)
+            found = _joined(
+                found, read(Path(given), options, track, remarks), Path(given), name[:-1], start, end, remarks
+            )
     order = np.argsort(found.t, kind="stable")
     return found._replace(t=found.t[order], z=found.z[order], cov=found.cov[order], arm=found.arm[order])
 
@@ -82,8 +84,8 @@ def _positions(path: Path, options: Options, track: Track, remarks: list[str]) -
         off, found = float(np.hypot(*(xy[row] - np.median(xy, axis=0)))), tuple(table.rows[row, 1:3].tolist())
         swapped = table.columns[1] == "lat" and not len(far_off(_swapped(table, row), sd, driven, [row]))
         remarks.append(
-            f"{path}, line {table.lines[row]}: the position {found[0]:.10g}, {found[1]:.10g} is {_length(off)} from the "
-            f"middle of the others, which are {_length(_spread(xy, row))} from it at most, and the robot drives "
+            f"{path}, line {table.lines[row]}: the position {found[0]:.10g}, {found[1]:.10g} is {_length(off)} from "
+            f"the middle of the others, which are {_length(_spread(xy, row))} from it at most, and the robot drives "
             f"{_length(driven)}{': perhaps lat and lon are swapped in this row' * swapped}"
         )
     z, cov = np.full((len(xy), 3), np.nan), np.full((len(xy), 3, 3), np.nan)
