@@ -16,7 +16,6 @@ from ..core.factors import REMARKS, UNKNOWN, Dataset, Log
 from ..core.se2 import Array
 from ..core.table import LARGEST
 from ..frontend.pauses import PAUSE
-from .fixes.remarks import of_fixes
 from .hidden_ids import HIDDEN_NOTE
 from .truth_remarks import of_truth
 from .way_remarks import FAR, FEW, of_ways
@@ -60,7 +59,6 @@ def _remarks(log: Log) -> Iterator[str]:
     yield from _times(log)
     yield from _sizes(log)
     yield from _motions(log)
-    yield from of_fixes(log)
     if not len(log.ids):
         if not len(log.loop_to) and log.partial is None and log.fixes is None:
             yield NO_SIGHTING

@@ -95,7 +95,7 @@ def _weight(log: Log, truth: Truth, found: SystematicFit) -> tuple[float, float]
 def _stated(log: Log, name: str, size: float) -> bool:
     """True where the prior states a scale or offset of about that size."""
     stated = log.prior.systematic
-    return stated is not None and abs(size) <= STATED * getattr(stated, name)
+    return abs(size) <= STATED * getattr(stated, name)
 
 
 def beyond_reach(log: Log, truth: Truth | None) -> Iterator[str]:
@@ -127,8 +127,8 @@ def beyond_reach(log: Log, truth: Truth | None) -> Iterator[str]:
     by = "the true path" if _longest(truth, landmark) is not None else "the others and the robot's way"
     yield (
         f"{len(far):,} of {len(mine):,} ranges alone {'is' if len(far) == 1 else 'are'} longer than there is a way: "
-        f"the first is of {number(float(table.z[first]))} m to landmark {landmark} at {log.t[step]:.10g} s, where by {by} "
-        f"{number(reach[landmark])} m are the most, and a reflection has at most about {REACH:g} times as many"
+        f"the first is of {number(float(table.z[first]))} m to landmark {landmark} at {log.t[step]:.10g} s, where "
+        f"by {by} {number(reach[landmark])} m are the most; even reflections are within {REACH:g} times as many"
     )
 
 

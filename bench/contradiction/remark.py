@@ -17,6 +17,7 @@ from .fit import Fitted
 from .outliers import outliers
 from .places import elsewhere
 from .ranges import beyond_reach, too_long
+from .start import far_start
 from .units import wrong_units
 
 FIVEFOLD = 25.0
@@ -50,7 +51,7 @@ def remarked(dataset: Dataset, *, thorough: bool = True) -> Remarks:
     with np.errstate(all="ignore"):  # what is beyond all numbers agrees with nothing
         found, units = _of_measurements(dataset, thorough=thorough), list(wrong_units(*dataset))
         units += [] if units else too_long(dataset)
-        lone = list(beyond_reach(*dataset))
+        lone = [*far_start(dataset.log), *beyond_reach(*dataset)]
     return found._replace(
         columns=columns,
         contradictions=[*found.contradictions, *units],

@@ -117,7 +117,7 @@ def _of_ranges(log: Log, path: Array) -> Iterator[float]:
 
 
 def _of_changes(log: Log, path: Array) -> Iterator[float]:
-    """What the factors of stretches of ranges to one landmark are at least, where these change for sure."""
+    """The least factors of stretches of ranges to one landmark, where these change for sure."""
     table = log.partial
     if table is None:
         return

@@ -9,12 +9,11 @@ import pytest
 
 from refusals import refused, refused_at
 from slamduel.core.check import problems
-from slamduel.core.factors import UNKNOWN, Dataset, Log, Systematic
+from slamduel.core.factors import UNKNOWN, Log, Systematic
 from slamduel.core.partial import BEARING, RANGE
 from slamduel.core.se2 import Array, wrap
 from slamduel.core.truth.errors import sighted_from
 from slamduel.datasets.fixes.geodetic import metres
-from slamduel.datasets.remarks import remarks
 from slamduel.datasets.tables import csv_tables
 
 PLACES = np.array([[3.0, 1.0], [-2.0, 2.0]])
@@ -275,18 +274,3 @@ def test_a_position_with_latitude_and_longitude_swapped_is_named(files: dict[str
     (said,) = [one for one in made(files | {"positions": path}).remarks if "line" in one]
     assert "line 4" in said
     assert "swapped" not in said
-
-
-def test_a_first_position_far_from_the_start_is_a_remark(files: dict[str, Any], tmp_path: Path) -> None:
-    rows = np.array([[0.0, 48.1, 11.5], [5.0, 48.1, 11.5]])
-    globe = files | {"positions": csv(tmp_path / "globe.csv", "t,lat,lon", rows), "position_sd": 1.0}
-    there = globe | {"start_x": 3.0, "start_y": 2.0}
-    (said,) = [one for one in remarks(Dataset(made(there), None)) if "first position" in one]
-    assert said.startswith(
-        "the first position is 3.6 m from the start, 3.6 standard deviations of both: it is the origin"
-    )
-    for near in (globe, there | {"start_sd": (5.0, 0.1)}, globe | {"start_x": 2.9}):
-        assert not [one for one in remarks(Dataset(made(near), None)) if "first position" in one]
-    far = csv(tmp_path / "xy.csv", "t,x,y", np.array([[0.0, 6.0, 0.0], [5.0, 0.0, 0.0]]))
-    (said,) = [one for one in remarks(Dataset(made(globe | {"positions": far}), None)) if "first position" in one]
-    assert said == "the first position is 6 m from the start, 6 standard deviations of both"

@@ -1,4 +1,4 @@
-"""Remarks on positions in the world, which the start of their log contradicts."""
+"""The first position in the world, which the start of its log may contradict."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ SURE = 0.5
 """Of the first position's standard deviations: the odometry's error up to there is less, or nothing is said."""
 
 
-def of_fixes(log: Log) -> Iterator[str]:
+def far_start(log: Log) -> Iterator[str]:
     """Compares the first position with the start, where that is known."""
     if log.fixes is None or log.prior.start != "known":
         return
