@@ -19,7 +19,7 @@ def made(first: tuple[float, float], start: tuple[float, float], start_sd: float
     cov = np.full((2, 3, 3), np.nan)
     cov[:, :2, :2] = np.eye(2)
     prior = Prior(np.array([*start, 0.0]), np.diag([start_sd**2, start_sd**2, 1e-6]))
-    return replace(log, prior=prior, fixes=FixTable.from_arrays(len(log), np.array([step, 20]), z, cov))
+    return replace(log, prior=prior, fixes=FixTable.from_arrays(len(log), np.array([step, 19]), z, cov))
 
 
 def test_an_origin_that_is_not_the_starts_is_said_with_its_distance() -> None:
