@@ -50,7 +50,7 @@ def other_count(found: Sequence[str], columns: Sequence[str], delimiter: str | N
     """Words the error for a row with the wrong number of cells."""
     wanted = f"{len(columns)} ({shown(columns)})"
     decimal = delimiter == "," and len(found) > len(columns) and not any("." in cell for cell in found)
-    hint = "; numbers have a decimal point: are there decimal commas?" if decimal else ""
+    hint = "; numbers have a decimal point, these perhaps decimal commas" if decimal else ""
     return f"found {len(found)} columns, expected {wanted}{hint}"
 
 

@@ -131,15 +131,16 @@ def _motions(log: Log) -> Iterator[str]:
     between = np.diff(log.t)
     slower = np.minimum(np.median(between) / between, 1.0)  # a long motion in a long time is no jump,
     moves = _large(stride) | (turn > STILL * turn.max())  # nor any motion of a robot that mostly stands
-    for column, (name, power) in enumerate((("dx", 1), ("dy", 2), ("dtheta", 1))):  # aside a curve goes as its square
+    columns = (("dx", 1, "m"), ("dy", 2, "m"), ("dtheta", 1, "rad"))
+    for column, (name, power, unit) in enumerate(columns):  # aside a curve goes as its square
         motion = log.delta[1:, column]
         far = (_score(motion[moves]) > JUMP) & (_score((motion * slower**power)[moves]) > JUMP)
         jumps = np.flatnonzero(moves)[far]
         if len(jumps):
             first = int(jumps[0])
             yield (
-                f"{_count(len(jumps), 'jump')} of the odometry's {name}, {JUMP:g} standard deviations of the other "
-                f"steps from their mean, the first of {motion[first]:.3g} at step {first + 1}"
+                f"{_count(len(jumps), 'jump')} of the odometry's {name}: more than {JUMP:g} standard deviations of the "
+                f"other steps from their mean; the first of {motion[first]:.3g} {unit} at step {first + 1}"
             )
 
 

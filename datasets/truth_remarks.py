@@ -83,7 +83,7 @@ def _elsewhere(log: Log, truth: Truth) -> Iterator[str]:
 
 def _places(log: Log, truth: Truth) -> Iterator[str]:
     """Compares the ids of known landmarks with those that are sighted, and their places with one another."""
-    ids = log.ids if truth.assigned is None else truth.assigned
+    ids = np.concatenate((_whole(log, truth), _alone_ids(log, truth)))
     ids = ids[ids != UNKNOWN]
     if truth.map is None or not len(truth.map.ids) or truth.places != "truth":
         return
@@ -106,6 +106,18 @@ def _places(log: Log, truth: Truth) -> Iterator[str]:
             * bool(len(never))
         )
     yield from _alone(log, truth.map)
+
+
+def _whole(log: Log, truth: Truth) -> Ints:
+    """(s,) the ids of whole sightings."""
+    return log.ids if truth.assigned is None else truth.assigned
+
+
+def _alone_ids(log: Log, truth: Truth) -> Ints:
+    """(p,) those of ranges and bearings alone."""
+    if log.partial is None:
+        return np.zeros(0, np.int64)
+    return log.partial.ids if truth.assigned_partial is None else truth.assigned_partial
 
 
 def _alone(log: Log, known: Map) -> Iterator[str]:

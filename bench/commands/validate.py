@@ -37,8 +37,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--seed", type=seed, default=0, help="of a simulated dataset (default 0)")
     parser.epilog = (
-        "Of a log's folder every problem is found, of any other dataset the first. The exit status is 0 where there is "
-        "none, else 2; remarks are about what is legal yet odd, and count with --strict alone."
+        "Of a log's folder every problem is found, of any other dataset the first, in CSV tables the first lines of "
+        "one file. The exit status is 0 where there is none, else 2; remarks are about what is legal yet odd, and "
+        "count with --strict alone."
     )
 
 

@@ -16,6 +16,8 @@ from .filtered import nis
 from .fit import Fitted
 from .outliers import outliers
 from .places import elsewhere
+from .ranges import beyond_reach, too_long
+from .start import far_start
 from .units import wrong_units
 
 FIVEFOLD = 25.0
@@ -47,9 +49,14 @@ def remarked(dataset: Dataset, *, thorough: bool = True) -> Remarks:
     """
     columns = of_columns(dataset)
     with np.errstate(all="ignore"):  # what is beyond all numbers agrees with nothing
-        found, units = _of_measurements(dataset, thorough=thorough), list(wrong_units(dataset.log))
+        found, units = _of_measurements(dataset, thorough=thorough), list(wrong_units(*dataset))
+        units += [] if units else too_long(dataset)
+        lone = [*far_start(dataset.log), *beyond_reach(*dataset)]
     return found._replace(
-        columns=columns, contradictions=[*found.contradictions, *units], mistaken=found.mistaken or bool(units)
+        columns=columns,
+        contradictions=[*found.contradictions, *units],
+        outliers=[*found.outliers, *lone],
+        mistaken=found.mistaken or bool(units),
     )
 
 

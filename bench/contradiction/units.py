@@ -8,17 +8,22 @@ which is linear in 1, p and |p|², with f² as the last one's coefficient: a str
 f times p, turned or mirrored, and shifted: as complex numbers, f is the size of their regression on p, or on its
 conjugate. Noise in r² or z leaves both on average where they are, whatever it is stated to be. Each is found in
 stretches of several lengths, as short ones have more noise and long ones more drift, and those count that are sure.
+
+On a circle |p|² is linear in p, and a range tells f but for the landmark's place, inside or outside. What holds on any
+way is that a range changes by no more than f times what the robot moves by: f is at least the spread of r, as far as it
+is linear in p, over that of p. Where the true path and the places are known, f is the range over the distance.
 """
 
 from collections.abc import Iterator
 
 import numpy as np
 
-from ...core.factors import UNKNOWN, Log
+from ...core.factors import UNKNOWN, Log, Truth
 from ...core.partial import RANGE
 from ...core.se2 import Array, wrap
 from ..words.numerals import number
 from .mistakes import DEGREE, FACTORS
+from .ranges import ratios
 
 LENGTHS = (10, 30, 100)
 """Measurements of a stretch."""
@@ -41,6 +46,14 @@ STANDS = 1e-6
 ANGULAR = 1e-4
 """Of positions' factor: below, they are in degrees, one of latitude being 111 km."""
 
+MOVES = 0.5
+"""m, the spread of a way from which on the turns of a robot, whose sensor sits at its edge, change ranges by less."""
+
+FEW_FIXES = 3
+"""Positions from which on a stretch of all of them tells degrees, which need no noise to be known."""
+
+IN_DEGREES = "positions are in degrees of latitude and longitude, which dataset csv converts (lat, lon)"
+
 TURNED = 2.0
 """rad, the largest turn between two headings that is not taken for one the other way round."""
 
@@ -48,17 +61,28 @@ LEAST_TURN = 0.05
 """rad, likewise the least."""
 
 
-def wrong_units(log: Log) -> Iterator[str]:
+def wrong_units(log: Log, truth: Truth | None = None) -> Iterator[str]:
     """Yields a sentence for each unit or sign that does not fit, without its full stop."""
     if log.partial is None and log.fixes is None:
         return
     path = log.dead_reckoned()
-    if (factor := _typical(list(_of_ranges(log, path)))) is not None:
+    if len(known := ratios(log, truth)) >= FEWEST:
+        if (factor := _typical(known.tolist())) is not None:
+            yield (
+                f"ranges alone are {number(factor)} times the distances by the true path and known places (median): "
+                f"{_unit(factor, 'ranges are', 'the places are')}"
+            )
+    elif (factor := _typical(list(_of_ranges(log, path)))) is not None:
         yield f"ranges alone are {number(factor)} times what the odometry makes of them: {_unit(factor, 'ranges are')}"
-    if (factor := _typical(list(_of_positions(log, path)))) is not None:
+    elif (factor := _at_least(list(_of_changes(log, path)))) is not None:
+        cause = _unit(factor, "ranges are")
+        yield f"ranges alone change by {number(factor)} times what the odometry moves by: {cause}"
+    if _like_degrees(log, path):
+        yield f"the positions in the world spread by less than {ANGULAR:g} of what the odometry does: {IN_DEGREES}"
+    elif (factor := _typical(list(_of_positions(log, path)))) is not None:
         cause = _unit(factor, "positions are")
         if factor < ANGULAR:
-            cause = "positions are in degrees of latitude and longitude, which dataset csv converts (lat, lon)"
+            cause = IN_DEGREES
         yield f"the way between positions in the world is {number(factor)} times the odometry's: {cause}"
     yield from _of_headings(log)
 
@@ -83,11 +107,50 @@ def _of_ranges(log: Log, path: Array) -> Iterator[float]:
             # A straight line leaves the direction across it open: the shortest solution has nothing of it.
             U, s, V = np.linalg.svd(columns, full_matrices=False)
             kept = s > 1e-3 * s[0]
+            if (V[~kept, 3] ** 2).sum() > 1e-3:  # on a circle it leaves f open, too
+                continue
             found = V[kept].T @ ((U[:, kept].T @ r**2) / s[kept])
             left, free = r**2 - columns @ found, len(r) - int(kept.sum())
             error = np.sqrt((left @ left) / free * ((V[kept, 3] / s[kept]) ** 2).sum())
             if found[3] > SURE * error and found[3] > 0:
                 yield float(np.sqrt(found[3])) / size
+
+
+def _of_changes(log: Log, path: Array) -> Iterator[float]:
+    """The least factors of stretches of ranges to one landmark, where these change for sure."""
+    table = log.partial
+    if table is None:
+        return
+    mine = np.flatnonzero((table.kind == RANGE) & (table.ids != UNKNOWN))
+    ids, step, z = table.ids[mine], table.step[mine], table.z[mine]
+    for landmark in np.unique(ids):
+        rows = np.flatnonzero(ids == landmark)
+        for stretch in _stretches(len(rows)):
+            p, r = path[step[rows[stretch]], :2], z[rows[stretch]]
+            p, r = p - p.mean(axis=0), r - r.mean()
+            spread = float((p**2).sum())
+            if spread < MOVES**2 * len(r):
+                continue
+            # Two directions are linear; across a straight line there is none.
+            U, s, _ = np.linalg.svd(p, full_matrices=False)
+            along = U[:, s > 1e-3 * s[0]].T @ r
+            explained, free = float(along @ along), len(r) - len(along) - 1
+            noise = (float(r @ r) - explained) / free
+            explained -= len(along) * noise
+            if explained > SURE**2 * noise:
+                yield float(np.sqrt(explained / spread))
+
+
+def _like_degrees(log: Log, path: Array) -> bool:
+    """Tells if few positions, which stretches tell nothing of, are so near to one another as no noise brings them."""
+    if log.fixes is None:
+        return False
+    rows = np.flatnonzero(~np.isnan(log.fixes.z[:, :2]).any(axis=1))
+    if not FEW_FIXES <= len(rows) < FEWEST * LENGTHS[0]:
+        return False
+    p, q = path[log.fixes.step[rows], :2], log.fixes.z[rows, :2]
+    driven, found = (float(np.sqrt(((one - one.mean(axis=0)) ** 2).sum(axis=1).mean())) for one in (p, q))
+    return driven > MOVES and 0 < found < ANGULAR * driven
 
 
 def _of_positions(log: Log, path: Array) -> Iterator[float]:
@@ -152,10 +215,18 @@ def _typical(factors: list[float]) -> float | None:
     return middle if low > OFF or high < 1 / OFF else None
 
 
-def _unit(factor: float, words: str) -> str:
-    """Names the unit of something that is `factor` times too large, or, below 1, that of the odometry."""
+def _at_least(factors: list[float]) -> float | None:
+    """The size of factors that are at least these, and nearly all far above 1; None of others."""
+    if len(factors) < FEWEST:
+        return None
+    low, high = np.quantile(factors, (0.25, 0.9)).tolist()
+    return high if low > OFF else None
+
+
+def _unit(factor: float, words: str, other: str = "the odometry is") -> str:
+    """Names the unit of something that is `factor` times too large, or, below 1, that of the `other`."""
     size = max(factor, 1 / factor)
     near = [name for own, name in FACTORS.items() if name != "km/h" and max(own / size, size / own) < NEARLY]
     if not near:
         return f"the unit of either is wrong, as if {words} not in metres"
-    return f"{words} in {near[0]}" if factor > 1 else f"the odometry is in {near[0]}"
+    return f"{words} in {near[0]}" if factor > 1 else f"{other} in {near[0]}"

@@ -15,6 +15,7 @@ SENSORS = {"range": "m", "bearing": "rad"}  # name of a kind of sighting -> its 
 
 MATTERS = 0.3  # correlation of landmarks sighted at one step, share of correlated variance: said from here on
 HEAVY = 10.0  # degrees of freedom below which tails are called heavy
+RESCALED = 1.5  # factor of ranges from which on the stated noise is not what it was
 ALIKE = 1.25  # times by which factors at two horizons may differ
 
 
@@ -97,7 +98,7 @@ def sentences(noise: Noise) -> list[str]:
     for name, unit in SENSORS.items():
         one = getattr(noise, name)
         if one is not None and noise.innovations is None:
-            said += _sized(name, unit, one)
+            said += _sized(name, unit, one, noise)
     if noise.innovations is not None:
         found = noise.innovations
         names = ("translation", "turn", "range", "bearing")
@@ -130,11 +131,21 @@ def _correlated(name: str, fit: Fitted) -> Iterator[str]:
     )
 
 
-def _sized(name: str, unit: str, one: SightingNoise) -> Iterator[str]:
+def _rescaled(name: str, noise: Noise) -> str:
+    """Says that the stated noise is taken along where ranges are divided by much."""
+    found = noise.systematic
+    scale = found.errors.range_scale if found is not None and name == "range" else 0.0
+    factor = 1 + scale
+    if 1 / RESCALED < factor < RESCALED:
+        return ""
+    return f", both once ranges and what is stated of them are divided by {number(factor)}, as by --apply"
+
+
+def _sized(name: str, unit: str, one: SightingNoise, noise: Noise) -> Iterator[str]:
     fit = one.fitted
     sentence = (
         f"{name.capitalize()}s have a standard deviation of {number(fit.sd.value)} {unit} at {number(fit.reach)} m, "
-        f"{number(fit.scale.value)} times the stated one"
+        f"{number(fit.scale.value)} times the stated one{_rescaled(name, noise)}"
     )
     if fit.power is not None and not fit.power.low <= 0 <= fit.power.high:
         grows = "grows" if fit.power.value > 0 else "falls"

@@ -1,6 +1,7 @@
 """Reads CSV files of other programs: columns by name, in any order, others ignored."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -8,14 +9,26 @@ import numpy as np
 from ...core.csv_values import digits_lost, header_names, no_number, number, other_count, other_header, shown
 from ...core.errors import InputError
 from ...core.se2 import Array, Ints
-from ...core.table import CHUNK, Table, text
+from ...core.table import CHUNK, HUGE, Table, text
+
+NAMED = 5
+"""Lines with a fault that an error names."""
+
+Fault = tuple[int, str]
+"""A row, and what is wrong with it."""
 
 
-def read_columns(path: Path, *choices: Sequence[str], remarks: list[str] | None = None) -> Table:
+def read_columns(
+    path: Path,
+    *choices: Sequence[str],
+    remarks: list[str] | None = None,
+    faults: Callable[[Table], Iterable[Fault]] | None = None,
+) -> Table:
     """Reads the table in `path`, of the first of `choices` whose columns the header has; all numbers are finite.
 
     A remark is added where the header has another of the choices, too. InputError names the file, the line and the
-    column of what cannot be read, and lists the choices.
+    column of what cannot be read, and lists the choices; of numbers that are not finite, and of the `faults` that the
+    caller finds in a table which may have such, it names the first lines in order.
     """
     lines: list[str] = text(path).split("\n")
     header = [name.strip('"') for name in header_names(lines[0])]
@@ -37,7 +50,9 @@ def read_columns(path: Path, *choices: Sequence[str], remarks: list[str] | None 
     if not len(numbers):
         raise InputError(f"{path}: found no rows, expected at least one below the header.")
     rows = _rows(path, lines, numbers, header, places)
-    return Table(path, tuple(chosen), rows, numbers).finite()
+    table = Table(path, tuple(chosen), rows, numbers)
+    _refuse(table, [] if faults is None else faults(table))
+    return table
 
 
 def in_order(table: Table, *, strictly: bool) -> Table:
@@ -45,9 +60,35 @@ def in_order(table: Table, *, strictly: bool) -> Table:
     t = table.column("t")
     late = np.diff(t) <= 0 if strictly else np.diff(t) < 0
     for row in np.flatnonzero(late) + 1:
+        # A row that is late in order itself, or the row before it, without which the next ones are.
+        if row + 1 < len(t) and t[row + 1] < t[row - 1] and (row < 2 or t[row - 2] <= t[row]):
+            after = f"the next, line {table.lines[row]}, has {t[row]!s}, and later ones are before it, too"
+            raise table.fault(row - 1, f"t is {t[row - 1]!s}, but {after}: expected times in order")
         wanted = "later than" if strictly else "no earlier than"
         raise table.fault(row, f"t is {t[row]!s}, expected {wanted} {t[row - 1]!s}{digits_lost(t.tolist())}")
     return table
+
+
+def _refuse(table: Table, faults: Iterable[Fault]) -> None:
+    """Raises InputError for numbers that are not finite, or beyond HUGE, and for `faults` of other rows."""
+    bad = ~(np.abs(table.rows) <= HUGE)
+    if bad.any():
+        infinite = ((int(row), _not_finite(table, int(row), int(column))) for row, column in np.argwhere(bad))
+        faults = chain(infinite, (fault for fault in faults if not bad[fault[0]].any()))
+    found = dict[int, str]()
+    for row, words in faults:
+        found.setdefault(row, words)
+    if found:
+        first, *others = sorted(found)
+        said = [f"line {table.lines[row]}: {found[row]}" for row in others[: NAMED - 1]]
+        said += [f"and {len(others) + 1 - NAMED:,} more lines"] * (len(others) >= NAMED)
+        raise table.fault(first, "; ".join([found[first], *said]))
+
+
+def _not_finite(table: Table, row: int, column: int) -> str:
+    found = table.rows[row, column]
+    size = f", not beyond {HUGE:g}" if np.isfinite(found) else ""
+    return f"{table.columns[column]} is {found!s}, expected a finite number{size}"
 
 
 def _rows(path: Path, lines: list[str], numbers: Ints, header: Sequence[str], places: Sequence[int]) -> Array:

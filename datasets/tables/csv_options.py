@@ -7,7 +7,11 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.mounting import Mounting
 from ...core.options import option
+from ...core.se2 import Array, wrap
 from ..registry import Named
+
+BEYOND, NOISE, MOST_BEYOND = 0.1, 6.0, 0.5
+"""rad, or standard deviations, by which noise may bring a bearing beyond half a turn, and rad at most."""
 
 ANGLED = ("odometry", "detections", "bearings", "headings", "truth")  # files that have angles
 
@@ -112,3 +116,13 @@ class Options(Named):
         """The option that reads the angles of `file` as degrees, too, and all others as now."""
         names = {*self.in_degrees(), file}
         return f"angles={';'.join(name for name in ANGLED if name in names)}"
+
+    @property
+    def largest_bearing(self) -> float:
+        """rad, up to which a bearing is one beyond half a turn by its noise, and wrapped."""
+        return np.pi + min(max(BEYOND, NOISE * self.bearing_sd), MOST_BEYOND)
+
+
+def within_half(bearing: Array) -> Array:
+    """(n,) rad, those beyond half a turn wrapped, the others as they are."""
+    return np.where(np.abs(bearing) > np.pi, wrap(bearing), bearing)

@@ -1,5 +1,6 @@
 """Ranges and bearings alone of a log from CSV tables."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,9 +10,9 @@ from ...core.factors import UNKNOWN
 from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.table import MOST, Table
-from ...frontend.wheels.holes import outside
-from ..formats.columns import in_order, read_columns
-from .csv_options import Options
+from ...frontend.wheels.holes import other_unit, outside
+from ..formats.columns import Fault, in_order, read_columns
+from .csv_options import Options, within_half
 
 FILES = {RANGE: ("ranges", ("t", "id", "range")), BEARING: ("bearings", ("t", "id", "bearing"))}
 
@@ -46,33 +47,47 @@ def alone(options: Options, start: float, end: float, remarks: list[str]) -> Alo
 def _read(
     path: Path, columns: tuple[str, ...], kind: int, options: Options, start: float, end: float, remarks: list[str]
 ) -> Alone:
-    table = in_order(read_columns(path, columns), strictly=False)
-    t, ids, z = table.column("t") - options.sensor_delay, _ids(table), table.rows[:, 2]
+    unit = options.unit("bearings")
+
+    def faults(table: Table) -> Iterator[Fault]:
+        yield from _bad_ids(table)
+        yield from _bad_ranges(table) if kind == RANGE else _bad_bearings(table, options)
+
+    table = in_order(read_columns(path, columns, faults=faults), strictly=False)
+    t, ids, z = table.column("t") - options.sensor_delay, table.whole("id"), table.rows[:, 2]
     if kind == RANGE:
-        for row in np.flatnonzero(z <= 0):
-            raise table.fault(row, f"the range is {z[row]!s}, expected more than 0")
         var = (options.range_sd + options.range_share * z) ** 2
     else:
-        z = z * options.unit("bearings")
-        for row in np.flatnonzero(np.abs(z) > np.pi):
-            found, unit = table.rows[row, 2], "degrees" if options.unit("bearings") != 1 else "radians"
-            hint = "" if unit == "degrees" else f"; bearings in degrees take option {options.with_degrees('bearings')}"
-            raise table.fault(row, f"bearing is {found!s} {unit}, expected at most half a turn: wrap it{hint}")
-        var = np.full(len(z), options.bearing_sd**2)
+        z, var = within_half(z * unit), np.full(len(z), options.bearing_sd**2)
     inside = (start <= t) & (t <= end)
     clock = f"before or after the odometry, {start:.10g} to {end:.10g} s"
-    remarks += outside(str(path), int((~inside).sum()), len(t), columns[2], clock)
+    remarks += outside(str(path), int((~inside).sum()), len(t), columns[2], clock, other_unit(t, start, end))
     kept = t[inside], ids[inside], np.full(int(inside.sum()), kind), z[inside], var[inside]
     return Alone(*kept, int((~inside).sum()))
 
 
-def _ids(table: Table) -> Ints:
-    """(r,) the ids; InputError for one that is none, or that occurs twice at a time."""
-    ids, t = table.whole("id"), table.column("t")
+def _bad_ranges(table: Table) -> Iterator[Fault]:
+    for row in np.flatnonzero(table.rows[:, 2] <= 0):
+        yield int(row), f"the range is {table.rows[row, 2]!s}, expected more than 0"
+
+
+def _bad_bearings(table: Table, options: Options) -> Iterator[Fault]:
+    """Those beyond half a turn by more than noise: a direction is as well one of a turn less, but degrees are none."""
+    unit = options.unit("bearings")
+    for row in np.flatnonzero(np.abs(table.rows[:, 2] * unit) > options.largest_bearing):
+        found, words = table.rows[row, 2], "degrees" if unit != 1 else "radians"
+        hint = "" if unit != 1 else f"; bearings in degrees take option {options.with_degrees('bearings')}"
+        yield int(row), f"bearing is {found!s} {words}, expected at most half a turn: wrap it{hint}"
+
+
+def _bad_ids(table: Table) -> Iterator[Fault]:
+    """Ids that are none, or that occur twice at a time."""
+    ids, t = table.column("id"), table.column("t")
+    for row in np.flatnonzero(~((np.abs(ids) <= MOST) & (ids == np.rint(ids)))):
+        yield int(row), f"id is {ids[row]!s}, expected a whole number up to {MOST}"
     for row in np.flatnonzero((ids < UNKNOWN) | (ids > MOST)):
-        raise table.fault(row, f"id is {ids[row]}, expected 0 to {MOST}, or {UNKNOWN} for unknown")
+        yield int(row), f"id is {ids[row]:.0f}, expected 0 to {MOST}, or {UNKNOWN} for unknown"
     order = np.lexsort((ids, t))
     twin = (np.diff(t[order]) == 0) & (np.diff(ids[order]) == 0) & (ids[order[1:]] != UNKNOWN)
     for row in np.sort(order[1:][twin]):
-        raise table.fault(row, f"id {ids[row]} occurs twice at t {t[row]!s}, expected once")
-    return ids
+        yield int(row), f"id {ids[row]:.0f} occurs twice at t {t[row]!s}, expected once"

@@ -19,9 +19,9 @@ from ...core.factors import UNKNOWN
 from ...core.mounting import NONE, from_body
 from ...core.se2 import Array, Ints
 from ...core.table import MOST, Table, text
-from ...frontend.wheels.holes import outside
+from ...frontend.wheels.holes import other_unit, outside
 from ..formats.columns import in_order, read_columns
-from .csv_options import Options
+from .csv_options import Options, within_half
 
 SIGHTINGS = ("t", "id", "range", "bearing")
 POINTS = ("t", "id", "x", "y")
@@ -75,12 +75,13 @@ def detections(path: Path, options: Options, start: float, end: float, remarks: 
         z = np.stack((hypot(*z.T), arctan2(z[:, 1], z[:, 0])), axis=-1)
     else:
         z = z * np.array([1.0, options.unit("detections")])
-        for row in np.flatnonzero(np.abs(z[:, 1]) > np.pi):
+        for row in np.flatnonzero(np.abs(z[:, 1]) > options.largest_bearing):
             found, half = f"bearing is {table.column('bearing')[row]!s}", "expected at most half a turn"
             if "detections" in options.in_degrees():
                 raise table.fault(row, f"{found} degrees, {half}, 180: wrap it")
             cause = f"bearings in degrees take option {options.with_degrees('detections')}"
             raise table.fault(row, f"{found} radians, {half}: wrap it; {cause}, or angles=degrees if all angles are")
+        z[:, 1] = within_half(z[:, 1])
     for row in np.flatnonzero(~((z[:, 0] > 0) & np.isfinite(z[:, 0]))):
         raise table.fault(row, f"the range is {z[row, 0]!s}, expected more than 0")
     inside = (start <= t) & (t <= end)
@@ -93,11 +94,11 @@ def detections(path: Path, options: Options, start: float, end: float, remarks: 
     if not inside.any():
         raise InputError(
             f"{path}: its times, {t[0]!s} to {t[-1]!s} s, are outside the odometry's, {start!s} to "
-            f"{end!s} s; expected the same clock."
+            f"{end!s} s; expected the same clock{other_unit(t, start, end)}."
         )
     kept = inside & ~left_out
     clock = f"before or after the odometry, {start:.10g} to {end:.10g} s"
-    remarks += outside(str(path), int((~inside).sum()), len(t), "detection", clock)
+    remarks += outside(str(path), int((~inside).sum()), len(t), "detection", clock, other_unit(t, start, end))
     z, cov = z[kept], _noise(z[kept], options)
     place = options.sensor._replace(delay=0.0)
     if place != NONE:

@@ -72,7 +72,7 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     seen = NO_DETECTIONS
     if options.detections is not None:
         seen = detections(Path(options.detections), options, *ends, remarks)
-    parts, fixes = alone(options, *ends, remarks), world(options, *ends, remarks)
+    parts, fixes = alone(options, *ends, remarks), world(options, track, remarks)
     t = _keyframes(*ends, np.concatenate((seen.t, parts.t, fixes.t)), options.every, track.holes)
     motions = track.motions(t)
     truth = _truth(options, t, remarks)

@@ -33,12 +33,32 @@ FEW_OUTSIDE = 0.01
 """Share of detections or frames outside the odometry's time that is not worth a remark: devices start one by one."""
 
 
-def outside(source: str, lost: int, of: int, noun: str, clock: str) -> list[str]:
-    """The remark on so many `lost` detections or frames `of` all; `clock` says outside which time."""
+NEARLY_ALL = 98.5  # %, from which on two digits may say all
+
+MOST_INSIDE = 0.75
+"""Share of times that are inside the odometry's in their own unit, and outside in seconds."""
+
+UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+
+
+def outside(source: str, lost: int, of: int, noun: str, clock: str, hint: str = "") -> list[str]:
+    """The remark on so many `lost` detections or frames `of` all; `clock` says outside which time, `hint` why."""
     if lost <= FEW_OUTSIDE * of:
         return []
-    share = f"{100 * lost / of:.2g} %" if lost < of else "all"
-    return [f"{source}: {lost:,} of {of:,} {noun}s ({share}) are {clock}, and left out"]
+    share = 100 * lost / of
+    said = "all" if lost == of else f"{share:.2g} %" if share < NEARLY_ALL else f"{min(share, 99.9):.1f} %"
+    return [f"{source}: {lost:,} of {of:,} {noun}s ({said}) are {clock}, and left out{hint}"]
+
+
+def other_unit(t: Array, start: float, end: float) -> str:
+    """A hint at the end of a sentence where times `t` (n,) are inside `start` to `end`, s, in another unit alone."""
+    if ((start <= t) & (t <= end)).mean() >= 1 - MOST_INSIDE:
+        return ""
+    for factor, unit in UNITS.items():
+        scaled = t / factor
+        if ((start <= scaled) & (scaled <= end)).mean() > MOST_INSIDE:
+            return f": perhaps they are in {unit}, {factor:,.0f} to the second"
+    return ""
 
 
 class Holes(NamedTuple):

@@ -197,7 +197,7 @@ def test_the_motions_of_a_robot_that_mostly_stands_are_no_jumps(jitter: float) -
         odd = delta.copy()
         odd[step] = [9.0, 0.0, 0.0]
         (told,) = (one for one in remarks(Dataset(replace(quiet, delta=odd), None)) if "jump" in one)
-        assert told.endswith(f"the first of 9 at step {step}")
+        assert told.endswith(f"the first of 9 m at step {step}")
 
 
 def test_a_curve_while_the_camera_pauses_is_no_jump_aside() -> None:

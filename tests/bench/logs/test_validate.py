@@ -143,8 +143,11 @@ ODD: dict[str, tuple[Change, str]] = {
         times("t", 1000.0),
         "the median time between steps is 500 s: perhaps the times are in milliseconds",
     ),
-    "a jump": (put("delta", (7, 0), 9.0), "1 jump of the odometry's dx, 20 standard deviations of the other steps"),
-    "a jerk": (put("delta", (7, 2), -2.0), "the first of -2 at step 7"),
+    "a jump": (
+        put("delta", (7, 0), 9.0),
+        "1 jump of the odometry's dx: more than 20 standard deviations of the other steps",
+    ),
+    "a jerk": (put("delta", (7, 2), -2.0), "the first of -2 rad at step 7"),
     "turns in degrees": (times("delta", np.array([1.0, 1.0, 30.0])), "rad/s: perhaps it was in degrees a second"),
     "strides in millimetres": (
         times("delta", np.array([2000.0, 2000.0, 1.0])),
@@ -185,7 +188,7 @@ def test_what_is_huge_is_remarked_whatever_its_square(huge: float):
     size, jump = remarks(drive(put("delta", (7, 0), -huge)))
     assert size == f"1 motion of more than 1e+09 m, the largest of {huge:.3g} m, the first at step 7"
     assert jump.startswith("1 jump of the odometry's dx")
-    assert f"the first of {-huge:.3g} at step 7" in jump
+    assert f"the first of {-huge:.3g} m at step 7" in jump
     found = remarks(drive(times("delta", np.array([huge, huge, 1.0]))))
     assert any("perhaps the motions are in millimetres" in remark for remark in found)
     found = remarks(drive(times("z", np.array([huge / 10, 1.0]))))

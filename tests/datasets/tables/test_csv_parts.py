@@ -217,3 +217,60 @@ def test_an_option_that_is_missing_is_named(files: dict[str, Any], tmp_path: Pat
     found = change(files | {"globe": globe})
     found.pop("globe", None)
     refused(said, made, found)
+
+
+def test_all_wrong_lines_are_named_the_first_one_first(files: dict[str, Any], tmp_path: Path) -> None:
+    rows = [[1, 0, 2], [2, 0, -1], [3, 0, np.nan], [4, 0.5, 1], [5, 0, 0], [6, 0, 0], [7, 0, 0], [8, 0, 0]]
+    path = tmp_path / "bad.csv"
+    csv(path, "t,id,range", np.array(rows, float))
+    said = (
+        "line 3: the range is -1.0, expected more than 0; line 4: range is nan, expected a finite number; line 5: id "
+        "is 0.5, expected a whole number up to 9007199254740992; line 6: the range is 0.0, expected more than 0; line "
+        "7: the range is 0.0, expected more than 0; and 2 more lines."
+    )
+    refused_at(path, said, made, files | {"ranges": str(path)})
+
+
+def test_a_time_far_ahead_of_the_next_ones_is_named_itself(files: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "bad.csv"
+    csv(path, "t,id,range", np.array([[1, 0, 2], [2, 0, 2], [20, 0, 2], [3, 0, 2], [4, 0, 2]], float))
+    refused_at(path, "line 4: t is 20.0, but the next, line 5, has 3.0", made, files | {"ranges": str(path)})
+
+
+def test_times_in_milliseconds_are_said_so(files: dict[str, Any], tmp_path: Path) -> None:
+    seen = np.arange(28.0)
+    late = csv(tmp_path / "ms.csv", "t,id,range", np.column_stack((1000 * seen, 0 * seen, 2 + 0 * seen)))
+    (said,) = made(files | {"ranges": late}).remarks
+    assert "27 of 28 ranges (96 %) are before or after the odometry" in said
+    assert said.endswith("left out: perhaps they are in milliseconds, 1,000 to the second")
+
+
+@pytest.mark.parametrize("off", [0.002, 0.09])
+def test_a_bearing_that_noise_brings_beyond_half_a_turn_is_wrapped(
+    files: dict[str, Any], tmp_path: Path, off: float
+) -> None:
+    rows = np.array([[5.0, 0, np.pi + off], [6.0, 0, -np.pi - off], [7.0, 0, -np.pi]])
+    log = made(files | {"ranges": None, "bearings": csv(tmp_path / "b.csv", "t,id,bearing", rows)})
+    assert log.partial is not None
+    np.testing.assert_allclose(log.partial.z, [off - np.pi, np.pi - off, -np.pi], atol=1e-12)
+    rows[0, 2] = np.pi + 0.2  # beyond 0.1 rad, and six times the noise of 0.02
+    path = tmp_path / "b.csv"
+    csv(path, "t,id,bearing", rows)
+    refused_at(path, "line 2: bearing is 3.34", made, files | {"ranges": None, "bearings": str(path)})
+
+
+def test_a_position_with_latitude_and_longitude_swapped_is_named(files: dict[str, Any], tmp_path: Path) -> None:
+    rows = np.array([[k, 48.1 + 1e-6 * k, 11.5 + 2e-6 * k] for k in range(1, 8)])
+    good = made(files | {"positions": csv(tmp_path / "good.csv", "t,lat,lon", rows)})
+    assert not [one for one in good.remarks if "line" in one]
+    rows[2, 1:] = rows[2, :0:-1]
+    path = csv(tmp_path / "swap.csv", "t,lat,lon", rows)
+    (said,) = [one for one in made(files | {"positions": path}).remarks if "line" in one]
+    assert said.startswith(f"{path}, line 4: the position 11.500006, 48.100003 is ")
+    assert " km from the middle of the others" in said
+    assert said.endswith("perhaps lat and lon are swapped in this row")
+    rows[2, 1:] = 50.0, 11.5
+    path = csv(tmp_path / "far.csv", "t,lat,lon", rows)
+    (said,) = [one for one in made(files | {"positions": path}).remarks if "line" in one]
+    assert "line 4" in said
+    assert "swapped" not in said

@@ -1,0 +1,140 @@
+"""Ranges alone that are all too long or short by the true path and places, and single ones beyond any reach."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...core.factors import UNKNOWN, Dataset, Log, Truth
+from ...core.partial import RANGE
+from ...core.se2 import Array
+from ...core.truth.errors import named, partial_errors, rows_of, standing
+from ..systematic.fit import SystematicFit
+from ..systematic.ranges import of_ranges
+from ..systematic.words import clause
+from ..words.numerals import listed, number
+
+AS_LARGE, LEFT = 1.0, 0.5
+"""Scale and offset matter if they are typically as large as the noise that is stated (J is then 2), and without them at
+most this share of the typical squares is left: as of whole sightings, see `constant`."""
+
+TYPICAL = 0.67449
+"""Median absolute value of normal noise, in standard deviations."""
+
+STATED = 3.0
+"""Standard deviations of a scale or an offset that the prior states, up to which the log knows of it."""
+
+REACH, SPREAD = 5.0, 10.0
+"""Times the longest direct way, and standard deviations: a way with reflections is seldom more than twice as long, and
+one of many late ranges 2.5 times. What is beyond is no noise: a lost digit, another unit, an error's code."""
+
+LONE = 0.05
+"""Share of the ranges to a landmark up to which they are single ones; more are its noise, or a unit's."""
+
+
+def ratios(log: Log, truth: Truth | None) -> Array:
+    """(k,) ranges alone over the true distances, where these are known."""
+    if truth is None or log.partial is None or truth.kind != "truth":
+        return np.zeros(0)
+    log = named(log, truth)
+    row, error = partial_errors(log, truth)
+    if log.partial is None or not len(row):
+        return np.zeros(0)
+    mine = log.partial.kind[row] == RANGE
+    z = log.partial.z[row[mine]]
+    away = z - error[mine]
+    return z[away > 0] / away[away > 0]
+
+
+def too_long(dataset: Dataset) -> Iterator[str]:
+    """Says what ranges alone are too long by, if it is as large as their stated noise and the log does not state it."""
+    log, truth = dataset
+    if log.partial is None or truth is None or truth.kind != "truth" or not len(truth.t) or truth.map is None:
+        return
+    if not _off(log, truth):
+        return
+    found = of_ranges([dataset])
+    if found is None or not found.certain:
+        return
+    size, left = _weight(log, truth, found)
+    names = [name for name in found.certain if not _stated(log, name, getattr(found.errors, name))]
+    if size < AS_LARGE or left > LEFT or not names:
+        return
+    said = listed([clause(found, name) for name in names])
+    yield (
+        f"by the true path and the known places {said}: this is {number(size)} times the stated noise of ranges, and "
+        "no noise; `bench noise LOG --apply FOLDER` corrects it, and an unknown one is stated by range_scale and "
+        "range_offset of csv"
+    )
+
+
+def _off(log: Log, truth: Truth) -> bool:
+    """True where ranges are typically as far off as noise as stated, at least: else nothing in them matters."""
+    log = named(log, truth)
+    row, error = partial_errors(log, truth)
+    table = log.partial
+    if table is None:
+        return False
+    mine = table.kind[row] == RANGE
+    return bool(mine.any()) and float(np.median(np.abs(error[mine]) / np.sqrt(table.var[row[mine]]))) > TYPICAL
+
+
+def _weight(log: Log, truth: Truth, found: SystematicFit) -> tuple[float, float]:
+    """Scale and offset over the stated noise, and the share of squared errors that is left without them; medians."""
+    log = named(log, truth)
+    row, error = partial_errors(log, truth)
+    table = log.partial
+    if table is None:
+        return 0.0, 1.0
+    mine = table.kind[row] == RANGE
+    row, error = row[mine], error[mine]
+    longer = found.errors.range_scale * (table.z[row] - error) + found.errors.range_offset
+    before, after = np.median(error**2), np.median((error - longer) ** 2)
+    return float(np.median(np.abs(longer) / np.sqrt(table.var[row]))), float(after / before) if before > 0 else 1.0
+
+
+def _stated(log: Log, name: str, size: float) -> bool:
+    """True where the prior states a scale or offset of about that size."""
+    stated = log.prior.systematic
+    return abs(size) <= STATED * getattr(stated, name)
+
+
+def beyond_reach(log: Log, truth: Truth | None) -> Iterator[str]:
+    """Says which single ranges alone are longer than any way to their landmark.
+
+    None is longer than the farthest that the true path gets from a known place; without these, than the median of the
+    others to it and the whole way that the robot drives.
+    """
+    log = named(log, truth)
+    table = log.partial
+    if table is None:
+        return
+    mine = np.flatnonzero((table.kind == RANGE) & (table.ids != UNKNOWN))
+    way = float(np.hypot(*log.delta[1:, :2].T).sum())
+    far, reach = list[int](), dict[int, float]()
+    for landmark in np.unique(table.ids[mine]).tolist():
+        rows = mine[table.ids[mine] == landmark]
+        longest = _longest(truth, landmark)
+        longest = float(np.median(table.z[rows])) + way if longest is None else longest
+        beyond = table.z[rows] > REACH * longest + SPREAD * np.sqrt(table.var[rows])
+        if beyond.sum() <= max(1, LONE * len(rows)) and not beyond.all():
+            far += rows[beyond].tolist()
+            reach[landmark] = longest
+    if not far:
+        return
+    first = min(far)
+    landmark = int(table.ids[first])
+    step = int(table.step[first])
+    by = "the true path" if _longest(truth, landmark) is not None else "the others and the robot's way"
+    yield (
+        f"{len(far):,} of {len(mine):,} ranges alone {'is' if len(far) == 1 else 'are'} longer than there is a way: "
+        f"the first is of {number(float(table.z[first]))} m to landmark {landmark} at {log.t[step]:.10g} s, where "
+        f"by {by} {number(reach[landmark])} m are the most; even reflections are within {REACH:g} times as many"
+    )
+
+
+def _longest(truth: Truth | None, landmark: int) -> float | None:
+    """The farthest, m, that the true path gets from a landmark; None where either is not known."""
+    if truth is None or truth.kind != "truth" or not len(truth.t) or (known := standing(truth)) is None:
+        return None
+    row = rows_of(known.ids, np.array([landmark]))[0]
+    return None if row < 0 else float(np.hypot(*(truth.poses[:, :2] - known.xy[row]).T).max())
