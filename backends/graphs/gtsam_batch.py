@@ -72,7 +72,11 @@ class GtsamBatch:
             raise Diverged(failure(error)) from None
         if not np.isfinite(path).all() or not np.isfinite(landmarks.xy).all():
             raise Diverged("the optimum is not finite")
-        constant = fit.factors.constant.read(landmarks.ids, fit.optimizer.values())
+        values, cov_of = fit.optimizer.values(), None
+        if fit.factors.constant.used:
+            with contextlib.suppress(*FAILURES):
+                cov_of = gtsam.Marginals(fit.graph, values).marginalCovariance
+        constant = fit.factors.constant.read(landmarks.ids, values, cov_of)
         bias = None if self._log.gyro is None else self._bias(self._log.gyro, fit)
         if not 0 < len(landmarks.ids) <= options.joint_up_to:
             return Solution(path, landmarks, constant=constant, gyro_bias=bias)

@@ -182,7 +182,7 @@ class Isam2:
                 self._isam, converged = before, False
         path, landmarks = path_and_map(self._factors.keys, self._steps, values)
         landmarks = self._factors.with_newcomers(path, landmarks)
-        constant = self._factors.constant.read(landmarks.ids, values)
+        constant = self._factors.constant.read(landmarks.ids, values, self._isam.marginalCovariance)
         return Solution(path, landmarks, None, converged, self._gave_way, constant, self.gyro_bias)
 
     def _estimated(self, steps: Sequence[int]) -> Array:
