@@ -15,10 +15,10 @@ from ...core.gyro import Bias, Gyro
 from ...core.se2 import Array
 from ..api import Diverged, Solution
 from . import isam2
-from ._gtsam import FAILURES, Factors, failure, joint_covariance, path_and_map, pose2
+from ._gtsam import Factors, failure, joint_covariance, path_and_map, pose2
 from .distances import unevenness
 from .graph_options import Options
-from .gtsam_parts import FIRST_BIAS
+from .gtsam_parts import FAILURES, FIRST_BIAS
 from .gtsam_whole import whole
 from .headings import by_headings
 

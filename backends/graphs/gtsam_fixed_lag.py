@@ -14,7 +14,8 @@ from ...core.gyro import Bias
 from ...core.se2 import Array
 from ..api import Belief, Diverged, Pose, Solution
 from ..window.fixed_lag import Options
-from ._gtsam import FAILURES, Factors, array, failure, pose2, to_world
+from ._gtsam import Factors, array, failure, pose2, to_world
+from .gtsam_parts import FAILURES
 from .isam2 import ahead
 
 

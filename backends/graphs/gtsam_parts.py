@@ -17,7 +17,9 @@ from ...core.se2 import Array, Ints, rotation, wrap
 from ..api import Constant
 from ..constant_errors import stated
 from ..starting.late_places import Seen
-from ._gtsam import FAILURES
+
+FAILURES = (RuntimeError, ValueError, IndexError)
+"""GTSAM's exceptions in Python."""
 
 HELD = 1e-6
 """Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""
@@ -80,10 +82,11 @@ class ConstantKeys:
         turn = float(values.atPoint2(HEADING)[0]) if self._turns else 0.0
         sds = None
         if cov_of is not None:
+            of_one = cov_of
 
             def joint(of: Ints) -> Array | None:
                 try:
-                    return np.diag(np.concatenate([np.diagonal(cov_of(key)) for key in of.tolist()]))
+                    return np.diag(np.concatenate([np.diagonal(of_one(key)) for key in of.tolist()]))
                 except FAILURES:
                     return None
 

@@ -25,7 +25,8 @@ from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Expected, Pose, Soluti
 from ..incremental.biases import together
 from ..incremental.smoother import JUMP, SMALL
 from ..vicinity import Vicinity, first_expected
-from ._gtsam import FAILURES, Factors, array, failure, joint_covariance, path_and_map, pose2, to_world
+from ._gtsam import Factors, array, failure, joint_covariance, path_and_map, pose2, to_world
+from .gtsam_parts import FAILURES
 from .neighbourhood import Neighbourhood
 
 FINE = 3e-5

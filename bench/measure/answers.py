@@ -162,9 +162,11 @@ def _checked_constant(found: Any, n: int, where: str) -> Constant | None:
 def _constant(found: Any, shape: tuple[int, ...], where: str) -> Constant:
     if not isinstance(found, Constant):
         raise Broken(f"{where} constant errors is {type(found).__name__}, expected Constant or None")
-    ranges = (finite(getattr(found, name), shape, f"{where} {name}") for name in ("range_scale", "range_offset"))
-    others = (float(finite(getattr(found, name), (), f"{where} {name}")) for name in ("heading_offset", "wheel_scale"))
-    return Constant(*ranges, *others)
+    scale, offset = (finite(getattr(found, name), shape, f"{where} {name}") for name in ("range_scale", "range_offset"))
+    heading, wheels = (
+        float(finite(getattr(found, name), (), f"{where} {name}")) for name in ("heading_offset", "wheel_scale")
+    )
+    return Constant(scale, offset, heading, wheels)
 
 
 def is_convergence(value: Any) -> bool:

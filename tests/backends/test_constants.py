@@ -1,0 +1,88 @@
+"""Tests the constant errors that backends estimate: values, standard deviations, and the files they end in."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slamduel.backends import registry
+from slamduel.bench.check.parts import SCALE, halves, longer
+from slamduel.bench.check.small_logs import around, drive
+from slamduel.bench.measure.constants import KINDS, OF_ALL, constants
+from slamduel.bench.measure.drive import Outcome
+from slamduel.bench.measure.drive import drive as driven
+from slamduel.core.factors import CONSTANTS_NOTE, Log
+
+FILTERS = ("ekf", "invariant-ekf", "ukf")
+SMOOTHERS = ("smoother", "fixed-lag", "graph", "isam2")
+
+
+def ranging(seed: int) -> Log:
+    """Ranges and bearings alone, ranges too long."""
+    return longer(halves(drive(np.random.default_rng(seed), around(170)).log), SCALE)
+
+
+def outcome(name: str, log: Log, **options: Any) -> Outcome:
+    """That of a backend."""
+    builder = registry.find(name)
+    return driven(builder, builder.options(**options), log, lambda: np.random.default_rng(5))
+
+
+@pytest.fixture(scope="module")
+def batch() -> tuple[Log, np.ndarray]:
+    """A log, and the estimates of the batch optimum."""
+    log = ranging(3)
+    return log, constants(log, outcome("graph", log), None)[1]["constants"]
+
+
+def test_the_optimum_states_what_its_curvature_does(batch: tuple[Log, np.ndarray]) -> None:
+    """The sd is the rise of J: moved by one sd, with all else at its best, J is one more."""
+    log, found = batch
+    kind, landmark, value, sd, true = found[0]
+    assert (KINDS[int(kind)], landmark, len(found)) == ("range_scale", OF_ALL, 1)
+    assert np.isnan(true)
+    assert abs(value - SCALE) < 5 * sd
+    # held by a prior of weight w the optimum moves to the weighted mean: two priors tell the curvature
+    tighter = log.prior._replace(systematic=log.prior.systematic._replace(range_scale=0.01))
+    held = replace(log, prior=tighter)
+    _, _, moved, less, _ = constants(held, outcome("graph", held), None)[1]["constants"][0]
+    assert less**-2 - sd**-2 == pytest.approx(0.01**-2 - 0.1**-2, rel=1e-2)
+    assert moved == pytest.approx(value * (less / sd) ** 2, rel=2e-2)
+
+
+@pytest.mark.parametrize("name", [*FILTERS, "smoother", "isam2"])
+def test_all_backends_agree_with_the_optimum(name: str, batch: tuple[Log, np.ndarray]) -> None:
+    """Value within half an sd, sd within a tenth."""
+    log, best = batch
+    row, arrays = constants(log, outcome(name, log), None)
+    (_, _, value, sd, _), (_, _, least, stated, _) = arrays["constants"][0], best[0]
+    assert abs(value - least) < 0.5 * stated
+    assert sd == pytest.approx(stated, rel=0.1)
+    assert (row["range_scale"], row["range_scale_sd"]) == (value, sd)
+
+
+@pytest.mark.parametrize("name", ["ekf", "graph", "smoother"])
+def test_each_landmark_has_its_own(name: str) -> None:
+    """One row a landmark, in the order of the map; the row of the cell has medians."""
+    log = ranging(4)
+    log = replace(log, prior=log.prior._replace(systematic=log.prior.systematic._replace(each=True)))
+    found = outcome(name, log)
+    row, arrays = constants(log, found, None)
+    table, ids = arrays["constants"], (found.map if found.solution is None else found.solution.map).ids
+    assert table[:, 1].tolist() == ids.tolist()
+    assert (np.abs(table[:, 2] - SCALE) < 6 * table[:, 3]).all()
+    assert row["range_scale"] == np.median(table[:, 2])
+
+
+def test_the_truth_is_what_the_world_has_drawn() -> None:
+    """It is noted by name."""
+    log = replace(ranging(3), notes={CONSTANTS_NOTE: {"range_scale": SCALE}})
+    row, _ = constants(log, outcome("ekf", log), None)
+    assert row["range_scale_true"] == SCALE
+
+
+def test_a_log_without_constant_errors_has_none() -> None:
+    """No columns, no array."""
+    log = halves(drive(np.random.default_rng(3), around(50)).log)
+    assert constants(log, outcome("ekf", log), None) == ({}, {})
