@@ -12,12 +12,12 @@ from ...core.fixes import FixTable
 from ...core.gyro import Gyro
 from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
+from ...core.times import numbered
 from ...core.truth.errors import Errors, driven_errors, sighting_errors
 from ..contradiction.constant import LEFT, Constant
 from ..contradiction.remark import Remarks, remarked
 from ..measure.landmark_places import Places, Scattered, judge, placed, scattered_ids
 from ..measure.stated_noise import Measured, NoiseCheck, measured, noise_check
-from ..measure.times import numbered
 from ..systematic.words import sentences
 from .difficulty import Difficulty, difficulty
 from .revisits import Returns, loops, returns, way

@@ -10,9 +10,9 @@ from matplotlib.figure import SubFigure
 
 from ...core.factors import Log
 from ...core.se2 import Array, Ints
+from ...core.times import numbered
 from ..drawing.picture import GRID, picture
 from ..measure.landmark_places import judge, sighted
-from ..measure.times import numbered
 from .facts import headline
 from .numbers import Subject
 from .panels import FIRST, INK, SOFT, noise, returns, seen, sensor

@@ -16,12 +16,12 @@ from ...core.factors import CONSTANTS_NOTE, Log, Map, Truth
 from ...core.se2 import Array
 from ...core.truth.doubts import judges
 from ...core.truth.errors import rows_of
-from ..words.columns import CONSTANTS
 from .drive import Outcome
 
-KINDS = tuple(name for name, *_ in CONSTANTS)
+KINDS = ("range_scale", "range_offset", "heading_offset", "wheel_scale", "gyro_bias")
 """The constant errors; the array `constants` has their numbers in this order."""
 
+UNITS = ("", "m", "rad", "", "rad/s")
 NUMBER = {name: k for k, name in enumerate(KINDS)}
 EACH = ("range_scale", "range_offset")  # that each landmark may have
 
@@ -45,12 +45,18 @@ def constants(log: Log, outcome: Outcome, truth: Truth | None) -> tuple[dict[str
     if not found:
         return {}, {}
     table, row = np.array(found, np.float64), dict[str, Any]()
-    for k, name in enumerate(KINDS):
+    for k in range(len(KINDS)):
         mine = table[table[:, 0] == k, 2:]
         for suffix, values in zip(("", "_sd", "_true"), mine.T, strict=True):
             if len(values) and np.isfinite(values).all():
-                row[f"{name}{suffix}"] = float(np.median(values))
+                row[column(k, suffix)] = float(np.median(values))
     return row, {"constants": table}
+
+
+def column(kind: int, suffix: str = "") -> str:
+    """The name of the column of a constant, of its `_sd` or of its `_true` value: it ends in the unit."""
+    unit = UNITS[kind].replace("/", "_")
+    return KINDS[kind] + suffix + f"_{unit}" * bool(unit)
 
 
 def _estimates(log: Log, outcome: Outcome, truth: Truth | None) -> list[Estimate]:

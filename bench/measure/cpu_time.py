@@ -6,9 +6,9 @@ import numpy as np
 
 from ...core.factors import Log
 from ...core.se2 import Array, Ints
+from ...core.times import length
 from .drive import Outcome, Timing
 from .growth import growth, mapped, slope, slope_from, whole_from
-from .times import length
 
 DEADLINES_MS = (1, 10, 100)  # each has a column
 STRETCHES = 5  # equal parts of a run whose mean costs are reported

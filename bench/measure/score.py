@@ -9,6 +9,7 @@ import numpy as np
 from ...backends.api import Constant, Diverged, Solution
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints
+from ...core.times import length
 from ...core.truth.doubts import headings_known, judges, never_turns, other_headings, other_ways
 from ...core.truth.errors import standing
 from ..bound.bound import Bound
@@ -25,7 +26,6 @@ from .nees import nees, nees_columns, not_covariances
 from .rejected_loops import rejected_loops
 from .relations import counted_relations, relation_columns
 from .stated_noise import misstated
-from .times import length
 
 FEW = 0.9  # truth at a smaller share of the steps is remarked on
 

@@ -11,10 +11,9 @@ import numpy as np
 from ...core.files import csv_text, write_whole
 from ...core.se2 import Array
 from ...core.truth.tum import write_tum
-from ..measure.constants import KINDS, OF_ALL
+from ..measure.constants import KINDS, OF_ALL, UNITS
 from ..measure.locating import poses_judged
 from ..measure.misfit import TERMS
-from ..words.columns import about
 from .rounds import as_table
 from .schema import COLUMNS, KEY, MORE, ROUND, Row, label
 from .store import Store
@@ -72,8 +71,8 @@ def _terms(row: Row, arrays: dict[str, Any]) -> list[list[Any]]:
 
 def _constants(row: Row, arrays: dict[str, Any]) -> Iterable[list[Any]]:
     for one in arrays.get("constants", np.zeros((0, 5))):
-        name, landmark = KINDS[int(one[0])], None if one[1] == OF_ALL else int(one[1])
-        yield [*row.key, name, about(name).kind.unit, landmark, *_blank(one[2:])]
+        kind, landmark = int(one[0]), None if one[1] == OF_ALL else int(one[1])
+        yield [*row.key, KINDS[kind], UNITS[kind], landmark, *_blank(one[2:])]
 
 
 def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, act
+from ...core.times import numbered
 from ..measure.nees import nees
-from ..measure.times import numbered
 from ..words.numerals import number
 from ..words.styles import BASELINE, Look
 from .course import Landmarks

@@ -3,19 +3,20 @@
 from collections.abc import Sequence
 
 from ..drawing.table import Entry, Table, TableRow
+from ..measure.constants import KINDS, UNITS, column
 from ..verdict.ranking import ordered
 from ..verdict.summary import Line, typical
-from ..words.columns import CONSTANTS, ESTIMATED, about
+from ..words.columns import ESTIMATED, about
 from ..words.numerals import number
 
 
 def constants_table(lines: Sequence[Line]) -> Table:
     """Makes the table, a row for each backend and constant: medians over the logs; none where none is estimated."""
     rows = [
-        TableRow(line.backend, [Entry(_called(name)), *(_entry(line, column) for column in _columns(name))])
-        for name, *_ in CONSTANTS
+        TableRow(line.backend, [Entry(_called(k)), *(_entry(line, column(k, end)) for end in ("", "_sd", "_true"))])
+        for k in range(len(KINDS))
         for line in ordered(lines)
-        if name in line.values
+        if column(k) in line.values
     ]
     caption = (
         "Medians over the logs, beside an estimate their 95 % interval or, of fewer than 6 logs, their range; true: as "
@@ -24,18 +25,13 @@ def constants_table(lines: Sequence[Line]) -> Table:
     return Table(ESTIMATED, rows, caption)
 
 
-def _columns(name: str) -> tuple[str, str, str]:
-    return name, f"{name}_sd", f"{name}_true"
+def _called(kind: int) -> str:
+    return about(column(kind)).heading + f", {UNITS[kind]}" * bool(UNITS[kind])
 
 
-def _called(name: str) -> str:
-    unit = about(name).kind.unit
-    return about(name).heading + f", {unit}" * bool(unit)
-
-
-def _entry(line: Line, column: str) -> Entry:
-    if column not in line.values:
+def _entry(line: Line, name: str) -> Entry:
+    if name not in line.values:
         return Entry("")
-    found = typical(line, column)
+    found = typical(line, name)
     ends = "" if found.low == found.high else f"{number(found.low)} to {number(found.high)}"
-    return Entry(number(found.value), note=ends * (not column.endswith("_sd")), value=found.value)
+    return Entry(number(found.value), note=ends * ("_sd" not in name), value=found.value)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...core.beside import Clouds, Scans
 from ...core.se2 import Array
-from ..measure.times import length
+from ...core.times import length
 from ..record.schema import Row
 from ..record.store import Store
 from ..verdict.ranking import path_errors

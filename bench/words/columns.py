@@ -12,13 +12,13 @@ from .column import Column
 DEADLINES_MS = (1, 10, 100)  # the periods of robots that steps are counted against
 
 CONSTANTS = (
-    ("range_scale", "range scale", kind.SIGNED, kind.NUMBER, "Share by which ranges are too long: "),
-    ("range_offset", "range offset", kind.METRES, kind.BOUND_M, "What all ranges have too much: "),
-    ("heading_offset", "heading offset", kind.RADIANS, kind.SD_RAD, "What measured headings have too much: "),
-    ("wheel_scale", "wheel scale", kind.SIGNED, kind.NUMBER, "Share by which the ways of odometry are too long: "),
-    ("gyro_bias", "gyro bias", kind.TURN_RATE, kind.SD_TURN_RATE, "The gyro's bias at the end: "),
+    ("range_scale", "", "range scale", kind.SIGNED, kind.NUMBER, "Share by which ranges are too long: "),
+    ("range_offset", "_m", "range offset", kind.METRES, kind.BOUND_M, "What all ranges have too much: "),
+    ("heading_offset", "_rad", "heading offset", kind.RADIANS, kind.SD_RAD, "What measured headings have too much: "),
+    ("wheel_scale", "", "wheel scale", kind.SIGNED, kind.NUMBER, "Share by which the ways of odometry are too long: "),
+    ("gyro_bias", "_rad_s", "gyro bias", kind.TURN_RATE, kind.SD_TURN_RATE, "The gyro's bias at the end: "),
 )  # fmt: skip
-"""Constant errors of sensors: name, heading, the kinds of a value and of its standard deviation, meaning."""
+"""Constant errors of sensors: name, the unit in a column's name, heading, the kinds of a value and of its standard deviation, meaning."""
 
 CELLS = (
     Column("dataset", "dataset", kind.NAME, "The dataset's name."),
@@ -364,9 +364,9 @@ METRICS = (
            "Mean cost of a step in the last fifth of the log over that in the first fifth that begins with the whole "
            "map. Blank where that is the last one.", "cost of the last fifth over the first with the whole map"),
     *(
-        Column(f"{name}{suffix}", f"{called}{word}", kind_of if suffix != "_sd" else spread,
+        Column(f"{name}{suffix}{unit}", f"{called}{word}", kind_of if suffix != "_sd" else spread,
                f"{meaning}{words}", f"{called}{word}")
-        for name, called, kind_of, spread, meaning in CONSTANTS
+        for name, unit, called, kind_of, spread, meaning in CONSTANTS
         for suffix, word, words in (
             ("", "", ("as the backend has estimated it by the log's end. Blank where it does not, and where the "
                      "log's prior has none. The median over landmarks where each has its own.")),

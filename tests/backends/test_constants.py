@@ -10,9 +10,10 @@ from scipy.stats import chi2
 from slamduel.backends import registry
 from slamduel.bench.check.parts import SCALE, halves, longer
 from slamduel.bench.check.small_logs import around, drive
-from slamduel.bench.measure.constants import KINDS, OF_ALL, constants
+from slamduel.bench.measure.constants import KINDS, OF_ALL, column, constants
 from slamduel.bench.measure.drive import Outcome
 from slamduel.bench.measure.drive import drive as driven
+from slamduel.bench.words.columns import METRICS
 from slamduel.core.factors import CONSTANTS_NOTE, Log
 
 FILTERS = ("ekf", "invariant-ekf", "ukf")
@@ -85,6 +86,12 @@ def test_the_truth_is_what_the_world_has_drawn() -> None:
     log = replace(ranging(3), notes={CONSTANTS_NOTE: {"range_scale": SCALE}})
     row, _ = constants(log, outcome("ekf", log), None)
     assert row["range_scale_true"] == SCALE
+
+
+def test_columns_and_files_name_the_same_constants() -> None:
+    """The columns of metrics.csv are those of the kinds, in order, for each its estimate, sd and true value."""
+    expected = [column(k, suffix) for k in range(len(KINDS)) for suffix in ("", "_sd", "_true")]
+    assert [one.name for one in METRICS[-len(expected) :]] == expected
 
 
 def test_a_log_without_constant_errors_has_none() -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...core.se2 import Array
+from .se2 import Array
 
 
 def numbered(t: Array) -> bool:
