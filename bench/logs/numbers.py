@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.arrays import numbered
 from ...core.factors import UNKNOWN, Dataset, Log, Truth
 from ...core.fixes import FixTable
 from ...core.gyro import Gyro
 from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
-from ...core.times import numbered
 from ...core.truth.errors import Errors, driven_errors, sighting_errors
 from ..contradiction.constant import LEFT, Constant
 from ..contradiction.remark import Remarks, remarked

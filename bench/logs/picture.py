@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import SubFigure
 
+from ...core.arrays import numbered
 from ...core.factors import Log
 from ...core.se2 import Array, Ints
-from ...core.times import numbered
 from ..drawing.picture import GRID, picture
 from ..measure.landmark_places import judge, sighted
 from .facts import headline

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from ...core.arrays import length
 from ...core.factors import Log
 from ...core.se2 import Array, Ints
-from ...core.times import length
 from .drive import Outcome, Timing
 from .growth import growth, mapped, slope, slope_from, whole_from
 

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...backends.api import Constant, Diverged, Solution
+from ...core.arrays import length
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints
-from ...core.times import length
 from ...core.truth.doubts import headings_known, judges, never_turns, other_headings, other_ways
 from ...core.truth.errors import standing
 from ..bound.bound import Bound

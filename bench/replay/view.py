@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.arrays import numbered
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, act
-from ...core.times import numbered
 from ..measure.nees import nees
 from ..words.numerals import number
 from ..words.styles import BASELINE, Look

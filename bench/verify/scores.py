@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ...core.arrays import length
 from ...core.errors import InputError
 from ...core.factors import Map
 from ...core.se2 import Array
-from ...core.times import length
 from ...core.truth.doubts import headings_known, judges
 from ...core.truth.tum import read_tum
 from ..measure.accuracy import path_accuracy, stretches

@@ -18,7 +18,7 @@ CONSTANTS = (
     ("wheel_scale", "", "wheel scale", kind.SIGNED, kind.NUMBER, "Share by which the ways of odometry are too long: "),
     ("gyro_bias", "_rad_s", "gyro bias", kind.TURN_RATE, kind.SD_TURN_RATE, "The gyro's bias at the end: "),
 )  # fmt: skip
-"""Constant errors of sensors: name, the unit in a column's name, heading, the kinds of a value and of its standard deviation, meaning."""
+"""Constant errors of sensors: name, unit at the end of columns, heading, kinds of a value and its deviation, meaning."""
 
 CELLS = (
     Column("dataset", "dataset", kind.NAME, "The dataset's name."),
