@@ -18,7 +18,7 @@ CONSTANTS = (
     ("wheel_scale", "", "wheel scale", kind.SIGNED, kind.NUMBER, "Share by which the ways of odometry are too long: "),
     ("gyro_bias", "_rad_s", "gyro bias", kind.TURN_RATE, kind.SD_TURN_RATE, "The gyro's bias at the end: "),
 )  # fmt: skip
-"""Constant errors of sensors: name, unit at the end of columns, heading, kinds of a value and its deviation, meaning."""
+"""Constant errors of sensors: name, unit at the end of columns, heading, kinds of a value and its sd, meaning."""
 
 CELLS = (
     Column("dataset", "dataset", kind.NAME, "The dataset's name."),
