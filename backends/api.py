@@ -38,10 +38,11 @@ from ..core.signatures import Signatures
 
 __all__ = [
     "BEARING", "COMPILED_HERE", "GTSAM_WHEEL", "RANGE", "UNKNOWN", "Array", "Associates", "AssociatesPartial",
-    "Backend", "Belief", "Bias", "Builder", "Constant", "Diverged", "Expected", "Expects", "Fixes", "Foresees",
-    "Ints", "Map", "NoOptions", "Odometry", "Partial", "Pose", "Prior", "RangeBearing", "RelativePoses", "Signatures",
-    "Solution", "Step", "Systematic", "TakenOut", "TakesOut", "Truth", "TruthWanted", "Turn", "Unites", "Unsuited",
-    "WantsTruth", "act", "act_jacobians", "between", "compose", "compose_jacobians", "option", "wrap",
+    "Backend", "Belief", "Bias", "Builder", "Calibrates", "Calibration", "Constant", "Diverged", "Expected",
+    "Expects", "Fixes", "Foresees", "Ints", "Map", "NoOptions", "Odometry", "Partial", "Pose", "Prior",
+    "RangeBearing", "RelativePoses", "Signatures", "Solution", "Step", "Systematic", "TakenOut", "TakesOut",
+    "Truth", "TruthWanted", "Turn", "Unites", "Unsuited", "WantsTruth", "act", "act_jacobians", "between",
+    "compose", "compose_jacobians", "option", "wrap",
 ]  # fmt: skip
 
 COMPILED_HERE = "compiled here"
@@ -70,11 +71,13 @@ class Belief(NamedTuple):
 
 
 class Constant(NamedTuple):
-    """Estimated constant errors of the log's sensors: see `Systematic`."""
+    """Estimated constant errors of the log's sensors: see `Systematic`. One that the prior has not is 0."""
 
-    range_scale: Array  # (1,), or (n,) of each landmark of the solution's map
+    range_scale: Array  # (1,), or (n,) of each landmark of the map
     range_offset: Array  # m; likewise
     heading_offset: float = 0.0  # rad
+    wheel_scale: float = 0.0
+    sd: "Constant | None" = None  # their standard deviations, in the same shapes; None: not known
 
 
 class Solution(NamedTuple):
@@ -190,6 +193,22 @@ class AssociatesPartial(Protocol):
 
     def assigned_partial(self) -> Ints | None:
         """(p,) the landmark of every partial sighting so far; UNKNOWN for one that is not used, or not decided on."""
+        ...
+
+
+class Calibration(NamedTuple):
+    """A filter's estimates of what a `Solution` has too."""
+
+    constant: Constant | None = None  # those of ranges are of all landmarks, or of each of `map()`
+    gyro_bias: Bias | None = None
+
+
+@runtime_checkable
+class Calibrates(Protocol):
+    """A backend that estimates constant errors along the way; one with a `Solution` that has them need not be."""
+
+    def calibration(self) -> Calibration:
+        """The estimates at present. The runner asks once, after the last step and `finish`, and takes no time of it."""
         ...
 
 

@@ -1,5 +1,6 @@
 """Residuals of all a log's partial sightings and fixes, and the constant errors of its sensors that fit them best."""
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -150,6 +151,25 @@ def _turn(log: Log, path: Array) -> float:
 def _of_each(values: Array, row: Ints) -> Array:
     """The value of each row's landmark: one for all, or one of each."""
     return values[row] if len(values) > 1 else np.broadcast_to(values, row.shape)
+
+
+CovOf = Callable[[Ints], Array | None]
+"""The joint covariance (2k, 2k) of k variables of two entries; None where it is not known."""
+
+
+def stated(cov_of: CovOf, variables: Sequence[int], priors: Sequence[Sequence[float]]) -> Constant | None:
+    """The standard deviations of the errors of k ranges, and of a heading, in these k + 1 variables.
+
+    A variable that is not there has those of its prior; one that the prior holds at zero has 0.
+    """
+    sds, there = np.array(priors), np.flatnonzero(np.array(variables) >= 0)
+    moving = there[sds[there].any(axis=1)]
+    if len(moving):
+        cov = cov_of(np.array(variables, np.int64)[moving])
+        if cov is None:
+            return None
+        sds[moving] = np.where(sds[moving] > 0, np.sqrt(np.diagonal(cov)).reshape(-1, 2), 0.0)
+    return Constant(sds[:-1, 0], sds[:-1, 1], float(sds[-1, 0]))
 
 
 def squared_partial(table: PartialTable, off: Array) -> Array:

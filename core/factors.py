@@ -28,6 +28,9 @@ from .signatures import NO_SIGNATURES, Signatures
 REMARKS = "remarks"
 """The key of what a log's reader found odd, among the log's notes: a list of sentences without their full stops."""
 
+CONSTANTS_NOTE = "constant errors"
+"""The key of the true constant errors that a simulated world has drawn, by name, among the log's notes."""
+
 UNKNOWN = -1
 """The id of a sighting without data association."""
 

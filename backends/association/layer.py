@@ -21,7 +21,20 @@ from ...core.se2 import Array, Ints, compose
 from .._expected import carried
 from .._joint_compatibility import Frame, Gates
 from .._rules import NEW, Decision, decide, decide_frame, decision_by
-from ..api import Backend, Belief, Expected, Foresees, Pose, Solution, TakenOut, TakesOut, WantsTruth
+from ..api import (
+    Backend,
+    Belief,
+    Calibrates,
+    Calibration,
+    Constant,
+    Expected,
+    Foresees,
+    Pose,
+    Solution,
+    TakenOut,
+    TakesOut,
+    WantsTruth,
+)
 from ..expected import filled, fills, room_for
 from ..locating.locate import locate
 from ..locating.virtual import virtual
@@ -133,7 +146,9 @@ class Associating:
             self._take(self._line[0])
             self._line.popleft()
         found = self._inner.finish()
-        return None if found is None else found._replace(map=self._as_called(found.map))
+        if found is None:
+            return None
+        return found._replace(map=self._as_called(found.map), constant=self._kept_of(found.constant, found.map.ids))
 
     def assigned(self) -> Ints:
         """(s,) the landmark of every sighting so far; UNKNOWN for one that is not used, or waits."""
@@ -147,6 +162,11 @@ class Associating:
         """The measurements that the backend has taken out, if it does, by these ids."""
         found = self._inner.taken_out() if isinstance(self._inner, TakesOut) else None
         return None if found is None else found._replace(moved=self._translated(found.moved.tolist()))
+
+    def calibration(self) -> Calibration:
+        """That of the backend, each landmark's errors without those of landmarks that were taken out."""
+        found = self._inner.calibration() if isinstance(self._inner, Calibrates) else Calibration()
+        return found._replace(constant=self._kept_of(found.constant, self._inner.map().ids))
 
     def tell(self, truth: Truth) -> bool:
         """Hands the ground truth on to a backend that asks for it."""
@@ -463,6 +483,17 @@ class Associating:
             cov = None if found.cov is None else found.cov[np.ix_(entries, entries)]
             found = Map(found.ids[keep], found.xy[keep], cov)
         return found._replace(ids=self._translated(found.ids.tolist())) if self._called else found
+
+    def _kept_of(self, found: Constant | None, ids: Ints) -> Constant | None:
+        """Constant errors of the backend's landmarks, without those that were taken out."""
+        if found is None or not self._retired or len(found.range_scale) != len(ids) or len(ids) == 1:
+            return found
+        keep = ~np.isin(ids, list(self._retired))
+
+        def less(one: Constant) -> Constant:
+            return one._replace(range_scale=one.range_scale[keep], range_offset=one.range_offset[keep])
+
+        return less(found)._replace(sd=None if found.sd is None else less(found.sd))
 
 
 def _rows(of: Partial, kept: NDArray[np.bool]) -> Partial:

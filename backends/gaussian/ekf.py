@@ -33,7 +33,7 @@ from ...core.options import option
 from ...core.se2 import Array
 from .. import common_options
 from .._expected_arrays import ExpectedArrays
-from ..api import COMPILED_HERE, Belief, Bias, Builder, Diverged, Expected, Pose, Solution, TruthWanted
+from ..api import COMPILED_HERE, Belief, Bias, Builder, Calibration, Diverged, Expected, Pose, Solution, TruthWanted
 from ..expected import as_expected, room_for, roomier
 from ._beliefs import Frame
 from ._ekf import AT_ROBOT, FIRST, IDEAL, INDEFINITE, ODOMETRY, POSE, STANDARD, frame
@@ -271,6 +271,10 @@ class Ekf:
     def range_errors(self) -> tuple[float, float] | None:
         """The scale and offset (m) of all ranges at present; None where they are not estimated."""
         return None if self._late is None else self._late.range_errors
+
+    def calibration(self) -> Calibration:
+        """The constant errors and the gyro's bias at present."""
+        return Calibration(None if self._late is None else self._late.constant(self._slot), self.gyro_bias)
 
     @property
     def gyro_bias(self) -> Bias | None:

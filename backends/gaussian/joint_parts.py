@@ -98,6 +98,10 @@ class JointParts:
         first, second = self._whole.mean[3 + entry : 5 + entry].tolist()
         return first, second
 
+    def one(self, entry: int) -> tuple[float, float]:
+        """The present mean of an entry, and its standard deviation."""
+        return self._whole.one(entry)
+
     def shift(self, entry: int, ahead: float, left: float) -> None:
         """Adds this entry's error, times a way in the body's frame, to that of the pose's position."""
         whole = self._whole

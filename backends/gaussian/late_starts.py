@@ -14,7 +14,7 @@ of the wheels, by which the robot has moved less at every step than odometry say
 The layer decides what is used when; a filter does it to its own belief, by the methods of `Parts`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -23,7 +23,7 @@ import numpy as np
 from ...core.factors import Odometry, Prior, Step, Systematic
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
-from ..api import Diverged
+from ..api import Constant, Diverged
 from ..starting.drift import relative
 from ..starting.placing import placed
 from ._ekf import AT_ROBOT
@@ -64,6 +64,10 @@ class Parts(Protocol):
 
     def constants(self, entry: int) -> tuple[float, float]:
         """The present means of a pair of constant errors."""
+        ...
+
+    def one(self, entry: int) -> tuple[float, float]:
+        """The present mean of an entry, and its standard deviation."""
         ...
 
     def shift(self, entry: int, ahead: float, left: float) -> None:
@@ -229,6 +233,30 @@ class LateStarts:
     def range_errors(self) -> tuple[float, float] | None:
         """The scale and offset (m) of all ranges at present, where they are estimated together."""
         return None if self._common == NO_ENTRY else self._parts.constants(self._common)
+
+    def constant(self, landmarks: Iterable[int]) -> Constant | None:
+        """The constant errors at present, those of each landmark's ranges in the order given; None without any."""
+        if self._prior == Systematic(each=self._prior.each):
+            return None
+        entries = [self._common] if self._each is None else [self._each.get(one, NO_ENTRY) for one in landmarks]
+        pairs = np.array([self._pair(entry) for entry in entries]).reshape(-1, 2, 2)
+        turn, longer = (
+            (0.0, sd) if entry == NO_ENTRY else self._parts.one(entry)
+            for entry, sd in ((self._heading, self._prior.heading_offset), (self._wheels, self._prior.wheel_scale))
+        )
+        return Constant(
+            pairs[:, 0, 0],
+            pairs[:, 1, 0],
+            turn[0],
+            longer[0],
+            Constant(pairs[:, 0, 1], pairs[:, 1, 1], turn[1], longer[1]),
+        )
+
+    def _pair(self, entry: int) -> tuple[tuple[float, float], tuple[float, float]]:
+        """The scale and the offset at an entry, each with its standard deviation: those of the prior without one."""
+        if entry == NO_ENTRY:
+            return (0.0, self._prior.range_scale), (0.0, self._prior.range_offset)
+        return self._parts.one(entry), self._parts.one(entry + 1)
 
     def _errors(self, landmark: int) -> int:
         """The first entry of the errors of ranges to a landmark."""

@@ -33,8 +33,6 @@ ESTIMATORS = {
 }
 """Robust losses."""
 
-FAILURES = (RuntimeError, ValueError, IndexError)
-"""GTSAM's exceptions in Python."""
 
 NEAREST = 1e-3
 """m; least initial distance of a landmark from the robot: at zero distance its bearing has no derivative."""

@@ -5,6 +5,7 @@ solved and relinearised before odometry continues from its end.
 """
 
 import contextlib
+from functools import partial
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ...core.factors import Log, Map
 from ...core.se2 import Array, Ints, compose
 from ..api import Constant, Diverged, Solution
 from ..common_options import LOSSES
-from ..constant_errors import fitted, fitted_biases
+from ..constant_errors import CovOf, fitted, fitted_biases
 from ..incremental.smoother import LEAST, PATIENCE
 from ..smoothing import _log, _opening
 from ..smoothing._factors import HUBER, NONE
@@ -33,7 +34,7 @@ from ..smoothing._graph import (
     WORK,
 )  # fmt: skip
 from ..smoothing.forest import FIRST_DAMPING, NO_COVARIANCE, Forest
-from ..smoothing.maps import add_map, joint_map
+from ..smoothing.maps import add_map, joint_map, joint_of
 from ..smoothing.valleys import descend
 from ._whole_log import Columns, linearise_at, write_steps
 from .distances import of_partial, of_sightings
@@ -214,11 +215,14 @@ class Batch:
             cov = forest.pose_covariances()
             landmarks = joint_map(forest, landmarks.ids, self._variables(), forest.g.values, joint_up_to)
         bias = None if self.log.gyro is None else self.parts.biases.last(forest, curved=curved)
-        return Solution(path, landmarks, cov, converged, constant=self.constant(landmarks.ids), gyro_bias=bias)
+        cov_of = partial(joint_of, forest, values=forest.g.values) if curved else None
+        return Solution(
+            path, landmarks, cov, converged, constant=self.constant(landmarks.ids, cov_of), gyro_bias=bias
+        )  # fmt: skip
 
-    def constant(self, landmarks: Ints) -> Constant | None:
+    def constant(self, landmarks: Ints, cov_of: CovOf | None = None) -> Constant | None:
         """The constant errors at the linearisation points, a gyro's aside; None without any."""
-        return self.parts.constant.read(self.forest.g.values, landmarks)
+        return self.parts.constant.read(self.forest.g.values, landmarks, cov_of)
 
     def _variables(self) -> Ints:
         """The landmarks' variables."""

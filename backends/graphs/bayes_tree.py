@@ -14,7 +14,8 @@ from ...core.options import option
 from ...core.se2 import Array
 from .. import common_options
 from ..api import Diverged
-from ._gtsam import FAILURES, failure
+from ._gtsam import failure
+from .gtsam_parts import FAILURES
 from .neighbourhood import Neighbourhood
 
 SETTLING = 10

@@ -15,11 +15,11 @@ from ...core.gyro import Bias, Gyro
 from ...core.se2 import Array
 from ..api import Diverged, Solution
 from . import isam2
-from ._gtsam import FAILURES, Factors, failure, joint_covariance, path_and_map, pose2
+from ._gtsam import Factors, failure, joint_covariance, path_and_map, pose2
 from .distances import unevenness
 from .first_values import by_headings
 from .graph_options import Options
-from .gtsam_parts import FIRST_BIAS
+from .gtsam_parts import FAILURES, FIRST_BIAS
 from .gtsam_whole import whole
 
 CHUNK = 100
@@ -72,7 +72,11 @@ class GtsamBatch:
             raise Diverged(failure(error)) from None
         if not np.isfinite(path).all() or not np.isfinite(landmarks.xy).all():
             raise Diverged("the optimum is not finite")
-        constant = fit.factors.constant.read(landmarks.ids, fit.optimizer.values())
+        values, cov_of = fit.optimizer.values(), None
+        if fit.factors.constant.used:
+            with contextlib.suppress(*FAILURES):
+                cov_of = gtsam.Marginals(fit.graph, values).marginalCovariance
+        constant = fit.factors.constant.read(landmarks.ids, values, cov_of)
         bias = None if self._log.gyro is None else self._bias(self._log.gyro, fit)
         if not 0 < len(landmarks.ids) <= options.joint_up_to:
             return Solution(path, landmarks, constant=constant, gyro_bias=bias)

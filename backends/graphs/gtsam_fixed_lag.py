@@ -14,7 +14,8 @@ from ...core.gyro import Bias
 from ...core.se2 import Array
 from ..api import Belief, Diverged, Pose, Solution
 from ..window.fixed_lag import Options
-from ._gtsam import FAILURES, Factors, array, failure, pose2, to_world
+from ._gtsam import Factors, array, failure, pose2, to_world
+from .gtsam_parts import FAILURES
 from .isam2 import ahead
 
 
@@ -90,7 +91,10 @@ class GtsamFixedLag:
         path = np.array([*self._path, *last]).reshape(-1, 3)
         landmarks = self._factors.with_newcomers(path, self.map())
         constant = self._factors.constant
-        found = constant.read(landmarks.ids, self._smoother.calculateEstimate()) if constant.used else None
+        found = None
+        if constant.used:
+            at, cov_of = self._smoother.calculateEstimate(), self._smoother.marginalCovariance
+            found = constant.read(landmarks.ids, at, cov_of)
         return Solution(path, landmarks, constant=found, gyro_bias=self.gyro_bias)
 
     def _bias(self) -> float:

@@ -15,7 +15,11 @@ from ...core.gyro import Bias, Turn
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, rotation, wrap
 from ..api import Constant
+from ..constant_errors import stated
 from ..starting.late_places import Seen
+
+FAILURES = (RuntimeError, ValueError, IndexError)
+"""GTSAM's exceptions in Python."""
 
 HELD = 1e-6
 """Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""
@@ -63,15 +67,33 @@ class ConstantKeys:
             _add(HEADING, (self._sds.heading_offset, 1.0), graph, values)
         return HEADING
 
-    def read(self, landmarks: Ints, values: gtsam.Values) -> Constant | None:
-        """The constant errors of these landmarks; None without any."""
+    def read(
+        self, landmarks: Ints, values: gtsam.Values, cov_of: Callable[[int], Array] | None = None
+    ) -> Constant | None:
+        """The constant errors of these landmarks; None without any.
+
+        `cov_of` gives the covariance of one by its key; their standard deviations are not known where it fails.
+        """
         if not self.used:
             return None
         names = landmarks.tolist() if self._sds.each else [-1]
         keys = [self._keys.get(name) for name in names]
         found = np.array([np.zeros(2) if key is None else values.atPoint2(key) for key in keys]).reshape(-1, 2)
         turn = float(values.atPoint2(HEADING)[0]) if self._turns else 0.0
-        return Constant(found[:, 0], found[:, 1], turn)
+        sds = None
+        if cov_of is not None:
+            of_one = cov_of
+
+            def joint(of: Ints) -> Array | None:
+                try:
+                    return np.diag(np.concatenate([np.diagonal(of_one(key)) for key in of.tolist()]))
+                except FAILURES:
+                    return None
+
+            there = [*(-1 if key is None else key for key in keys), HEADING if self._turns else -1]
+            first = [self._sds.range_scale, self._sds.range_offset]
+            sds = stated(joint, there, [*[first] * len(keys), [self._sds.heading_offset, 0.0]])
+        return Constant(found[:, 0], found[:, 1], turn, sd=sds)
 
 
 def part_factor(pose: int, landmark: int, errors: int | None, seen: Seen, weighed: Weighed) -> gtsam.NonlinearFactor:

@@ -23,8 +23,9 @@ from ..api import GTSAM_WHEEL, Belief, Builder, Diverged, Expected, Pose, Soluti
 from ..incremental.biases import together
 from ..incremental.smoother import JUMP, SMALL
 from ..vicinity import Vicinity, first_expected
-from ._gtsam import FAILURES, Factors, array, joint_covariance, path_and_map, pose2, to_world
+from ._gtsam import Factors, array, joint_covariance, path_and_map, pose2, to_world
 from .bayes_tree import BayesTree, TreeOptions
+from .gtsam_parts import FAILURES
 
 FINE = 3e-5
 """Relinearize threshold at the end with constant errors: a scale of ranges is that of tens of metres."""
@@ -147,7 +148,7 @@ class Isam2:
             converged, values = tree.refined(values, threshold, MORE_UPDATES if fine else 1)
         path, landmarks = path_and_map(self._factors.keys, tree.steps, values)
         landmarks = self._factors.with_newcomers(path, landmarks)
-        constant = self._factors.constant.read(landmarks.ids, values)
+        constant = self._factors.constant.read(landmarks.ids, values, tree.isam.marginalCovariance)
         return Solution(path, landmarks, None, converged, tree.gave_way, constant, self.gyro_bias)
 
     def _estimated(self, steps: Sequence[int]) -> Array:

@@ -9,6 +9,7 @@ from ...core.partial import NO_PARTIAL, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import rows_of
 from ..api import Constant
+from ..constant_errors import CovOf, stated
 from ..smoothing import _log
 from ..smoothing._graph import ALONE, FIX, LANDMARK, NO_VARIABLE, POSE, PRIOR
 from ..smoothing.arrays import with_rows
@@ -33,7 +34,7 @@ class ConstantVariables:
 
     def __init__(self, forest: Forest, sds: Systematic, ids: Ints, fixes: bool) -> None:
         """Ranges are of landmarks `ids` (n,); without `fixes` no heading is measured."""
-        self._each = sds.each
+        self._each, self._sds = sds.each, sds
         ranges = len(ids) > 0 and (sds.range_scale > 0 or sds.range_offset > 0)
         number = (len(ids) if sds.each else 1) if ranges else 0
         turns = fixes and sds.heading_offset > 0
@@ -68,8 +69,8 @@ class ConstantVariables:
         if self.heading >= 0:
             values[self.heading, 0] = constant.heading_offset
 
-    def read(self, values: Array, landmarks: Ints) -> Constant | None:
-        """The constant errors of these landmarks; None without any."""
+    def read(self, values: Array, landmarks: Ints, cov_of: CovOf | None = None) -> Constant | None:
+        """The constant errors of these landmarks; None without any. Without `cov_of` they have no deviations."""
         if not len(self.all):
             return None
         out = np.zeros((len(landmarks) if self._each else 1, 2))
@@ -78,7 +79,19 @@ class ConstantVariables:
             out[row >= 0] = values[self._ranges[row[row >= 0]], :2]
         elif len(self._ranges):
             out[0] = values[self._ranges[0], :2]
-        return Constant(out[:, 0], out[:, 1], float(values[self.heading, 0]) if self.heading >= 0 else 0.0)
+        turn, sds = float(values[self.heading, 0]) if self.heading >= 0 else 0.0, None
+        if cov_of is not None:
+            there = np.full(len(out), NO_VARIABLE)
+            if len(self._ranges) and self._each:
+                row = rows_of(self._ids, landmarks)
+                there = np.where(row >= 0, self._ranges[row], NO_VARIABLE)
+            elif len(self._ranges):
+                there[0] = self._ranges[0]
+            first = [self._sds.range_scale, self._sds.range_offset]
+            sds = stated(
+                cov_of, [*there.tolist(), self.heading], [*[first] * len(out), [self._sds.heading_offset, 0.0]]
+            )
+        return Constant(out[:, 0], out[:, 1], turn, sd=sds)
 
 
 class GyroBiases:

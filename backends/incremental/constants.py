@@ -5,6 +5,7 @@ import numpy as np
 from ...core.factors import Systematic
 from ...core.se2 import Array, Ints
 from ..api import Constant
+from ..constant_errors import CovOf, stated
 from ..smoothing._graph import ALONE, NO_VARIABLE, PRIOR
 from ..smoothing.tables import Row, Tables
 
@@ -34,7 +35,7 @@ class ConstantVariables:
         """The variable of a heading's error, held fixed at zero without any; its prior is added to `rows`."""
         return self._found(HEADING, (self._sds.heading_offset, 1.0), rows)
 
-    def read(self, values: Array, landmarks: Ints) -> Constant | None:
+    def read(self, values: Array, landmarks: Ints, cov_of: CovOf) -> Constant | None:
         """The errors of these landmarks' ranges and of headings, at `values` (v, 3); None without any."""
         if not self._ranges and not self._sds.heading_offset > 0:
             return None
@@ -42,7 +43,10 @@ class ConstantVariables:
         pairs = np.array([values[self._variable[i], :2] if i in self._variable else (0.0, 0.0) for i in names])
         turn = values[self._variable[HEADING], 0] if HEADING in self._variable else 0.0
         scale, offset = pairs.reshape(-1, 2).T
-        return Constant(scale, offset, float(turn))
+        there = [self._variable.get(name, NO_VARIABLE) for name in (*names, HEADING)]
+        first = [self._sds.range_scale, self._sds.range_offset]
+        sds = stated(cov_of, there, [*[first] * len(names), [self._sds.heading_offset, 0.0]])
+        return Constant(scale, offset, float(turn), sd=sds)
 
     def _found(self, name: int, sds: tuple[float, float], rows: list[Row]) -> int:
         found = self._variable.get(name, NO_VARIABLE)

@@ -10,6 +10,7 @@ from ...core.fixes import information
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ..api import Constant
+from ..constant_errors import CovOf
 from ..smoothing._graph import ALONE, NO_VARIABLE
 from ..smoothing.tables import Row, Tables
 from ..starting.late_places import LatePlaces, Seen
@@ -119,9 +120,9 @@ class Parts:
         """The map with landmarks that are not placed, without covariance, where they are likeliest."""
         return self._late.added_to(landmarks, path)
 
-    def constant(self, values: Array, landmarks: Ints) -> Constant | None:
+    def constant(self, values: Array, landmarks: Ints, cov_of: CovOf) -> Constant | None:
         """The constant errors of these landmarks, and of headings; None without any."""
-        return self._constants.read(values, landmarks)
+        return self._constants.read(values, landmarks, cov_of)
 
     def _fix(self, z: Array, cov: Array, arm: Array) -> None:
         turn = self._constants.of_heading(self.rows)

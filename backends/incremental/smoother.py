@@ -11,6 +11,7 @@ import math
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -47,7 +48,7 @@ from ..smoothing._graph import (
 from ..smoothing._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, parts_step, plain_step
 from ..smoothing.arrays import as_rows
 from ..smoothing.forest import INDEFINITE_J, NO_COVARIANCE, NOBODY, Forest
-from ..smoothing.maps import add_map, joint_map
+from ..smoothing.maps import add_map, joint_map, joint_of
 from ..smoothing.valleys import settled
 from ..vicinity import Vicinity, first_expected, with_held
 from ._turned import move, turned_step
@@ -257,7 +258,7 @@ class Smoother:
             raise Diverged("the optimum is not finite")
         path, covs = self._whole(estimate.path, values)
         landmarks = self._newcomers.added_to(self._parts.added_to(self._map(values), path), path)
-        constant = self._parts.constant(values, landmarks.ids)
+        constant = self._parts.constant(values, landmarks.ids, partial(joint_of, forest, values=values))
         bias = self.gyro_bias
         return Solution(path, landmarks, covs, converged, constant=constant, gyro_bias=bias)
 

@@ -47,6 +47,10 @@ class GroupParts:
         first, second = self._group.mean[entry : entry + 2].tolist()
         return first, second
 
+    def one(self, entry: int) -> tuple[float, float]:
+        """The present mean of an entry, and its standard deviation."""
+        return self._group.one(entry)
+
     def shift(self, entry: int, ahead: float, left: float) -> None:
         """Adds this entry's error, times a way in the body's frame, to that of the pose's position."""
         group = self._group

@@ -40,7 +40,7 @@ from ...core.gyro import Turn
 from ...core.options import option
 from .. import common_options
 from .._expected_arrays import ExpectedArrays
-from ..api import COMPILED_HERE, Belief, Bias, Builder, Diverged, Expected, Pose, Solution
+from ..api import COMPILED_HERE, Belief, Bias, Builder, Calibration, Diverged, Expected, Pose, Solution
 from ..expected import as_expected, room_for, roomier
 from ..gaussian.kept_poses import SUMMARY, KeptPoses
 from ..gaussian.late_starts import NO_GATES, LateStarts
@@ -173,6 +173,10 @@ class InvariantEkf:
     def range_errors(self) -> tuple[float, float] | None:
         """The scale and offset (m) of all ranges at present; None where they are not estimated."""
         return None if self._late is None else self._late.range_errors
+
+    def calibration(self) -> Calibration:
+        """The constant errors and the gyro's bias at present."""
+        return Calibration(None if self._late is None else self._late.constant(self._slot), self.gyro_bias)
 
     @property
     def gyro_bias(self) -> Bias | None:

@@ -20,6 +20,8 @@ from ..api import (
     Backend,
     Belief,
     Builder,
+    Calibrates,
+    Calibration,
     Pose,
     Solution,
     TakenOut,
@@ -110,6 +112,10 @@ class Locating:
     def taken_out(self) -> TakenOut | None:
         """The measurements that the backend has taken out since its start, if it does."""
         return self._inner.taken_out() if isinstance(self._inner, TakesOut) else None
+
+    def calibration(self) -> Calibration:
+        """The backend's since its start."""
+        return self._inner.calibration() if isinstance(self._inner, Calibrates) else Calibration()
 
     def finish(self) -> Solution | None:
         """The backend's; where there was none yet, the path that odometry leads back on from its start."""

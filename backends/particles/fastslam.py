@@ -106,7 +106,7 @@ class FastSlam(PathParticles):
         best = self._heaviest()
         ids, xy, blocks = parts.unplaced(self._poses, best)
         filters = self._maps.all()
-        placed, constant = self._marginal(filters)[..., best], parts.estimated(filters, ids, best)
+        placed, constant = self._marginal(filters)[..., best], parts.estimated(filters, ids, best, self._weights)
         within = np.concatenate((placed[:, 2:], blocks))
         cov = with_blocks(np.zeros((2 * len(within), 2 * len(within))), within)
         landmarks = Map(np.concatenate((self._ids(), ids)), np.concatenate((placed[:, :2], xy)), cov)

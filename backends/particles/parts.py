@@ -223,16 +223,26 @@ class PartialSightings:
         found = self.marginals(filters)[..., particle]
         return np.fromiter(self.open.row, np.int64, len(slots)), found[:, :2].copy(), found[:, 2:]
 
-    def estimated(self, filters: Array, unplaced: Ints, particle: int) -> Constant | None:
-        """A particle's constant errors; each landmark's own in the order of `filters` (N, C, M), then `unplaced`."""
+    def estimated(self, filters: Array, unplaced: Ints, particle: int, weights: Array) -> Constant | None:
+        """A particle's constant errors; each landmark's own in the order of `filters` (N, C, M), then `unplaced`.
+
+        Their standard deviations are those of all particles with their weights (M,).
+        """
         if not self.constant and not self._turn_var > 0:
             return None
-        values = self.common[:2, particle, None]
+        values, all_of = self.common[:2, particle, None], self.common[None]
         if self.each:
             rows = np.array([self.open.row[landmark] for landmark in unplaced.tolist()], np.int64)
-            own = self.open.filters[self.open.slots(rows), _rings.OWN_HERE : _rings.OWN_HERE + 2, particle]
-            values = np.concatenate((filters[:, OWN : OWN + 2, particle], own)).T
-        return Constant(values[0].copy(), values[1].copy(), float(self.turned[particle]))
+            own = self.open.filters[self.open.slots(rows), _rings.OWN_HERE : _rings.OWN_HERE + 5]
+            all_of = np.concatenate((filters[:, OWN : OWN + 5], own))
+            values = all_of[:, :2, particle].T
+        scale, offset = (
+            np.sqrt(all_of[:, within] @ weights + (all_of[:, k] - (all_of[:, k] @ weights)[:, None]) ** 2 @ weights)
+            for k, within in ((0, 2), (1, 4))
+        )
+        apart = float((self.turned - self.turned @ weights) ** 2 @ weights)
+        sd = Constant(scale, offset, float(np.sqrt(self._turn_var + apart)))
+        return Constant(values[0].copy(), values[1].copy(), float(self.turned[particle]), sd=sd)
 
     def _split(self, landmark: int, z: Array, cov: Array) -> None:
         """Adds a whole sighting as a bearing, and a range given that: its errors are independent of the bearing's."""

@@ -52,6 +52,11 @@ def joint_map(forest: Forest, ids: Ints, variables: Ints, values: Array, up_to: 
     return Map(ids, places, cov)
 
 
+def joint_of(forest: Forest, variables: Ints, values: Array) -> Array | None:
+    """The joint covariance (2n, 2n) of variables (n,) of two entries, at `values` (v, 3); None where it fails."""
+    return joint_map(forest, variables, variables, values, len(variables)).cov
+
+
 def _add(forest: Forest, variables: Ints, mean: Array, cov: Array) -> None:
     """Adds a clique of landmarks (n,) with the given mean (2n,) and covariance (2n, 2n)."""
     n = 2 * len(variables)

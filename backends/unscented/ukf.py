@@ -35,7 +35,7 @@ from ...core.gyro import Turn
 from ...core.options import option
 from .. import common_options
 from .._expected_arrays import ExpectedArrays
-from ..api import COMPILED_HERE, Belief, Bias, Builder, Diverged, Expected, Pose
+from ..api import COMPILED_HERE, Belief, Bias, Builder, Calibration, Diverged, Expected, Pose
 from ..expected import as_expected, room_for, roomier
 from ..gaussian._ekf import STANDARD
 from ..gaussian._expected import expect
@@ -165,6 +165,10 @@ class Ukf:
     def range_errors(self) -> tuple[float, float] | None:
         """The scale and offset (m) of all ranges at present; None where they are not estimated."""
         return None if self._late is None else self._late.range_errors
+
+    def calibration(self) -> Calibration:
+        """The constant errors and the gyro's bias at present."""
+        return Calibration(None if self._late is None else self._late.constant(self._slot), self.gyro_bias)
 
     @property
     def gyro_bias(self) -> Bias | None:

@@ -21,7 +21,7 @@ from ...core.fixes import NO_FIXES
 from ...core.gyro import Bias
 from ...core.options import option
 from ...core.partial import NO_PARTIAL
-from ...core.se2 import Array
+from ...core.se2 import Array, Ints
 from .. import common_options
 from ..api import Belief, Diverged, Expected, Pose, Solution
 from ..common_options import LOSSES
@@ -197,14 +197,20 @@ class FixedLag:
         if not (np.isfinite(path).all() and np.isfinite(landmarks.xy).all()):
             raise Diverged("the optimum is not finite")
         landmarks = self._newcomers.added_to(self._parts.added_to(landmarks, path), path)
-        constant = self._parts.constant(self._places(), landmarks.ids)
+        constant = self._parts.constant(self._places(), landmarks.ids, self._joint_of)
         return Solution(path, landmarks, covs, converged, constant=constant, gyro_bias=self.gyro_bias)
 
     def _marginals(self, landmarks: list[int]) -> tuple[Array, Array, Array]:
         """The last pose, the landmarks' places and their joint covariance, the pose last."""
-        n = len(landmarks)
+        return self._joint(np.array([self._row[landmark] for landmark in landmarks], np.int64))
+
+    def _joint_of(self, rows: Ints) -> Array:
+        """The joint covariance (2n, 2n) of the landmarks or constant errors of these rows."""
+        return self._joint(rows)[2][:-3, :-3]
+
+    def _joint(self, rows: Ints) -> tuple[Array, Array, Array]:
+        n = len(rows)
         pose, at, cov = np.empty(3), np.empty((n, 2)), np.empty((2 * n + 3, 2 * n + 3))
-        rows = np.array([self._row[landmark] for landmark in landmarks], np.int64)
         _marginals.joint(self._tables.window, rows, pose, at, cov)
         return pose, at, cov
 

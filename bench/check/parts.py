@@ -4,16 +4,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...core.factors import Log
+from ...backends.api import Calibrates, Pose
+from ...core.factors import Log, Systematic
 from ...core.fixes import FixTable
 from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import wrap
-from .candidate import ROUNDING, Candidate, Failed, NotApplicable
+from ..measure.answers import checked_calibration, checked_solution
+from .candidate import ROUNDING, Candidate, Failed, NotApplicable, same
 from .estimates import BIAS
 from .small_logs import SmallLog, around, dead_reckoned, drive
 
 SECOND = 10  # steps
 FIX_SD = 0.1  # m
+SCALE, PRIOR_SD = 0.05, 0.1  # of ranges
+MOST_SDS = 6.0
 
 
 def halves_of_sightings_count_as_whole_ones(candidate: Candidate) -> str:
@@ -40,6 +44,50 @@ def a_position_each_second_is_used(candidate: Candidate) -> str:
         raise NotApplicable("a log with positions or headings in the world is skipped for it")
     drifting = drive(np.random.default_rng(28), around(85), bias=BIAS, reach=0.0)
     return _hold(candidate, with_positions(drifting, np.random.default_rng(29)))
+
+
+def constants_are_near_the_truth(candidate: Candidate) -> str:
+    """A scale of ranges that it estimates is right within what it states, and asking for it changes nothing."""
+    if not candidate.builder.partial:
+        raise NotApplicable("a log with sightings of a range or a bearing alone is skipped for it")
+    log = longer(halves(drive(np.random.default_rng(30), around(170)).log), SCALE)
+    backend, path = candidate.fresh(log.prior), list[Pose | None]()
+    for step in log:
+        path.append(backend.step(step))
+        if isinstance(backend, Calibrates):
+            checked_calibration(backend)
+    solution = checked_solution(backend.finish(), len(log))
+    constant = checked_calibration(backend).constant if solution is None or solution.constant is None else None
+    constant = solution.constant if solution is not None and constant is None else constant
+    if constant is None:
+        raise NotApplicable("it estimates no constant errors, or does not say so")
+    asked = {} if path[0] is None else {"online": np.array(path)}
+    alone = candidate.run(log).paths
+    same(
+        asked, {name: poses for name, poses in alone.items() if name in asked}, "a run asked for constants, and one not"
+    )
+    off = abs(float(constant.range_scale[0]) - SCALE)
+    if constant.sd is None:
+        if not off <= SCALE / 2:
+            raise Failed(f"the scale of ranges is {off:.3g} off, expected at most {SCALE / 2:g}")
+        return f"the scale of ranges is {off:.2g} off, without a standard deviation"
+    sd = float(constant.sd.range_scale[0])
+    if not 0 < sd < PRIOR_SD:
+        raise Failed(f"the scale's standard deviation is {sd:.3g}, expected above 0 and below the prior's {PRIOR_SD:g}")
+    least = SCALE / 2 if candidate.builder.random else 0.0  # a few particles state too little
+    if not off <= max(MOST_SDS * sd, least):
+        raise Failed(f"the scale of ranges is {off / sd:.1f} standard deviations off, expected at most {MOST_SDS:g}")
+    return f"the scale of ranges is {off / sd:.1f} of its standard deviations off"
+
+
+def longer(log: Log, scale: float) -> Log:
+    """The log with ranges alone too long by this share, which its prior does not know but to PRIOR_SD."""
+    assert log.partial is not None
+    z = np.where(log.partial.kind == RANGE, (1 + scale) * log.partial.z, log.partial.z)
+    prior = log.prior._replace(systematic=Systematic(range_scale=PRIOR_SD))
+    table = log.partial
+    partial = PartialTable.from_arrays(len(log), table.step, table.ids, table.kind, z, table.var)
+    return replace(log, prior=prior, partial=partial)
 
 
 def _hold(candidate: Candidate, made: SmallLog) -> str:
@@ -76,4 +124,4 @@ def _uncorrelated(log: Log) -> Log:
     return replace(log, z_cov=log.z_cov * np.eye(2))
 
 
-CHECKS = (halves_of_sightings_count_as_whole_ones, a_position_each_second_is_used)
+CHECKS = (halves_of_sightings_count_as_whole_ones, a_position_each_second_is_used, constants_are_near_the_truth)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...core.arrays import numbered
 from ...core.factors import UNKNOWN, Dataset, Log, Truth
 from ...core.fixes import FixTable
 from ...core.gyro import Gyro
@@ -17,7 +18,6 @@ from ..contradiction.constant import LEFT, Constant
 from ..contradiction.remark import Remarks, remarked
 from ..measure.landmark_places import Places, Scattered, judge, placed, scattered_ids
 from ..measure.stated_noise import Measured, NoiseCheck, measured, noise_check
-from ..measure.times import numbered
 from ..systematic.words import sentences
 from .difficulty import Difficulty, difficulty
 from .revisits import Returns, loops, returns, way

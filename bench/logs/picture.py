@@ -8,11 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import SubFigure
 
+from ...core.arrays import numbered
 from ...core.factors import Log
 from ...core.se2 import Array, Ints
 from ..drawing.picture import GRID, picture
 from ..measure.landmark_places import judge, sighted
-from ..measure.times import numbered
 from .facts import headline
 from .numbers import Subject
 from .panels import FIRST, INK, SOFT, noise, returns, seen, sensor

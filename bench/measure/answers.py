@@ -9,7 +9,17 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from ...backends.api import Associates, AssociatesPartial, Backend, Bias, Constant, Diverged, Solution
+from ...backends.api import (
+    Associates,
+    AssociatesPartial,
+    Backend,
+    Bias,
+    Calibrates,
+    Calibration,
+    Constant,
+    Diverged,
+    Solution,
+)
 from ...core.errors import SlamduelError
 from ...core.factors import Log, Map
 from ...core.se2 import Array, Ints
@@ -113,22 +123,50 @@ def checked_solution(solution: Any, n: int) -> Solution | None:
     if not isinstance(solution.remark, str):  # pyright: ignore[reportUnnecessaryIsInstance] - a backend may return anything
         raise Broken(f"finish(): the remark is {type(solution.remark).__name__}, expected str")
     landmarks = checked_map(solution.map, "finish()")
-    constant, bias = _checked_constant(solution, len(landmarks.ids)), solution.gyro_bias
-    bias = None if bias is None else Bias(*finite(np.array(bias), (2,), "finish(): gyro_bias").tolist())
+    constant = _checked_constant(solution.constant, len(landmarks.ids), "finish()")
+    bias = _checked_bias(solution.gyro_bias, "finish()")
     return Solution(path, landmarks, cov, converged, solution.remark, constant, bias)
 
 
-def _checked_constant(solution: Solution, n: int) -> Constant | None:
-    """Copies a solution's constant errors of n landmarks, or of all."""
-    found: Any = solution.constant
+def checked_calibration(backend: Backend) -> Calibration:
+    """Copies the constant errors that a backend has estimated along the way; none of one that estimates none."""
+    if not isinstance(backend, Calibrates):
+        return Calibration()
+    found: Any = backend.calibration()
+    if not isinstance(found, Calibration):
+        raise Broken(f"calibration() returned {type(found).__name__}, expected Calibration")
+    n = 1 if found.constant is None or np.shape(found.constant.range_scale) == (1,) else len(backend.map().ids)
+    constant = _checked_constant(found.constant, n, "calibration()")
+    return Calibration(constant, _checked_bias(found.gyro_bias, "calibration()"))
+
+
+def _checked_bias(found: Any, where: str) -> Bias | None:
+    return None if found is None else Bias(*finite(np.array(found), (2,), f"{where}: gyro_bias").tolist())
+
+
+def _checked_constant(found: Any, n: int, where: str) -> Constant | None:
+    """Copies the constant errors of n landmarks, or of all."""
     if found is None:
         return None
     if not isinstance(found, Constant):
-        raise Broken(f"finish(): constant is {type(found).__name__}, expected Constant or None")
+        raise Broken(f"{where}: constant is {type(found).__name__}, expected Constant or None")
     shape = (n,) if np.shape(found.range_scale) != (1,) else (1,)
-    scale = finite(found.range_scale, shape, "finish(): range_scale")
-    offset = finite(found.range_offset, shape, "finish(): range_offset")
-    return Constant(scale, offset, float(finite(found.heading_offset, (), "finish(): heading_offset")))
+    sd = found.sd
+    if sd is not None:
+        sd = _constant(sd, shape, f"{where}: the standard deviation of")
+        if min(float(np.min(one, initial=0.0)) for one in sd[:4]) < 0:
+            raise Broken(f"{where}: a standard deviation of a constant error is negative, expected 0 or more")
+    return _constant(found, shape, f"{where}:")._replace(sd=sd)
+
+
+def _constant(found: Any, shape: tuple[int, ...], where: str) -> Constant:
+    if not isinstance(found, Constant):
+        raise Broken(f"{where} constant errors is {type(found).__name__}, expected Constant or None")
+    scale, offset = (finite(getattr(found, name), shape, f"{where} {name}") for name in ("range_scale", "range_offset"))
+    heading, wheels = (
+        float(finite(getattr(found, name), (), f"{where} {name}")) for name in ("heading_offset", "wheel_scale")
+    )
+    return Constant(scale, offset, heading, wheels)
 
 
 def is_convergence(value: Any) -> bool:

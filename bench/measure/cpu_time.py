@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
+from ...core.arrays import length
 from ...core.factors import Log
 from ...core.se2 import Array, Ints
 from .drive import Outcome, Timing
 from .growth import growth, mapped, slope, slope_from, whole_from
-from .times import length
 
 DEADLINES_MS = (1, 10, 100)  # each has a column
 STRETCHES = 5  # equal parts of a run whose mean costs are reported

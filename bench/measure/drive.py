@@ -17,7 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ...backends.api import Backend, Belief, Builder, Solution, TakenOut, TakesOut, WantsTruth
+from ...backends.api import Backend, Belief, Builder, Calibration, Solution, TakenOut, TakesOut, WantsTruth
 from ...backends.association.layer import Associating
 from ...backends.locating.locating import begin
 from ...core.factors import Log, Map, Step, Truth
@@ -33,6 +33,7 @@ from .answers import (
     check_believed,
     checked_assigned,
     checked_assigned_partial,
+    checked_calibration,
     checked_covs,
     checked_map,
     checked_pose,
@@ -49,6 +50,9 @@ The timing pass is repeated if a compiled function of ours is first called after
 
 BLOCK = 10_000
 """Steps of a log that exist as objects at once: all of 10^6 steps take 1 GB."""
+
+
+NO_CALIBRATION = Calibration()
 
 
 class InBlocks:
@@ -84,6 +88,7 @@ class Timing:
     final_assigned: Ints | None = None  # (s,) once it had finished
     assigned_partial: Ints | None = None  # (p,) likewise of partial sightings
     final_assigned_partial: Ints | None = None  # (p,)
+    calibration: Calibration = NO_CALIBRATION  # constant errors that it has estimated along the way
     taken_out: TakenOut | None = None  # landmarks that have moved, and misread sightings
     step_ns: Ints  # (n,) process CPU time, the clock's own cost taken off
     wall_ns: Ints  # (n,)
@@ -207,6 +212,7 @@ def _timed(
         final_assigned=None if solution is None else checked_assigned(backend, log),
         assigned_partial=of_parts,
         final_assigned_partial=None if solution is None else checked_assigned_partial(backend, log),
+        calibration=checked_calibration(backend),
         taken_out=backend.taken_out() if isinstance(backend, TakesOut) else None,
         step_ns=np.maximum(step_ns - clock, 0),
         wall_ns=np.maximum(wall_ns - clock, 0),

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...backends.api import Constant, Diverged, Solution
+from ...core.arrays import length
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints
 from ...core.truth.doubts import headings_known, judges, never_turns, other_headings, other_ways
@@ -14,6 +15,7 @@ from ...core.truth.errors import standing
 from ..bound.bound import Bound
 from .accuracy import Alignment, has_shape, map_accuracy, map_rmse, own_map_rmse, path_accuracy, stretches
 from .association import association_columns, by_true_ids, moved
+from .constants import constants
 from .cpu_time import step_cost
 from .drive import Outcome
 from .kept import kept
@@ -24,7 +26,6 @@ from .nees import nees, nees_columns, not_covariances
 from .rejected_loops import rejected_loops
 from .relations import counted_relations, relation_columns
 from .stated_noise import misstated
-from .times import length
 
 FEW = 0.9  # truth at a smaller share of the steps is remarked on
 
@@ -84,6 +85,7 @@ def score(
 
     Online and final are never mixed; a value that does not exist is absent from the row.
     """
+    given, whole_truth = log, truth
     ends = _ends(log, outcome, truth)
     row, taken_out = moved(log, outcome, truth)
     if loops and outcome.solution is not None:
@@ -122,6 +124,8 @@ def score(
         row |= {"cost_j": fit.total, "j_online" if outcome.solution is None else "j_final": fit.total}
         row |= {f"j_{name}": term for name, term in fit._asdict().items() if name != "loops" or term}
         arrays["cost_terms"] = np.array(fit)
+    estimated, columns = constants(given, outcome, whole_truth)
+    row, arrays = row | estimated, arrays | columns
     row |= _measured_from(truth) | _inner(log, outcome) | {"landmarks": len(last.map.ids)}
     row |= locating(log, outcome, truth if headings else None) | step_cost(log, outcome)
     failed = "" if outcome.solution is None else _failed(minimised, outcome.solution, truth)

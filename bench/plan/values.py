@@ -44,7 +44,8 @@ def check_file(flag: str, path: Path | None, endings: Sequence[str] = ()) -> Non
     if path is None:
         return
     if endings and path.suffix.lower() not in endings:
-        raise InputError(f"{flag} {path}: found the ending {path.suffix!r}, expected one of {', '.join(endings)}.")
+        ending = f"the ending {path.suffix!r}" if path.suffix else "a name without an ending"
+        raise InputError(f"{flag} {path}: found {ending}, expected one of {', '.join(endings)}.")
     if path.is_dir():
         raise InputError(f"{flag} {path}: found a folder, expected the name of a file.")
     if not path.absolute().parent.is_dir():

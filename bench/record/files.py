@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ...core.files import csv_text, number_rows, replaced, write_whole
 from ...core.se2 import Array
 from ...core.truth.tum import write_tum
+from ..measure.constants import KINDS, OF_ALL, UNITS
 from ..measure.locating import poses_judged
 from ..measure.misfit import TERMS
 from .rounds import as_table
@@ -24,6 +25,9 @@ STEPS = (
 """The columns of steps.csv: error_m is of the aligned path; blank where not known."""
 
 COST = (*KEY, "path", *TERMS, "total")  # the columns of cost.csv; path: final or online
+
+CONSTANTS = (*KEY, "constant", "unit", "landmark", "value", "sd", "true")
+"""The columns of constants.csv; landmark: blank for an error that all have."""
 
 MAP = ("id", "x", "y", "cxx", "cxy", "cyy")
 
@@ -41,6 +45,7 @@ def export(store: Store, folder: Path | None = None) -> None:
         folder / "times.csv", csv_text((*KEY, *ROUND), (line for r in rows for line in as_table(r.rounds, r.key)))
     )
     terms: list[list[Any]] = []
+    estimated: list[list[Any]] = []
     for row in rows:
         c = row.columns
         place = folder / slugs[label(c["dataset"], c["dataset_options"])] / str(c["seed"])
@@ -52,7 +57,9 @@ def export(store: Store, folder: Path | None = None) -> None:
             arrays = store.arrays(row)
             _export_cell(place / slugs[label(c["backend"], c["options"])], arrays, truth)
             terms += _terms(row, arrays)
+            estimated += _constants(row, arrays)
     write_whole(folder / "cost.csv", csv_text(COST, terms))
+    write_whole(folder / "constants.csv", csv_text(CONSTANTS, estimated))
 
 
 def _terms(row: Row, arrays: dict[str, Any]) -> list[list[Any]]:
@@ -60,6 +67,12 @@ def _terms(row: Row, arrays: dict[str, Any]) -> list[list[Any]]:
         return []
     values = arrays["cost_terms"].tolist()
     return [[*row.key, "final" if "final" in arrays else "online", *values, sum(values)]]
+
+
+def _constants(row: Row, arrays: dict[str, Any]) -> Iterator[list[Any]]:
+    for one in arrays.get("constants", np.zeros((0, 5))):
+        kind, landmark = int(one[0]), None if one[1] == OF_ALL else int(one[1])
+        yield [*row.key, KINDS[kind], UNITS[kind], landmark, *_blank(one[2:])]
 
 
 def _export_cell(place: Path, arrays: dict[str, Any], truth: dict[str, Any]) -> None:

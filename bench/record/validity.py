@@ -15,6 +15,7 @@ SHAPES: Mapping[str, tuple[str | int, ...]] = {
     **dict.fromkeys(
         ("t", "nis", "nis_dof", "n_eff", "ancestors", "refused", "step_ns", "wall_ns", "belief_ns", "mapped"), ("n",)
     ),
+    "constants": ("constants", 5),
     **dict.fromkeys(("online", "final"), ("n", 3)),
     **dict.fromkeys(("at", "nees", "final_nees"), ("m",)),
     **dict.fromkeys(("aligned", "final_aligned"), ("m", 3)),

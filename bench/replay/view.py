@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import numbered
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, act
 from ..measure.nees import nees
-from ..measure.times import numbered
 from ..words.numerals import number
 from ..words.styles import BASELINE, Look
 from .course import Landmarks

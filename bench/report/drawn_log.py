@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...core.arrays import length
 from ...core.beside import Clouds, Scans
 from ...core.se2 import Array
-from ..measure.times import length
 from ..record.schema import Row
 from ..record.store import Store
 from ..verdict.ranking import path_errors

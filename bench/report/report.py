@@ -67,6 +67,7 @@ def _write_tables(folder: Path, section: Section) -> None:
         "growth": section.growth,
         "landmarks": section.map_errors,
         "fit": section.fit,
+        "constants": section.constants,
     }
     tables |= {"inside": section.inner} | {f"detail{k}": found for k, found in enumerate(section.details, 1)}
     for name, table in tables.items():

@@ -18,6 +18,7 @@ from ..verdict.summary import Line, lines, representative
 from ..verdict.verdict import Verdict, verdict
 from ..words.numerals import counted, listed, number
 from ..words.styles import Look, looks
+from .constants_table import constants_table
 from .drawn_log import DrawnLog, drawn_log
 from .landmark_errors import landmark_errors, landmark_table
 from .pair_tables import cost_pairs_table, pairs_table
@@ -57,6 +58,7 @@ class Section(NamedTuple):
     growth_note: str  # with which backends it grows, where the log is long
     fit: Table  # J by its terms
     fit_note: str
+    constants: Table  # errors of the sensors that backends have estimated
     inner: Table  # particles and gates
     log: DrawnLog | None
     panels: Sequence[ReportFigure]  # the paths
@@ -137,6 +139,7 @@ def _section(
         growth_note=grown(ordered(found)),
         fit=fit_table(found),
         fit_note=_fit_note(found),
+        constants=constants_table(found),
         inner=inner_table(found),
         log=shown,
         panels=list(trajectories(f"{slug}-trajectory", shown)) if shown else [],

@@ -10,8 +10,9 @@ from typing import Any
 import gtsam
 import numpy as np
 
-from ...backends.graphs._gtsam import FAILURES, FIRST_LANDMARK, FIRST_POSE, turned
+from ...backends.graphs._gtsam import FIRST_LANDMARK, FIRST_POSE, turned
 from ...backends.graphs.bayes_tree import parameters
+from ...backends.graphs.gtsam_parts import FAILURES
 from ...backends.graphs.isam2 import Options
 from ...core.factors import Prior, Step
 from ...core.se2 import rotation

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...core.arrays import length
 from ...core.errors import InputError
 from ...core.factors import Map
 from ...core.se2 import Array
@@ -17,7 +18,6 @@ from ...core.truth.tum import read_tum
 from ..measure.accuracy import path_accuracy, stretches
 from ..measure.nees import nees, nees_columns
 from ..measure.relations import relation_columns
-from ..measure.times import length
 from ..record.schema import label
 from ..record.store import Store
 from ..words.numerals import counted

@@ -11,6 +11,15 @@ from .column import Column
 
 DEADLINES_MS = (1, 10, 100)  # the periods of robots that steps are counted against
 
+CONSTANTS = (
+    ("range_scale", "", "range scale", kind.SIGNED, kind.NUMBER, "Share by which ranges are too long: "),
+    ("range_offset", "_m", "range offset", kind.METRES, kind.BOUND_M, "What all ranges have too much: "),
+    ("heading_offset", "_rad", "heading offset", kind.RADIANS, kind.SD_RAD, "What measured headings have too much: "),
+    ("wheel_scale", "", "wheel scale", kind.SIGNED, kind.NUMBER, "Share by which the ways of odometry are too long: "),
+    ("gyro_bias", "_rad_s", "gyro bias", kind.TURN_RATE, kind.SD_TURN_RATE, "The gyro's bias at the end: "),
+)  # fmt: skip
+"""Constant errors of sensors: name, unit at the end of columns, heading, kinds of a value and its sd, meaning."""
+
 CELLS = (
     Column("dataset", "dataset", kind.NAME, "The dataset's name."),
     Column("dataset_options", "options", kind.NAME, "The dataset's options, as given on the command line."),
@@ -354,6 +363,18 @@ METRICS = (
     Column("last_over_whole", "last over whole", kind.CPU_RATIO,
            "Mean cost of a step in the last fifth of the log over that in the first fifth that begins with the whole "
            "map. Blank where that is the last one.", "cost of the last fifth over the first with the whole map"),
+    *(
+        Column(f"{name}{suffix}{unit}", f"{called}{word}", kind_of if suffix != "_sd" else spread,
+               f"{meaning}{words}", f"{called}{word}")
+        for name, unit, called, kind_of, spread, meaning in CONSTANTS
+        for suffix, word, words in (
+            ("", "", ("as the backend has estimated it by the log's end. Blank where it does not, and where the "
+                     "log's prior has none. The median over landmarks where each has its own.")),
+            ("_sd", ", its sd", "the standard deviation that the backend states for it."),
+            ("_true", ", true", ("the true value: that which a simulated world has drawn or, where path and landmarks "
+                                "are known, the one that fits the measurements best there.")),
+        )
+    ),
 )  # fmt: skip
 """The columns of metrics.csv after those that name the cell, in order."""
 
@@ -374,6 +395,15 @@ PAIRS = (
            "Logs on which the first one's error is lower, of those that both ran on."),
 )  # fmt: skip
 """The columns of a report's table of pairs, by their names in JSON."""
+
+ESTIMATED = (
+    Column("constant", "constant", kind.TEXT, "The constant error, and its unit."),
+    Column("estimate", "estimate", kind.SIGNED, "Its median over the logs at each one's end."),
+    Column("stated_sd", "stated sd", kind.NUMBER,
+           "The standard deviation that the backend states for it; blank where it states none."),
+    Column("true", "true", kind.SIGNED, "The true value, where it is known."),
+)  # fmt: skip
+"""The columns of a report's table of estimated constants."""
 
 COST_PAIRS = (
     *PAIRS[:2],
@@ -405,6 +435,7 @@ REPORT = (
            "What every backend has to beat: it uses no sighting and is not ranked."),
     *PAIRS,
     *COST_PAIRS[2:],
+    *ESTIMATED,
 )  # fmt: skip
 """The other columns of a report's tables, and the meanings of their words."""
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...core.elementary import sincos
-from ...core.factors import Dataset, Log
+from ...core.factors import CONSTANTS_NOTE, Dataset, Log
 from ...core.fixes import FixTable
 from ...core.options import option
 from ...core.se2 import Array, Ints, wrap
@@ -66,6 +66,8 @@ def with_fixes(dataset: Dataset, options: WorldFixes, rng: np.random.Generator) 
     )
     constant = log.prior.systematic._replace(heading_offset=options.compass_offset)
     notes = {**log.notes, FIXES_NOTE: {"positions": len(at), "headings": len(then)}}
+    if options.compass and options.compass_offset:
+        notes[CONSTANTS_NOTE] = {**log.notes.get(CONSTANTS_NOTE, {}), "heading_offset": float(offset)}
     return Dataset(replace(log, prior=log.prior._replace(systematic=constant), fixes=fixes, notes=notes), truth)
 
 

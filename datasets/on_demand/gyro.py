@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.factors import Dataset
+from ...core.factors import CONSTANTS_NOTE, Dataset
 from ...core.gyro import Bias, Gyro
 from ...core.options import option
 from ...core.se2 import wrap
@@ -70,4 +70,5 @@ def with_gyro(dataset: Dataset, options: WorldGyro, rng: np.random.Generator) ->
     gyro = Gyro.from_arrays(step, turn, var, dt, walk, Bias(0.0, options.gyro_bias * DEGREE))
     each = bias[np.unique(gyro.knot, return_index=True)[1]]
     notes = {**log.notes, GYRO_NOTE: {"turns": n, "biases": each.tolist()}}
+    notes[CONSTANTS_NOTE] = {**log.notes.get(CONSTANTS_NOTE, {}), "gyro_bias": float(each[-1])}
     return Dataset(replace(log, gyro=gyro, notes=notes), truth)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.factors import Dataset
+from ...core.factors import CONSTANTS_NOTE, Dataset
 from ...core.options import option
 from ...core.partial import BEARING, RANGE, PartialTable
 
@@ -88,6 +88,9 @@ def with_parts(dataset: Dataset, options: Parts, rng: np.random.Generator) -> Da
         true.flags.writeable = of_parts.flags.writeable = False
         truth = truth._replace(assigned=true, assigned_partial=of_parts)
     prior, notes = log.prior._replace(systematic=constant), {**log.notes, PARTS_NOTE: counts}
+    if options.range_scale or options.range_offset:
+        drawn = {"range_scale": float(scale), "range_offset": float(offset)}
+        notes[CONSTANTS_NOTE] = {**log.notes.get(CONSTANTS_NOTE, {}), **drawn}
     return Dataset(replace(log, prior=prior, partial=partial, signatures=signatures, notes=notes, **columns), truth)
 
 

@@ -5,7 +5,16 @@ import pytest
 from slamduel.bench.words.column import CPU_S, ERROR_M, INSIDE_95, NEES, Column
 from slamduel.bench.words.columns import CELLS, COLUMNS, FINAL, METRICS, REPORT, about
 
-UNITS = {"_m": "m", "_rad": "rad", "_us": "µs", "_ms": "ms", "_s": "s", "_mb": "MB", "_deg": "degrees"}
+UNITS = {
+    "_rad_s": "rad/s",
+    "_m": "m",
+    "_rad": "rad",
+    "_us": "µs",
+    "_ms": "ms",
+    "_s": "s",
+    "_mb": "MB",
+    "_deg": "degrees",
+}
 
 
 def test_the_columns_of_cells_csv_stay_as_they_are() -> None:

@@ -1,0 +1,37 @@
+"""Makes the report's table of the constant errors of sensors that backends have estimated."""
+
+from collections.abc import Sequence
+
+from ..drawing.table import Entry, Table, TableRow
+from ..measure.constants import KINDS, UNITS, column
+from ..verdict.ranking import ordered
+from ..verdict.summary import Line, typical
+from ..words.columns import ESTIMATED, about
+from ..words.numerals import number
+
+
+def constants_table(lines: Sequence[Line]) -> Table:
+    """Makes the table, a row for each backend and constant: medians over the logs; none where none is estimated."""
+    rows = [
+        TableRow(line.backend, [Entry(_called(k)), *(_entry(line, column(k, end)) for end in ("", "_sd", "_true"))])
+        for k in range(len(KINDS))
+        for line in ordered(lines)
+        if column(k) in line.values
+    ]
+    caption = (
+        "Medians over the logs, beside an estimate their 95 % interval or, of fewer than 6 logs, their range; true: as "
+        "the simulated world has drawn it or, where path and landmarks are known, as fits the measurements best there"
+    )
+    return Table(ESTIMATED, rows, caption)
+
+
+def _called(kind: int) -> str:
+    return about(column(kind)).heading + f", {UNITS[kind]}" * bool(UNITS[kind])
+
+
+def _entry(line: Line, name: str) -> Entry:
+    if name not in line.values:
+        return Entry("")
+    found = typical(line, name)
+    ends = "" if found.low == found.high else f"{number(found.low)} to {number(found.high)}"
+    return Entry(number(found.value), note=ends * ("_sd" not in name), value=found.value)
