@@ -165,8 +165,9 @@ class Associating:
 
     def calibration(self) -> Calibration:
         """That of the backend, each landmark's errors without those of landmarks that were taken out."""
+        ids = self._inner.map().ids
         found = self._inner.calibration() if isinstance(self._inner, Calibrates) else Calibration()
-        return found._replace(constant=self._kept_of(found.constant, self._inner.map().ids))
+        return found._replace(constant=self._kept_of(found.constant, ids))
 
     def tell(self, truth: Truth) -> bool:
         """Hands the ground truth on to a backend that asks for it."""
