@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ...core.arrays import numbered
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, act
+from ...core.truth.doubts import judges
 from ..measure.nees import nees
 from ..words.numerals import number
 from ..words.styles import BASELINE, Look
@@ -69,6 +70,16 @@ class View(NamedTuple):
     panels: Sequence[Panel]
     cells: Raster | None  # of the grids, None without laser scans
     rings: bool  # the log has ranges alone
+
+    @property
+    def rays(self) -> bool:
+        """True where a sighting is drawn as a ray, at some frame."""
+        return any(len(one.ends) for panel in self.panels for one in panel.sighted)
+
+    @property
+    def mapped(self) -> bool:
+        """True where a backend has landmarks, at some frame."""
+        return any(len(one.ids) for panel in self.panels for one in panel.maps)
 
 
 class _Trail(NamedTuple):
@@ -175,8 +186,9 @@ def _panel(replay: Replay, part: Part, poses: Array, trail: _Trail, cells: Raste
     path, cov = course.path[frames], course.cov[: len(frames)]
     true = poses[frames]
     seen = np.isfinite(true).all(axis=1)
+    timed = len(part.step_us) == len(log) and not course.final  # a batch keeps the steps until the end
     consistency = np.full(len(frames), np.nan)
-    if replay.known == "truth" and seen.any():
+    if replay.log.truth is not None and judges(log, replay.log.truth) and seen.any():  # as in the record
         consistency[seen] = nees(path[seen], cov[seen], true[seen]) / 3
     return Panel(
         label=part.label,
@@ -189,7 +201,7 @@ def _panel(replay: Replay, part: Part, poses: Array, trail: _Trail, cells: Raste
         sighted=[_sighted(replay, course.path, k, across) for k in range(len(frames))],
         error=np.hypot(*(path - true)[:, :2].T),
         nees=consistency,
-        step_us=part.step_us[frames] if len(part.step_us) == len(log) else np.full(len(frames), np.nan),
+        step_us=part.step_us[frames] if timed else np.full(len(frames), np.nan),
         grids=[] if scans is None or cells is None else sketches(scans, course, replay.frames, cells),
         hits=[] if scans is None else newest(scans, course.path, frames),
     )
@@ -221,8 +233,11 @@ def _box(replay: Replay, poses: Array, places: Array) -> tuple[Array, Array]:
         points = np.concatenate((poses[np.isfinite(poses).all(axis=1), :2], places))
         low, high = points.min(axis=0), points.max(axis=0)
         more = ASTRAY * (high - low).max()
-        low = np.maximum(np.minimum(low, replay.reckoned[:, :2].min(axis=0)), low - more)
-        high = np.minimum(np.maximum(high, replay.reckoned[:, :2].max(axis=0)), high + more)
+        also = [p.course.path[:, :2] for p in replay.parts if len(p.course.path)]
+        also += [p.course.maps[-1].xy for p in replay.parts if p.course.maps]
+        beyond = np.concatenate([replay.reckoned[:, :2], *also])
+        low = np.maximum(np.minimum(low, beyond.min(axis=0)), low - more)
+        high = np.minimum(np.maximum(high, beyond.max(axis=0)), high + more)
         paths = [poses] if np.isfinite(poses).all() else _smoothed(replay)
     else:
         able = [p for p in replay.parts if p.label != BASELINE] or replay.parts
