@@ -13,7 +13,7 @@ from ...core.truth.doubts import judges
 from ..measure.nees import nees
 from ..words.numerals import number
 from ..words.styles import BASELINE, Look
-from .course import Landmarks
+from .course import Course, Landmarks
 from .grids import Hits, Raster, Sketch, around, newest, raster, sketches
 from .replay import Part, Replay
 
@@ -30,7 +30,7 @@ class Sighted(NamedTuple):
 
     origin: Array  # (2,)
     ends: Array  # (k, 2), of a bearing alone beyond the plane
-    rings: Array  # (j,) m, the ranges alone: as measured
+    rings: Array  # (j,) m, the ranges alone: as measured, or less the errors that the backend has estimated
 
 
 class Panel(NamedTuple):
@@ -70,6 +70,7 @@ class View(NamedTuple):
     panels: Sequence[Panel]
     cells: Raster | None  # of the grids, None without laser scans
     rings: bool  # the log has ranges alone
+    corrected: bool  # of some backend less the scale and offset that it has estimated
 
     @property
     def rays(self) -> bool:
@@ -139,6 +140,7 @@ def view(replay: Replay) -> View:
         panels=[_panel(replay, part, poses, trail, cells, float(np.hypot(*(high - low)))) for part in replay.parts],
         cells=cells,
         rings=log.partial is not None and bool((log.partial.kind == RANGE).any()),
+        corrected=any(part.course.constant is not None for part in replay.parts),
     )
 
 
@@ -198,7 +200,7 @@ def _panel(replay: Replay, part: Part, poses: Array, trail: _Trail, cells: Raste
         pose=path,
         ellipse=ellipses(cov[:, :2, :2]),
         maps=course.maps,
-        sighted=[_sighted(replay, course.path, k, across) for k in range(len(frames))],
+        sighted=[_sighted(replay, course, k, across) for k in range(len(frames))],
         error=np.hypot(*(path - true)[:, :2].T),
         nees=consistency,
         step_us=part.step_us[frames] if timed else np.full(len(frames), np.nan),
@@ -207,9 +209,9 @@ def _panel(replay: Replay, part: Part, poses: Array, trail: _Trail, cells: Raste
     )
 
 
-def _sighted(replay: Replay, path: Array, frame: int, far: float) -> Sighted:
+def _sighted(replay: Replay, course: Course, frame: int, far: float) -> Sighted:
     """The newest sightings at the frame; bearings alone are rays of length `far`."""
-    log, last = replay.log.log, int(replay.frames[frame])
+    log, last, path = replay.log.log, int(replay.frames[frame]), course.path
     first = int(replay.frames[frame - 1]) + 1 if frame else 0
     rows = log.sighting_first
     parts = rows if log.partial is None else log.partial.first
@@ -222,6 +224,8 @@ def _sighted(replay: Replay, path: Array, frame: int, far: float) -> Sighted:
     if log.partial is not None:
         alone = log.partial.at(k)
         rings, rays = alone.z[alone.kind == RANGE], alone.z[alone.kind != RANGE]
+        if course.constant is not None:
+            rings = np.maximum(rings - course.constant.range_offset[0], 0) / (1 + course.constant.range_scale[0])
         distance, bearing = np.append(distance, np.full(len(rays), far)), np.append(bearing, rays)
     ends = act(path[k], np.column_stack((distance * np.cos(bearing), distance * np.sin(bearing))))
     return Sighted(path[k, :2], ends, rings)

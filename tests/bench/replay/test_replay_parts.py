@@ -51,6 +51,27 @@ def test_rings_and_rays_are_what_was_measured(folder: Path, seen: View) -> None:
     assert seen.rings
 
 
+def test_rings_are_less_the_estimated_scale(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    world = WORLD.replace("]", ",range_scale=0.2]")
+    words = ["--backend", "ekf,graph", "--dataset", world, "--seeds", "1", "--repeats", "1", "--out", str(out)]
+    assert main(["run", "--quiet", *words]) == 0
+    with Store(out) as store:
+        shown = replay(store, choose(store, None, None, None), 60, 1)
+        rows = {row.columns["backend"]: row.columns for row in store.cells()}
+    seen, partial = view(shown), shown.log.log.partial
+    assert partial is not None
+    assert seen.corrected
+    for panel in seen.panels:
+        scale = rows[panel.label]["range_scale"]
+        assert abs(scale) > 0.01
+        for step, sighted in zip(seen.steps.tolist(), panel.sighted, strict=True):
+            alone = partial.at(step)
+            assert sighted.rings * (1 + scale) == pytest.approx(alone.z[alone.kind == RANGE])
+    write_page(tmp_path / "page.html", seen)
+    assert "range alone, less the estimated scale" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
 def test_numbers_that_do_not_exist_are_not_shown_and_estimates_are_within(folder: Path) -> None:
     with Store(folder) as store:
         shown = replay(store, choose(store, None, None, None), 60, 1)
