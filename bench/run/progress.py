@@ -188,7 +188,7 @@ class Screen:
         self._stage, self._done, self._total = "writing the report", 0, 0
 
     def _once(self, cell: Cell, said: str) -> str:
-        """What is said of a cell that is done, without the remarks that another cell of its log has had."""
+        """Leaves out of the words on a cell the remarks that another cell of its log has had."""
         log, fresh = (cell.dataset.label, cell.seed), list[str]()
         for one in said.split("; ") if said else ():
             if (log, one) not in self._told_of_logs:
