@@ -9,7 +9,7 @@ import numpy as np
 from ...core.factors import Prior
 from ..api import Backend, Builder, Expects, Unites, Unsuited
 from .layer import Associating
-from .options import options_with
+from .options import UNITING, options_with
 from .standing import Standing
 
 
@@ -40,7 +40,7 @@ def associating(builder: Builder) -> Builder:
         if prior.map is not None and prior.map.cov is None:
             raise Unsuited(f"{what} needs the covariance of the given map, which has none")
         if associates(options) and options.merge and (takes_out or not isinstance(inner, Unites)):
-            raise Unsuited("merge=true needs a backend that can unite landmarks, ekf or smoother, without moved=out")
+            raise Unsuited(f"merge=true needs a backend that can unite landmarks, {UNITING}, without moved=out")
         if takes_out:
             inner = Standing(inner, prior)
         return Associating(inner, prior, options) if associates(options) else inner

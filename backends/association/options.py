@@ -16,6 +16,10 @@ OWN_RULES = {"particle": "every particle decides by itself, with `new` as its on
 USED_BY_OWN = ("association", "new")  # options that such a rule has
 
 
+UNITING = "ekf, kf or smoother"
+"""The backends that can unite landmarks, which `merge` needs."""
+
+
 @dataclass(frozen=True)
 class Association:
     """Which landmark is a sighting without an id of? Probabilities are those of chi-square quantiles."""
@@ -129,4 +133,5 @@ def check(options: Any, where: str) -> None:
     for one in fields(Association):
         if one.name not in used and getattr(options, one.name) != one.default:
             what = "for data association" if rule == "none" else f"not for association={rule}"
-            raise InputError(f"{where}: option {one.name} is {what}; expected association=nn, ml or jcbb.")
+            of = f" of {UNITING}" if one.name == "merge" else ""
+            raise InputError(f"{where}: option {one.name} is {what}; expected association=nn, ml or jcbb{of}.")

@@ -148,7 +148,9 @@ def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
         return why
     associates, sightings = builder.associating(job.options), len(log.ids)
     if sightings and unknown == sightings and not associates and builder.sightings:
-        fit = f"{job.name}[association=jcbb]" if builder.can_associate else "ekf[association=jcbb]"
+        if not builder.can_associate:
+            return f"no sighting of the log has an id: {job.backend} takes no hidden ids; ekf[association=jcbb] does"
+        fit = f"{job.name}[association=jcbb]"
         return f"no sighting of the log has an id, and {job.backend} does no data association; {fit} does"
     if associates and not log.unknown and sightings and builder.can_associate:
         return "every sighting of the log has an id; DATASET[ids=hidden] hides those of a simulated or published log"

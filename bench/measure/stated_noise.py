@@ -12,7 +12,7 @@ from ...core.truth.errors import Errors, difference, driven_errors, named, sight
 from .landmark_places import comparable
 
 FAR = {2: 13.816, 3: 16.266}  # dimension -> chi-square's 99.9 % point
-MEDIAN = {2: 1.3863, 3: 2.3660}  # dimension -> the median of chi-square
+MEDIAN = {1: 0.4549, 2: 1.3863, 3: 2.3660}  # dimension -> the median of chi-square
 ROBUST = 1.4826  # a normal standard deviation over the median of absolute values
 OVERCONFIDENT, CAUTIOUS = 1.5, 0.3  # mean NEES over its dimension beyond which the log is looked into
 TYPICAL = 2.0  # times the stated standard deviation, or its inverse, from which a typical error is remarked on
@@ -22,6 +22,13 @@ UNEVEN = 1.3  # root mean square of the errors over the typical one, as stated, 
 APART = 2.0  # times the scale of the one part of the sightings, from which on the other part is one of its own
 FEWEST = 50  # sightings to divide into parts
 NAMED = 6  # landmarks that a remark names one by one
+COMPONENTS = {
+    "forward": "option forward",
+    "sideways": "option floor_position",
+    "turn": "options turning and turning_by_turn",
+}
+"""The components of a motion, and what states the noise of each for CSV tables."""
+
 OTHER_PLACES = "the true places of landmarks are not where sightings from the true path have them: they judge no noise"
 
 
@@ -81,7 +88,9 @@ def misstated(log: Log, truth: Truth, row: dict[str, Any], *, sightings: bool = 
     belief = _Belief(any(nees > OVERCONFIDENT for nees in beliefs), any(nees < CAUTIOUS for nees in beliefs))
     if sightings:
         yield from _sightings(named(log, truth), truth, belief)
-    yield from _far("motion", _Sizes.of(driven_errors(log, truth), log.delta_cov), len(log) - 1, belief)
+    driven = driven_errors(log, truth)
+    worst = _worst(driven, log.delta_cov)
+    yield from _far("motion", _Sizes.of(driven, log.delta_cov), len(log) - 1, belief, worst)
     if belief.overconfident and truth.t[0] == log.t[0]:
         yield from _start(log, truth)
 
@@ -213,18 +222,34 @@ def _start(log: Log, truth: Truth) -> Iterator[str]:
         )
 
 
-def _far(noun: str, sizes: _Sizes | None, number: int, belief: _Belief) -> Iterator[str]:
-    """Remarks on errors of another size than stated; where the `belief` is overconfident, on single ones as well."""
+def _worst(errors: Errors, cov: Array) -> str:
+    """Says which component of motions is the farthest from what is stated of all, and what states it; "" for none."""
+    if not len(errors.row):
+        return ""
+    squares = errors.values**2 / np.einsum("nii->ni", cov[errors.row])
+    scales = [typical_scale(column, 1) for column in squares.T]
+    more = sum(np.log(np.maximum(scales, 1e-300))) > 0
+    k = int(np.argmax(scales) if more else np.argmin(scales))
+    name, option = list(COMPONENTS.items())[k]
+    return f", {'most' if more else 'least'} of all {name}, {scales[k]:.2g} times (of CSV tables {option})"
+
+
+def _far(noun: str, sizes: _Sizes | None, number: int, belief: _Belief, worst: str = "") -> Iterator[str]:
+    """Remarks on errors of another size than stated; where the `belief` is overconfident, on single ones as well.
+
+    `worst` is added to what is said of their typical size.
+    """
     if sizes is None:
         return
     scale = sizes.typical
     if not 1 / belief.typical < scale < belief.typical:
         said = f"the errors of the {noun}s are typically {scale:.2g} times what is stated"
         if not sizes.uneven:
-            yield said
+            yield said + worst
             return
         if belief.off:
-            yield f"{said}, but {sizes.overall:.2g} times in the root mean square: some are much larger than the rest"
+            overall = f"{sizes.overall:.2g} times in the root mean square"
+            yield f"{said}, but {overall}: some are much larger than the rest{worst}"
     gross = int((sizes.squares > GROSS**2).sum())
     if gross and belief.overconfident:
         largest = float(np.sqrt(sizes.squares.max()))

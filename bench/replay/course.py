@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...backends import registry as backends
-from ...backends.api import Backend, Diverged, Map, WantsTruth
+from ...backends.api import Backend, Calibrates, Constant, Diverged, Map, Solution, WantsTruth
 from ...backends.given import given, refused
 from ...backends.locating.locating import begin
 from ...core.errors import SlamduelError
@@ -64,6 +64,7 @@ class Course(NamedTuple):
     final: bool  # path and map are those of the end, there are no online ones
     ended: str  # why it stopped, "" where it reached the end
     revised: list[Revised]  # beside laser scans, of a backend that smooths its path; the last one is that of the end
+    constant: Constant | None = None  # of ranges alone whose scale or offset all landmarks share, at the end
 
 
 def moments(frames: int, count: int = MOMENTS) -> list[int]:
@@ -97,12 +98,12 @@ def run(task: ReplayTask) -> Course:
         for step in log:
             way.go(backend, step)
         if not way.path:
-            return _whole(backend, task.frames)
+            return _whole(backend, log, task.frames)
     except Exception as error:
         return way.course(_said(error))
     course = way.course("")
     if log.scans is None:
-        return course
+        return course._replace(constant=_constant(backend, log))
     return course._replace(revised=_revised(backend, make, log, task.frames, start))
 
 
@@ -146,14 +147,31 @@ class _Way:
         return not frame or frame == len(self.frames) - 1 or self._spent <= MAP_S * frame / len(self.frames)
 
 
-def _whole(backend: Backend, frames: Ints) -> Course:
+def _constant(backend: Backend, log: Log, solution: Solution | None = None) -> Constant | None:
+    """Asks for the errors that all ranges alone have, after the last step; None without, and of one that fails."""
+    believed = log.prior.systematic
+    if log.partial is None or believed.each or not (believed.range_scale > 0 or believed.range_offset > 0):
+        return None
+    try:
+        solution = backend.finish() if solution is None else solution
+        found = None if solution is None else solution.constant
+        if found is None and isinstance(backend, Calibrates):
+            found = backend.calibration().constant
+    except Exception:  # the run's own row says what failed at the end of the log
+        return None
+    known = found is not None and np.isfinite([*found.range_scale, *found.range_offset]).all()
+    return found if known else None
+
+
+def _whole(backend: Backend, log: Log, frames: Ints) -> Course:
     """The course of a backend with a final path only: the same map at every frame."""
     solution = backend.finish()
     if solution is None:
         return Course(np.zeros((0, 3)), np.zeros((0, 3, 3)), [], 0, True, "has no path, neither online nor final", [])
     cov = np.full((len(frames), 3, 3), np.nan) if solution.cov is None else np.array(solution.cov[frames])
     known = _split(solution.map)
-    return Course(np.array(solution.path, float), cov, [known] * len(frames), len(frames), True, "", [])
+    constant = _constant(backend, log, solution)
+    return Course(np.array(solution.path, float), cov, [known] * len(frames), len(frames), True, "", [], constant)
 
 
 def _revised(backend: Backend, make: Callable[[], Backend], log: Log, frames: Ints, start: float) -> list[Revised]:

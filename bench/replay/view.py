@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from ...core.arrays import numbered
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, act
+from ...core.truth.doubts import judges
 from ..measure.nees import nees
 from ..words.numerals import number
 from ..words.styles import BASELINE, Look
-from .course import Landmarks
+from .course import Course, Landmarks
 from .grids import Hits, Raster, Sketch, around, newest, raster, sketches
 from .replay import Part, Replay
 
@@ -29,7 +30,7 @@ class Sighted(NamedTuple):
 
     origin: Array  # (2,)
     ends: Array  # (k, 2), of a bearing alone beyond the plane
-    rings: Array  # (j,) m, the ranges alone: as measured
+    rings: Array  # (j,) m, the ranges alone: as measured, or less the errors that the backend has estimated
 
 
 class Panel(NamedTuple):
@@ -69,6 +70,17 @@ class View(NamedTuple):
     panels: Sequence[Panel]
     cells: Raster | None  # of the grids, None without laser scans
     rings: bool  # the log has ranges alone
+    corrected: bool  # of some backend less the scale and offset that it has estimated
+
+    @property
+    def rays(self) -> bool:
+        """True where a sighting is drawn as a ray, at some frame."""
+        return any(len(one.ends) for panel in self.panels for one in panel.sighted)
+
+    @property
+    def mapped(self) -> bool:
+        """True where a backend has landmarks, at some frame."""
+        return any(len(one.ids) for panel in self.panels for one in panel.maps)
 
 
 class _Trail(NamedTuple):
@@ -128,6 +140,7 @@ def view(replay: Replay) -> View:
         panels=[_panel(replay, part, poses, trail, cells, float(np.hypot(*(high - low)))) for part in replay.parts],
         cells=cells,
         rings=log.partial is not None and bool((log.partial.kind == RANGE).any()),
+        corrected=any(part.course.constant is not None for part in replay.parts),
     )
 
 
@@ -175,8 +188,9 @@ def _panel(replay: Replay, part: Part, poses: Array, trail: _Trail, cells: Raste
     path, cov = course.path[frames], course.cov[: len(frames)]
     true = poses[frames]
     seen = np.isfinite(true).all(axis=1)
+    timed = len(part.step_us) == len(log) and not course.final  # a batch keeps the steps until the end
     consistency = np.full(len(frames), np.nan)
-    if replay.known == "truth" and seen.any():
+    if replay.log.truth is not None and judges(log, replay.log.truth) and seen.any():  # as in the record
         consistency[seen] = nees(path[seen], cov[seen], true[seen]) / 3
     return Panel(
         label=part.label,
@@ -186,18 +200,18 @@ def _panel(replay: Replay, part: Part, poses: Array, trail: _Trail, cells: Raste
         pose=path,
         ellipse=ellipses(cov[:, :2, :2]),
         maps=course.maps,
-        sighted=[_sighted(replay, course.path, k, across) for k in range(len(frames))],
+        sighted=[_sighted(replay, course, k, across) for k in range(len(frames))],
         error=np.hypot(*(path - true)[:, :2].T),
         nees=consistency,
-        step_us=part.step_us[frames] if len(part.step_us) == len(log) else np.full(len(frames), np.nan),
+        step_us=part.step_us[frames] if timed else np.full(len(frames), np.nan),
         grids=[] if scans is None or cells is None else sketches(scans, course, replay.frames, cells),
         hits=[] if scans is None else newest(scans, course.path, frames),
     )
 
 
-def _sighted(replay: Replay, path: Array, frame: int, far: float) -> Sighted:
+def _sighted(replay: Replay, course: Course, frame: int, far: float) -> Sighted:
     """The newest sightings at the frame; bearings alone are rays of length `far`."""
-    log, last = replay.log.log, int(replay.frames[frame])
+    log, last, path = replay.log.log, int(replay.frames[frame]), course.path
     first = int(replay.frames[frame - 1]) + 1 if frame else 0
     rows = log.sighting_first
     parts = rows if log.partial is None else log.partial.first
@@ -210,6 +224,8 @@ def _sighted(replay: Replay, path: Array, frame: int, far: float) -> Sighted:
     if log.partial is not None:
         alone = log.partial.at(k)
         rings, rays = alone.z[alone.kind == RANGE], alone.z[alone.kind != RANGE]
+        if course.constant is not None:
+            rings = np.maximum(rings - course.constant.range_offset[0], 0) / (1 + course.constant.range_scale[0])
         distance, bearing = np.append(distance, np.full(len(rays), far)), np.append(bearing, rays)
     ends = act(path[k], np.column_stack((distance * np.cos(bearing), distance * np.sin(bearing))))
     return Sighted(path[k, :2], ends, rings)
@@ -221,8 +237,11 @@ def _box(replay: Replay, poses: Array, places: Array) -> tuple[Array, Array]:
         points = np.concatenate((poses[np.isfinite(poses).all(axis=1), :2], places))
         low, high = points.min(axis=0), points.max(axis=0)
         more = ASTRAY * (high - low).max()
-        low = np.maximum(np.minimum(low, replay.reckoned[:, :2].min(axis=0)), low - more)
-        high = np.minimum(np.maximum(high, replay.reckoned[:, :2].max(axis=0)), high + more)
+        also = [p.course.path[:, :2] for p in replay.parts if len(p.course.path)]
+        also += [p.course.maps[-1].xy for p in replay.parts if p.course.maps]
+        beyond = np.concatenate([replay.reckoned[:, :2], *also])
+        low = np.maximum(np.minimum(low, beyond.min(axis=0)), low - more)
+        high = np.minimum(np.maximum(high, beyond.max(axis=0)), high + more)
         paths = [poses] if np.isfinite(poses).all() else _smoothed(replay)
     else:
         able = [p for p in replay.parts if p.label != BASELINE] or replay.parts

@@ -108,6 +108,7 @@ class Screen:
         self._names: dict[str, str] = {}
         self._announced = contextlib.ExitStack()
         self._told_of: set[tuple[str, str, str]] = set()
+        self._told_of_logs: set[tuple[tuple[str, int], str]] = set()
         self._shown: Sequence[RenderableType] = ()
         self._live = Live(
             get_renderable=self._renderable, console=console, transient=True, refresh_per_second=REFRESHED
@@ -165,7 +166,7 @@ class Screen:
         news = cell.cell.backend.label, row["status"], said
         if not self._live.is_started or (row["status"] != "done" and news not in self._told_of):
             self._told_of.add(news)
-            self._say(cell.cell, row, said)
+            self._say(cell.cell, row, self._once(cell.cell, said) if row["status"] == "done" else said)
         self._draw()
 
     def repeating(self, cells: Sequence[PlannedCell], number: int, of: int) -> None:
@@ -186,11 +187,20 @@ class Screen:
         """Announces the report."""
         self._stage, self._done, self._total = "writing the report", 0, 0
 
+    def _once(self, cell: Cell, said: str) -> str:
+        """Leaves out of the words on a cell the remarks that another cell of its log has had."""
+        log, fresh = (cell.dataset.label, cell.seed), list[str]()
+        for one in said.split("; ") if said else ():
+            if (log, one) not in self._told_of_logs:
+                self._told_of_logs.add((log, one))
+                fresh.append(one)
+        return "; ".join(fresh)
+
     def _say(self, cell: Cell, row: Mapping[str, Any], said: str) -> None:
         kind = row.get("truth_kind") or ""
-        found = [row[name] for name in path_errors(kind).values() if row.get(name) is not None]
+        found = [(end, row[name]) for end, name in path_errors(kind).items() if row.get(name) is not None]
         parts = [self._names[cell.dataset.label], cell.backend.label, cell.which]
-        parts += [f"{ERRORS[kind]} {error:.3f} m" for error in found[:1]]
+        parts += [f"{'final ' * (end == 'final')}{ERRORS[kind]} {error:.3f} m" for end, error in found[:1]]
         text = plain(" \N{MIDDLE DOT} ".join(parts) + (f": {said}" if said else ""))
         status = f"[{STATUS_STYLE.get(row['status'], 'red')}]{row['status']}[/]"
         left = self._left()

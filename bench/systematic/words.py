@@ -5,13 +5,22 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from ...datasets.noise.systematic import NAMES
-from ..words.numerals import listed
+from ..words.numerals import listed, number
 from .estimated import Estimated
 from .fit import SystematicFit
 from .frame import Frame
 
 DEGREE = np.pi / 180
 RANGES = ("range_scale", "range_offset")
+
+MANYFOLD = 2.0
+"""The factor from which on a scale is said as one, and not in %."""
+
+UNITS = {"millimetres": 1000.0, "centimetres": 100.0, "inches": 39.37, "feet": 3.281, "kilometres": 0.001}
+"""Units that a log may have in place of metres, and how many of each a metre is."""
+
+NEAR = 1.2
+"""The factor up to which a scale is near that of a unit: there is a scale of the sensor itself, too."""
 
 FORMS = {
     "x": (1.0, "m", "the sensor sits {} {of} the robot's origin", ("ahead of", "behind")),
@@ -69,8 +78,9 @@ def clause(fit: SystematicFit, name: str) -> str:
     """A sentence on an error that is told, without its capital and full stop."""
     *_, sentence, signs = FORMS[name]
     found = fit.estimates[name]
+    unit = _unit(found.value, name)
     by = "" if fit.scaled else " by the other: which of both is wrong, no log without a true path tells"
-    return sentence.format(_size(found, name), of=signs[found.value < 0], by=by)
+    return sentence.format(_size(found, name), of=signs[found.value < 0], by=by) + (f": {unit}?" if unit else "")
 
 
 def of_frame(frame: Frame) -> str:
@@ -109,9 +119,27 @@ def _in_its_unit(found: Estimated, name: str) -> tuple[Estimated, str]:
 
 
 def _size(found: Estimated, name: str) -> str:
-    """The size of an error with its interval and unit."""
+    """The size of an error with its interval and unit; a scale beyond MANYFOLD as a factor."""
     unit, symbol, *_ = FORMS[name]
+    factor = _factor(found.value, name)
+    if factor >= MANYFOLD:
+        return f"{number(factor)} times"
     return f"{_digits(abs(found.value), found, unit)} ± {_digits(_half(found), found, unit)} {symbol}"
+
+
+def _factor(value: float, name: str) -> float:
+    """By how much what is measured is too long or too short, at least 1; of an error that is no scale 1."""
+    factor = 1 + value
+    if not name.endswith("_scale") or factor <= 0:
+        return 1.0
+    return max(factor, 1 / factor)
+
+
+def _unit(value: float, name: str) -> str:
+    """The unit that lengths would have that are so much too long or too short; "" for none."""
+    if name not in ("range_scale", "wheel_scale") or _factor(value, name) < MANYFOLD:
+        return ""
+    return next((unit for unit, size in UNITS.items() if 1 / NEAR < (1 + value) / size < NEAR), "")
 
 
 def _half(found: Estimated) -> float:

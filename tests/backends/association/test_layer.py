@@ -195,6 +195,9 @@ def test_options_without_effect_are_refused() -> None:
         InputError, match=r"backend ekf: option confirm is for data association; expected association=nn"
     ):
         check(builder.options(confirm=3), "backend ekf")
+    for name in ("isam2", "ekf"):
+        with pytest.raises(InputError, match=r"option merge is for .* expected association=.* of ekf, kf or smoother"):
+            check(registry.find(name).options(merge=True), f"backend {name}")
     with pytest.raises(InputError, match="option confirm=9: expected at most within=3, the steps"):
         check(builder.options(association="nn", confirm=9, within=3), "backend ekf")
     with pytest.raises(InputError, match=r"option match=0\.9999: expected at most new=0\.9, beyond which"):

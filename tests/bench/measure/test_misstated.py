@@ -47,7 +47,8 @@ def test_errors_of_another_size_than_stated_are_told(scale: float) -> None:
     for option, noun in (("sensor_scale", "sightings"), ("odometry_scale", "motions")):
         log, truth = circle(f",{option}={scale}")
         (remark,) = misstated(log, truth, OFF)
-        found = re.fullmatch(f"the errors of the {noun} are typically (.*) times what is stated", remark)
+        found = re.match(f"the errors of the {noun} are typically ([0-9.e-]*) times what is stated", remark)
+        assert found
         assert float(found[1]) == pytest.approx(scale, rel=0.15)
 
 
@@ -58,6 +59,24 @@ def test_errors_tenfold_off_are_told_whatever_the_belief(scale: float) -> None:
         for some in (truth, truth._replace(map=None)):
             (remark,) = misstated(log, some, {"nees": 1.0})
             assert remark.startswith(f"the errors of the {noun} are typically ")
+
+
+@pytest.mark.parametrize(
+    ("worst", "words"),
+    [
+        (0, "most of all forward, {} times (of CSV tables option forward)"),
+        (1, "most of all sideways, {} times (of CSV tables option floor_position)"),
+        (2, "most of all turn, {} times (of CSV tables options turning and turning_by_turn)"),
+    ],
+)
+def test_the_component_of_motions_that_is_worst_is_named(worst: int, words: str) -> None:
+    log, truth = circle()
+    smaller = np.full(3, 4.0)
+    smaller[worst] = 12.0
+    (remark,) = misstated(replace(log, delta_cov=log.delta_cov / np.outer(smaller, smaller)), truth, OFF)
+    found = re.search(re.escape(words).replace(r"\{\}", "(.*)"), remark)
+    assert found
+    assert float(found[1]) == pytest.approx(12, rel=0.2)
 
 
 def test_a_prior_that_is_not_where_the_robot_is_explains_a_belief_that_is_off() -> None:

@@ -1,5 +1,6 @@
 """The noise of ranges alone, and the scale and offset that they have in common."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -50,6 +51,17 @@ def test_scale_and_offset_are_found_along_the_true_path_and_said() -> None:
     assert found.range is not None
     assert found.range.fitted.sd.value == pytest.approx(0.05, rel=0.1)
     assert found.range.fitted.correlation is None
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [(1000.0, r"Ranges are (1,0|9)\d\d times too long: millimetres\?"),
+     (3.281, r"Ranges are 3\.\d+ times too long: feet\?"),
+     (2.5, r"Ranges are 2\.[45]\d times too long\."), (0.25, r"Ranges are (4\.\d\d|3\.9\d) times too short\.")],
+)  # fmt: skip
+def test_a_manifold_is_said_as_a_factor_and_with_the_unit_that_it_may_be(factor: float, said: str) -> None:
+    found = by_truth(long(drive(1, steps=1000), factor - 1, 0.0))
+    assert re.search(said, " ".join(sentences(found)))
 
 
 def test_exact_ranges_are_not_said_to_be_off() -> None:

@@ -266,6 +266,24 @@ def test_a_cell_that_was_stopped_is_a_line_though_nothing_of_it_is_known() -> No
     assert [line.endswith("seed 0: was stopped after 2 s") for line in said] == [True] * 4
 
 
+def test_a_remark_is_printed_once_a_log_and_a_final_error_is_called_so() -> None:
+    console, cells = Console(file=io.StringIO(), width=160), plan(2)
+    with Screen(console) as screen:
+        screen.running(cells, 0, 1, [])
+        for cell in cells:
+            mine = {"truth_kind": "truth", "status": "done", "reason": f"all odd; {cell.cell.backend.label} alone"}
+            mine |= {"final_ate_m": 0.25, "ate_m": None if cell.cell.backend == cells[0].cell.backend else 0.5}
+            screen.finished(cell, mine, 1.0)
+    said = console.file.getvalue().splitlines()  # pyright: ignore[reportAttributeAccessIssue]
+    logs = {(cell.cell.dataset.label, cell.cell.seed) for cell in cells}
+    assert sum("all odd" in line for line in said) == len(logs) < len(cells)
+    for cell, line in zip(cells, said, strict=True):
+        assert f"{cell.cell.backend.label} alone" in line
+        first = cell.cell.backend == cells[0].cell.backend
+        assert (" final ATE 0.250 m" in line) == first
+        assert (" \N{MIDDLE DOT} ATE 0.500 m" in line) != first
+
+
 def test_in_a_pipe_the_time_left_is_told_now_and_then(monkeypatch: pytest.MonkeyPatch) -> None:
     now = iter(range(0, 10_000, 20))
     monkeypatch.setattr("slamduel.bench.run.progress.time.monotonic", lambda: float(next(now)))
