@@ -14,7 +14,7 @@ from ...backends.api import Diverged
 from ...core.factors import Log, Truth
 from ...core.se2 import Array, Ints
 from .filtered import filtered
-from .known_log import KnownLog, known_log
+from .known_log import KnownLog, known_log, missing
 
 LARGEST = 800
 """Most numbers of landmarks and of poses that loop closures come back to: a step of the filter costs their square."""
@@ -39,10 +39,7 @@ class Bound(NamedTuple):
 
 def bound(log: Log, truth: Truth | None) -> Bound | None:
     """Computes it; None where truth or precision does not suffice, with a gyro, or where the log is too large."""
-    if len(log) > LONGEST or log.prior.start != "known" or log.gyro is not None:
-        return None
-    known = known_log(log, truth)
-    if known is None or 2 * len(known.landmarks.ids) + 3 * len(np.unique(known.log.loop_to)) > LARGEST:
+    if no_bound(log, truth) or (known := known_log(log, truth)) is None:
         return None
     try:
         found, final = filtered(known, _alignment(known.path, known.at)), _smoothed(known)
@@ -54,6 +51,22 @@ def bound(log: Log, truth: Truth | None) -> Bound | None:
     if not (aligned > 0).all():
         return None
     return Bound(*np.sqrt(np.concatenate((aligned, squares)) / m).tolist())
+
+
+def no_bound(log: Log, truth: Truth | None) -> str:
+    """Says why a log has none; "" where only its precision can be the reason."""
+    if len(log) > LONGEST:
+        return f"the log has more than {LONGEST:,} steps"
+    if log.prior.start != "known":
+        return "the robot's start is unknown"
+    if log.gyro is not None:
+        return "the log has turns by a gyro"
+    known = known_log(log, truth)
+    if known is None:
+        return missing(log, truth)
+    if 2 * len(known.landmarks.ids) + 3 * len(np.unique(known.log.loop_to)) > LARGEST:
+        return "there are too many landmarks, or poses that loop closures come back to"
+    return ""
 
 
 def _smoothed(known: KnownLog) -> Array:

@@ -11,6 +11,8 @@ from ...core.se2 import Array, Ints, compose, inverse
 from ...core.truth.doubts import headings_known
 from ...core.truth.errors import rows_of, standing
 
+PLACES = "the landmarks' places are unknown"  # of some or of all that are sighted
+
 
 class KnownLog(NamedTuple):
     """The right ones of a log's factors, and the true state."""
@@ -22,24 +24,32 @@ class KnownLog(NamedTuple):
 
 
 def known_log(log: Log, truth: Truth | None) -> KnownLog | None:
-    """None where no true path with its headings is known, not what is sighted, or not the place of that."""
-    if truth is None or truth.kind != "truth" or not len(truth.t) or not headings_known(log, truth):
+    """None where something of the true state is `missing`."""
+    if truth is None or missing(log, truth):
         return None
+    at = rows_of(log.t, truth.t)
+    return KnownLog(_right(log, truth), _whole(log, truth.poses, at), _places(truth), at)
+
+
+def missing(log: Log, truth: Truth | None) -> str:
+    """Says what is not known of a log: its true path, what is sighted, or the place of that; "" where all is."""
+    if truth is None or truth.kind != "truth" or not len(truth.t):
+        return "the true path is unknown"
+    if not headings_known(log, truth):
+        return "the true headings are unknown"
     partial = log.partial
     unknown = truth.assigned is None and (log.ids == UNKNOWN).any()
     if partial is not None:
         unknown |= truth.assigned_partial is None and (partial.ids == UNKNOWN).any()
     if unknown:
-        return None
-    known = standing(truth) or Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
-    given = log.prior.map
-    if given is not None and not np.isin(given.ids, known.ids).all():
-        return None
-    right = _right(log, truth)
-    at = rows_of(log.t, truth.t)
-    if not np.isin(right.seen, known.ids).all():
-        return None
-    return KnownLog(right, _whole(log, truth.poses, at), known, at)
+        return "the true ids of sightings are unknown"
+    known, given = _places(truth).ids, log.prior.map
+    placed = given is None or np.isin(given.ids, known).all()
+    return "" if placed and np.isin(_right(log, truth).seen, known).all() else PLACES
+
+
+def _places(truth: Truth) -> Map:
+    return standing(truth) or Map(np.zeros(0, np.int64), np.zeros((0, 2)), None)
 
 
 def _right(log: Log, truth: Truth) -> Log:

@@ -10,6 +10,7 @@ from ..measure.stated_noise import Measured, NoiseCheck
 from ..words.numerals import counted, listed, number, plain
 from .difficulty import Difficulty
 from .numbers import FixCount, Known, Noise, Numbers, Parts, Sd, Sensor, SightingCount, TurnCount
+from .part_errors import PartCheck
 
 TRUE_ENOUGH = (0.8, 1.25)  # typical error over the stated one that counts as stated correctly
 OUTLIERS = 0.01  # share of errors far out from which on they are called outliers: ten times that expected by chance
@@ -74,6 +75,10 @@ def facts(found: Numbers, path: str, *, mistaken: bool = False) -> Iterator[tupl
         yield "errors that stay", _joined([*(one.removesuffix(".") for one in known.corrected.errors), CORRECTS])
     if known.sightings is not None and known.measured is not None:
         yield "sightings against truth", _joined(_sightings(known, mistaken=mistaken))
+    if known.ranges is not None:
+        yield "ranges against truth", _joined(_part_checked(known.ranges, "range_sd", "m", mistaken=mistaken))
+    if known.bearings is not None:
+        yield "bearings against truth", _joined(_part_checked(known.bearings, "bearing_sd", DEGREE, mistaken=mistaken))
     if known.odometry is not None:
         after = None if known.corrected is None else known.corrected.odometry
         yield "odometry against truth", _joined(_noise_checked(known.odometry) if after is None else _left(after))
@@ -230,7 +235,7 @@ def _comes_back(found: Numbers) -> str:
         return "neither a landmark nor a loop closure tells if it comes back"
     if found.seen.sightings and found.back.after_m is None and not found.back.closures:
         if found.landmarks is not None:
-            return "whether it comes back cannot be told from parts alone"
+            return "returns not counted without whole sightings"
         return "whether it comes back cannot be told without ids"
     return (
         ("never comes back", "comes back once", "comes back twice")[loops]
@@ -325,6 +330,23 @@ def _noise_checked(check: NoiseCheck) -> Iterator[str]:
         yield f"{far} far out, where chance has 0.1 %"
     yield f"NEES {number(check.nees)}, where 1 is exact"
     yield f"{check.checked:,} checked"
+
+
+def _part_checked(check: PartCheck, option: str, unit: str, *, mistaken: bool) -> Iterator[str]:
+    """Compares ranges or bearings alone with the truth; one that is off on average has more than noise."""
+    scale, gap = (degrees(1), "") if unit == DEGREE else (1.0, " ")
+    if check.fitted:
+        yield "against the places that fit best along the true path"
+    yield from _noise_checked(check.stated)
+    if mistaken:
+        yield MISTAKEN
+    elif abs(check.middle) > check.spread:
+        long, short = ("too long", "too short") if unit == "m" else ("too far left", "too far right")
+        off = f"{number(scale * abs(check.middle))}{gap}{unit} {long if check.middle > 0 else short}"
+        about = f"{number(scale * check.spread)}{gap}{unit} about that"
+        yield f"measured: in the median {off}, which is no noise, and {about}"
+    else:
+        yield f"measured: {number(scale * check.sd)}{gap}{unit} ({option}={check.sd:.3g})"
 
 
 def _measured(measured: Measured) -> str:

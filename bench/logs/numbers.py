@@ -20,6 +20,7 @@ from ..measure.landmark_places import Places, Scattered, judge, placed, scattere
 from ..measure.stated_noise import Measured, NoiseCheck, measured, noise_check
 from ..systematic.words import sentences
 from .difficulty import Difficulty, difficulty
+from .part_errors import PartCheck, part_checks
 from .revisits import Returns, loops, returns, way
 from .shown_path import Shown, shown
 
@@ -178,6 +179,8 @@ class Known(NamedTuple):
     drift_share: float | None  # of that path's length
     relations: int  # pairs of poses with a known motion
     corrected: Corrected | None = None  # where errors that stay are most of what the log is off by
+    ranges: PartCheck | None = None  # alone, with truth, as the next
+    bearings: PartCheck | None = None
 
 
 class Numbers(NamedTuple):
@@ -380,6 +383,7 @@ def _known(dataset: Dataset, drawn: Shown, stays: Constant | None) -> Known:
         share,
         0 if truth is None or truth.relations is None else len(truth.relations.delta),
         None if stays is None else _corrected(stays, truth, drawn, checks),
+        *part_checks(log, truth),
     )
 
 

@@ -5,8 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.ticker import MaxNLocator
 
-from ...core.factors import Log, Truth
-from ...core.partial import RANGE, PartialTable
+from ...core.factors import UNKNOWN, Log, Truth
+from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import sighting_errors
 from ..drawing.axes import stretches
@@ -14,6 +14,7 @@ from ..measure.stated_noise import typical
 from ..words.numerals import TIMES, number
 from ..words.styles import COLOURS
 from .numbers import empty_runs, sightings_a_step, times
+from .part_errors import PartErrors
 from .revisits import Returns
 
 INK = "#222222"
@@ -26,6 +27,8 @@ LONG = 0.004  # share of the log from which on a stretch without sightings is sh
 MOST_DOTS = 4_000
 
 BINS = 12  # of ranges, with equally many sightings each
+DEGREES, INTO = "degrees", 180 / np.pi  # of an angle in rad
+
 LEAST_BIN = 8  # sightings; a bin with fewer shows no error
 
 
@@ -56,20 +59,36 @@ def seen(axes: Axes, log: Log) -> None:
 def returns(axes: Axes, log: Log, found: Returns) -> None:
     """Draws the landmarks seen over time; with loop closures alone, the pairs of steps."""
     t = _time(log)
+    parts = _parts_seen(log)
     if len(found.row):
-        _raster(axes, t, found)
+        came = f"orange: again after {number(found.after)} m without it" if found.visit.any() else "no returns"
+        _raster(axes, t, found, f"; {came}")
     elif len(log.loop_to):
         axes.plot(t[log.loop_step], t[log.loop_to], ".", color=AGAIN, markersize=3, markeredgewidth=0)
         axes.plot([t[0], t[-1]], [t[0], t[-1]], color=INK, linewidth=0.6)
         axes.set_ylim(t[0], max(t[-1], 1e-9))
         axes.set_ylabel("earlier step seen" if times(log) is None else "time of the step seen, s")
         axes.set_title("Loop closures; far below the line: a large loop")
+    elif len(parts.row):
+        _raster(axes, t, parts, ", in part")
     else:
         axes.set_yticks([])
-        parts = log.partial is not None
-        _nothing(axes, "parts alone show no return" if parts else "no landmark is sighted, so there is no return")
+        unnamed = log.partial is not None and len(log.partial)
+        _nothing(axes, "no sighting has an id" if unnamed else "no landmark is sighted, so there is no return")
         axes.set_title("When each landmark was seen")
     _along(axes, log)
+
+
+def _parts_seen(log: Log) -> Returns:
+    """The ranges and bearings alone that have an id; none of them is taken for a return."""
+    table = log.partial
+    row = np.zeros(0, np.int64) if table is None else np.flatnonzero(table.ids != UNKNOWN)
+    if table is None or not len(row):
+        return Returns(row, row, row, row, row, np.zeros(0, bool), 0.0)
+    _, first, landmark = np.unique(table.ids[row], return_index=True, return_inverse=True)
+    rank = np.argsort(np.argsort(first))
+    nothing = np.zeros(len(row), np.int64)
+    return Returns(row, table.step[row], rank[landmark], nothing, nothing - 1, nothing > 0, 0.0)
 
 
 def sensor(axes: Axes, log: Log) -> None:
@@ -113,11 +132,42 @@ def _parts(axes: Axes, found: PartialTable) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
 
 
+def part_noise(axes: Axes, table: PartialTable, wrong: PartErrors | None) -> None:
+    """Draws stated noise of ranges alone over range, else of bearings alone over bearing, and their errors."""
+    kind = RANGE if (table.kind == RANGE).any() else BEARING
+    unit, along, scale = ("m", "range, m", 1.0) if kind == RANGE else (DEGREES, "bearing, degrees to the left", INTO)
+    mine = table.kind == kind
+    z = scale * table.z
+    bins = int(np.clip(mine.sum() // LEAST_BIN, 1, BINS))
+    edges = np.unique(np.quantile(z[mine], np.linspace(0, 1, bins + 1)))
+    place = np.clip(np.searchsorted(edges, z, "right") - 1, 0, max(len(edges) - 2, 0))
+    filled = np.unique(place[mine])
+    middle = np.array([np.median(z[mine & (place == k)]) for k in filled])
+    stated = np.array([scale * np.median(np.sqrt(table.var[mine & (place == k)])) for k in filled])
+    marker = "" if len(filled) > 1 else "s"
+    axes.plot(middle, stated, color=FIRST, linewidth=2.4, marker=marker, label=along.partition(",")[0] + " alone")
+    highest = float(stated.max())
+    axes.set_title("Its noise, as stated")
+    if wrong is not None:
+        errors = [scale * wrong.values[mine[wrong.row] & (place[wrong.row] == k)] for k in filled]
+        actual = np.array([typical(one) if len(one) >= LEAST_BIN else np.nan for one in errors])
+        against = "actual, from fitted places" if wrong.fitted else "actual, against truth"
+        axes.plot(middle, actual, "o", markeredgecolor=FIRST, markerfacecolor="none", markersize=5, label=against)
+        highest = max(highest, float(np.nanmax(actual, initial=0.0)))
+        axes.set_title("Its noise, stated and actual")
+    if kind == RANGE:
+        axes.set_xlim(0, 1.05 * float(edges[-1]))
+    axes.set_ylim(0, 1.45 * highest)
+    axes.set_xlabel(along)
+    axes.set_ylabel(f"standard deviation, {unit}")
+    axes.legend(loc="upper left", handlelength=1.4, borderpad=0.1, labelspacing=0.25)
+
+
 def noise(axes: Axes, log: Log, truth: Truth | None, *, medians: bool) -> None:
     """Draws stated noise of sightings over range, m, and errors against a truth, with `medians` of landmarks."""
     axes.set_title("Its noise, as stated")
     if not len(log.z):
-        _nothing(axes, "no sighting" if log.partial is None else "no whole sighting")
+        _nothing(axes, "no sighting")
         axes.set_xticks([])
         axes.set_yticks([])
         return
@@ -164,7 +214,7 @@ def _errors(log: Log, truth: Truth | None) -> tuple[Ints, Array] | None:
     return found.row, np.column_stack((found.values[:, 0], log.z[found.row, 0] * found.values[:, 1]))
 
 
-def _raster(axes: Axes, t: Array, found: Returns) -> None:
+def _raster(axes: Axes, t: Array, found: Returns, came: str) -> None:
     landmarks = int(found.rank.max()) + 1
     columns, rows = min(COLUMNS, len(t)), min(ROWS, landmarks)
     length = max(float(t[-1]), 1e-9)
@@ -187,8 +237,7 @@ def _raster(axes: Axes, t: Array, found: Returns) -> None:
     )
     axes.set_ylabel("landmark, by first sighting")
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=True, min_n_ticks=1))
-    came = f"orange: again after {number(found.after)} m without it" if back.any() else "no returns"
-    axes.set_title(f"When each landmark was seen; {came}")
+    axes.set_title(f"When each landmark was seen{came}")
 
 
 def _along(axes: Axes, log: Log) -> None:

@@ -15,7 +15,8 @@ from ..drawing.picture import GRID, picture
 from ..measure.landmark_places import judge, sighted
 from .facts import headline
 from .numbers import Subject
-from .panels import FIRST, INK, SOFT, noise, returns, seen, sensor
+from .panels import FIRST, INK, SOFT, noise, part_noise, returns, seen, sensor
+from .part_errors import part_errors
 from .shown_path import Shown
 
 ASTRAY = "#d00000"
@@ -53,7 +54,10 @@ def write_picture(path: Path, subject: Subject) -> None:
         returns(panels["returns"], log, found)
         sensor(panels["sensor"], log)
         right = judge(log, subject.dataset.truth, shown.places)
-        noise(panels["noise"], log, right, medians=subject.numbers.known.medians)
+        if not len(log.z) and log.partial is not None and len(log.partial):
+            part_noise(panels["noise"], log.partial, part_errors(log, subject.dataset.truth))
+        else:
+            noise(panels["noise"], log, right, medians=subject.numbers.known.medians)
         figure.text(0.008, 0.99, subject.label, ha="left", va="top", fontsize=13, fontweight="bold")
         figure.text(0.008, 0.96, headline(subject.numbers), ha="left", va="top", fontsize=10.5)
 

@@ -12,7 +12,7 @@ from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints
 from ...core.truth.doubts import headings_known, judges, never_turns, other_headings, other_ways
 from ...core.truth.errors import standing
-from ..bound.bound import Bound
+from ..bound.bound import Bound, no_bound
 from .accuracy import Alignment, has_shape, map_accuracy, map_rmse, own_map_rmse, path_accuracy, stretches
 from .association import association_columns, by_true_ids, moved
 from .constants import constants
@@ -110,6 +110,9 @@ def score(
                 end.row.update({} if end.path is None else relation_columns(truth.relations, end.path))
     row |= {prefix + name: value for prefix, end in ends.items() for name, value in end.row.items()}
     row |= _over_bound(row, least)
+    if least is None and exact and any(f"{prefix}ate_m" in row for prefix in ends):
+        reason = no_bound(given, whole_truth)
+        row |= {"no_bound": reason} if reason else {}
     remarks += _places(log, truth, ends, arrays)
     if truth is not None and exact:
         remarks += [MISTAKEN] if mistaken else misstated(log, truth, row, sightings=sightings)

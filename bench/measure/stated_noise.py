@@ -11,7 +11,7 @@ from ...core.se2 import Array, Ints
 from ...core.truth.errors import Errors, difference, driven_errors, named, sighting_errors
 from .landmark_places import comparable
 
-FAR = {2: 13.816, 3: 16.266}  # dimension -> chi-square's 99.9 % point
+FAR = {1: 10.828, 2: 13.816, 3: 16.266}  # dimension -> chi-square's 99.9 % point
 MEDIAN = {1: 0.4549, 2: 1.3863, 3: 2.3660}  # dimension -> the median of chi-square
 ROBUST = 1.4826  # a normal standard deviation over the median of absolute values
 OVERCONFIDENT, CAUTIOUS = 1.5, 0.3  # mean NEES over its dimension beyond which the log is looked into

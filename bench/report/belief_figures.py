@@ -5,7 +5,8 @@ from scipy.special import chdtri
 
 from ..drawing.axes import stretches
 from ..drawing.figure import ReportFigure
-from ..verdict.bands import averaged, flagged
+from ..verdict.bands import averaged
+from ..verdict.consistency import belief_clauses
 from ..words.names import tags
 from ..words.numerals import listed, number
 from ..words.styles import BASELINE
@@ -45,9 +46,8 @@ def _over_logs(name: str, log: DrawnLog) -> ReportFigure | None:
         "Grey: where 95 % of a consistent filter's means lie."
     )
     called = tags(look)
-    for word in ("overconfident", "cautious"):
-        names = [called[label] for label, mean in found.items() if label in look and flagged(mean) == word]
-        caption += f" Outside more than half of the time, {word}: {listed(names)}." if names else ""
+    judged = belief_clauses(log.lines, {label: called[label] for label in found if label in look})
+    caption += f" By medians over the logs, as in the verdict, {judged}." if judged else ""
     title, unit = "NEES over the logs", "mean NEES / 3"
     return along(
         name, log, title, unit, caption, series, group="consistency", level=1.0, most=MOST, band=Band(t, low, high)

@@ -9,6 +9,8 @@ from ..verdict.summary import Line, typical
 from ..words.columns import ESTIMATED, about
 from ..words.numerals import number
 
+PARTICLES = "FastSLAM states the spread of its surviving particles as the standard deviation of a constant: too small"
+
 
 def constants_table(lines: Sequence[Line]) -> Table:
     """Makes the table, a row for each backend and constant: medians over the logs; none where none is estimated."""
@@ -22,7 +24,11 @@ def constants_table(lines: Sequence[Line]) -> Table:
         "Medians over the logs, beside an estimate their 95 % interval or, of fewer than 6 logs, their range; true: as "
         "the simulated world has drawn it or, where path and landmarks are known, as fits the measurements best there"
     )
-    return Table(ESTIMATED, rows, caption)
+    if any(row.backend.startswith("fastslam") for row in rows):
+        caption += f". {PARTICLES}"
+    having = [k for k in range(len(ESTIMATED)) if any(row.entries[k].text for row in rows)]
+    rows = [row._replace(entries=[row.entries[k] for k in having]) for row in rows]
+    return Table([ESTIMATED[k] for k in having], rows, caption)
 
 
 def _called(kind: int) -> str:

@@ -157,7 +157,7 @@ class _Form(NamedTuple):
 
 def _forms(width: int, with_ranges: Sequence[int]) -> Iterator[_Form]:
     """Yields forms, the richest first; `with_ranges` are how many columns may go before ranges do."""
-    label = min(LABEL[(width >= NARROW) + (width >= MEDIUM)], max(8, width - 28))
+    label = min(LABEL[(width >= NARROW) + (width >= MEDIUM)], max(8, width - 32))
     yield from (_Form(FIRST_TO_GO[:k], True, label) for k in with_ranges)
     yield from (_Form(FIRST_TO_GO[:k], False, label) for k in range(len(FIRST_TO_GO) + 1))
 
@@ -182,7 +182,7 @@ def _entries(line: Line, planned: Mapping[tuple[str, str], int] | None) -> dict[
         entries[heading] = _Entry("") if column is None else _metres(*_ends(line, column, final=planned is None))
     nees = v.get("nees")
     form = "" if nees is None else ".2f" if nees.median < 100 else ".0f" if nees.median < LOST else ".1e"
-    entries["NEES"] = _Entry("none" * void(line) if nees is None else f"{nees.median:{form}}")
+    entries["NEES / 3"] = _Entry("none" * void(line) if nees is None else f"{nees.median:{form}}")
     inside, p50, p99 = (v.get(name) for name in ("nees_inside", "step_us_p50", "step_us_p99"))
     entries["in 95 %"] = _Entry("" if inside is None else f"{100 * inside.median:.0f} %")
     batch = bool(entries["final, m"].text) and not entries["ATE, m"].text  # it keeps the steps until the end
@@ -213,7 +213,7 @@ def _table(name: str, lines: Sequence[Line], entries: Sequence[Mapping[str, _Ent
         title += f"; medians ({f'95 % intervals{ranges}' if of.n >= FEWEST else 'ranges'})"
     shown = Table(title=title, title_style="", title_justify="left", box=box.SIMPLE_HEAD, collapse_padding=True)
     shown.add_column("backend", no_wrap=True, overflow="ellipsis", max_width=form.label + 2)
-    absent = {"NEES", "in 95 %"} if known.truth_kind == "relations" else set[str]()
+    absent = {"NEES / 3", "in 95 %"} if known.truth_kind == "relations" else set[str]()
     absent |= set() if known.surveyed else {"map, m"}
     headings = [h for h in entries[0] if h not in form.without and h not in absent]
     texts = [[row[h].text + row[h].ends * form.ranges for h in headings] for row in entries]

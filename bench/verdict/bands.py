@@ -17,7 +17,6 @@ from ...core.se2 import Array
 
 DOF = 3  # degrees of freedom of a pose's NEES
 LEVEL = 0.05  # share of times outside that is expected of a consistent belief
-MOST = 0.5  # a belief is flagged where less than this share of the times is inside
 
 
 class Averages(NamedTuple):
@@ -73,18 +72,3 @@ def band(n: Array) -> tuple[Array, Array]:
 
     dof = DOF * np.asarray(n, float)
     return chdtri(dof, 1 - LEVEL / 2) / dof, chdtri(dof, LEVEL / 2) / dof
-
-
-def flagged(averages: Averages) -> str:
-    """Returns overconfident or cautious where the averages are outside their band most of the time, else "".
-
-    The side that they are outside on more often counts. Near 95 % inside is expected, but if errors last for the whole
-    log, the averages of a consistent belief leave the band for all of it once in 20 times. More than half of the time
-    outside is about as rare in that worst case (at most twice as often, by Markov's inequality), and far rarer
-    otherwise. Noise mis-stated by 2 is nearly always flagged from 5 logs on if that is a standard deviation, from 10 on
-    if a variance.
-    """
-    if averages.inside >= MOST:
-        return ""
-    above, below = (averages.mean > averages.high).sum(), (averages.mean < averages.low).sum()
-    return "overconfident" if above >= below else "cautious"

@@ -14,7 +14,7 @@ BELOW = " Below 1 is chance on these logs, or a bias that makes an error smaller
 
 
 def bound_sentence(lines: Sequence[Line]) -> str:
-    """States the bounds of one dataset's errors, and whose path is nearest to each; "" without any.
+    """States the bounds of one dataset's errors, and whose path is nearest to each, or why there is none.
 
     A bound is one of mean squares: so are they, and the multiples of them, over logs.
     """
@@ -31,7 +31,8 @@ def bound_sentence(lines: Sequence[Line]) -> str:
             below |= times[best] < ROUNDED
             nearest.append(f"{best} at {number(times[best])} times the {end} one")
     if not bounds:
-        return ""
+        reasons = dict.fromkeys(said for line in lines for row in line.rows if (said := row.columns.get("no_bound")))
+        return f"No Cramér-Rao bound: {'; '.join(reasons)}." if reasons else ""
     logs = max(len(line.by_log(f"{prefix}bound_m")) for line in lines for prefix in ENDS)
     said = f"No unbiased estimator ends below {' or '.join(bounds)} with noise as stated: the Cramér-Rao bound"
     said += f", root mean square over {logs} logs." if logs > 1 else "."

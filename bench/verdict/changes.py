@@ -45,7 +45,7 @@ QUANTITIES = (
     Quantity("relation_m", "relations online, m", "accuracy", 0.05),
     Quantity("final_relation_m", "relations final, m", "accuracy", 0.05),
     Quantity("map_rmse_m", "map, m", "accuracy", 0.05),
-    Quantity("nees", "NEES", "consistency", 0.05),
+    Quantity("nees", "NEES / 3", "consistency", 0.05),
     Quantity("cpu_s", "CPU time, s", "CPU time", 0.5),
     Quantity("step_us_p50", "step p50, µs", "p50", 0.5),
     Quantity("step_us_p99", "step p99, µs", "p99", 1.0),

@@ -1,6 +1,6 @@
 """Judges each backend's consistency in a word, from its NEES over independent logs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from ..words.numerals import listed, number
@@ -85,21 +85,12 @@ def belief_sentences(lines: Sequence[Line]) -> list[str]:
     found = {line.backend: known for line in judged if (known := belief(line))}
     if not found:
         return last
-    said: list[str] = []
-    told = {name: known.word or _between(known.nees) for name, known in found.items()}
-    for word in ("consistent", "overconfident", "cautious", TOWARDS_CAUTIOUS, TOWARDS_OVERCONFIDENT, UNCLEAR):
-        names = [name for name, word_of in told.items() if word_of == word]
-        if names:
-            sized = [
-                f"{name} ({number(nees.value) if nees.units < FEWEST else ends})"
-                for name in names
-                for nees in [found[name].nees]
-                for ends in [f"{number(nees.low)} to {number(nees.high)}"]
-            ]
-            is_are = "is" if len(names) == 1 else "are"
-            said.append(
-                f"{word} {listed(sized, MOST)}" if word == UNCLEAR else f"{listed(sized, MOST)} {is_are} {word}"
-            )
+    sized = {
+        name: f"{name} ({number(nees.value) if nees.units < FEWEST else ends})"
+        for name, (_, nees) in found.items()
+        for ends in [f"{number(nees.low)} to {number(nees.high)}"]
+    }
+    said = _said(found, sized)
     using = [known for name, known in found.items() if name != BASELINE]
     lost = len(using) > 1 and all(known.nees.value > LOST for known in using)
     few = [name for name, known in found.items() if known.nees.units < FEWEST]
@@ -109,6 +100,25 @@ def belief_sentences(lines: Sequence[Line]) -> list[str]:
         f"By NEES / 3, which is 1 where covariances match the errors, {'; '.join(said)}{thumb}.{_NOBODY * lost}",
         *last,
     ]
+
+
+def belief_clauses(lines: Sequence[Line], called: Mapping[str, str]) -> str:
+    """Which of the backends in `called`, under these names, have which word of the verdict; "" where none is judged."""
+    judged = {line.backend: line for line in lines if line.backend in called and not void(line)}
+    found = {name: known for name, line in judged.items() if (known := belief(line))}
+    return "; ".join(_said(found, called))
+
+
+def _said(found: Mapping[str, Belief], called: Mapping[str, str]) -> list[str]:
+    """A clause for each word, with the backends that have it, as `called`."""
+    said: list[str] = []
+    told = {name: known.word or _between(known.nees) for name, known in found.items()}
+    for word in ("consistent", "overconfident", "cautious", TOWARDS_CAUTIOUS, TOWARDS_OVERCONFIDENT, UNCLEAR):
+        names = [called[name] for name, word_of in told.items() if word_of == word]
+        if names:
+            who = listed(names, MOST)
+            said.append(f"{word} {who}" if word == UNCLEAR else f"{who} {'is' if len(names) == 1 else 'are'} {word}")
+    return said
 
 
 def _between(nees: Estimate) -> str:

@@ -301,6 +301,7 @@ METRICS = (
     Column("reference", "reference", kind.TEXT,
            "What the path is measured from where it is neither exact ground truth nor the plain batch optimum; NEES is "
            "computed for exact ground truth alone."),
+    Column("no_bound", "no bound", kind.TEXT, "Why there is no Cramer-Rao bound, where the true path is known."),
     Column("located_share", "located", kind.SHARE,
            "Share of the steps from the one on at which the robot is found on the given map. Errors of its path are "
            "those at these steps. Blank where the start is known."),

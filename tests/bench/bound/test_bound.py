@@ -10,7 +10,7 @@ import slamduel
 from beacon_drives import BEACONS, Drive, drive
 from dense_information import DenseInformation
 from driven import aligned_error, final, run
-from slamduel.bench.bound.bound import bound
+from slamduel.bench.bound.bound import bound, no_bound
 from slamduel.bench.bound.filtered import filtered
 from slamduel.bench.bound.known_log import known_log
 from slamduel.core.factors import UNKNOWN, Log, Map, Prior, Systematic, Truth
@@ -156,3 +156,25 @@ def test_no_bound_without_what_it_takes() -> None:
     at_robot = PLACES.xy.copy()
     at_robot[log.partial.ids[0]] = made.path[0, :2]
     assert bound(log, truth._replace(map=Map(PLACES.ids, at_robot, None))) is None
+
+
+def test_the_reason_of_a_missing_bound_is_said() -> None:
+    made = drive(0, steps=20)
+    log, truth = made.log, truth_of(made)
+    assert log.partial is not None
+    nameless = replace(log.partial, ids=np.where(log.partial.step == 3, UNKNOWN, log.partial.ids))
+    many = truth._replace(map=Map(np.arange(500), np.tile(PLACES.xy, (125, 1)), None))
+    some = truth._replace(map=Map(PLACES.ids[1:], PLACES.xy[1:], None))
+    turning = slamduel.load("circle[steps=20,gyro=0.05]")
+    said = {
+        no_bound(log, truth): "",
+        no_bound(log, None): "the true path is unknown",
+        no_bound(log, truth._replace(map=None)): "the landmarks' places are unknown",
+        no_bound(replace(log, prior=log.prior._replace(start="unknown")), truth): "the robot's start is unknown",
+        no_bound(replace(log, partial=nameless), truth): "the true ids of sightings are unknown",
+        no_bound(log, many): "there are too many landmarks, or poses that loop closures come back to",
+        no_bound(turning.log, turning.truth): "the log has turns by a gyro",
+    }
+    assert all(found == expected for found, expected in said.items())
+    assert len(said) == 7
+    assert no_bound(log, some) == "the landmarks' places are unknown"

@@ -1,5 +1,6 @@
 """Logs with ranges and bearings alone, positions and headings: shown, validated and exported."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +91,7 @@ def test_without_truth_it_is_drawn_by_the_batch_optimum() -> None:
     found = slamduel.show(log)
     assert "the batch optimum" in repr(found)
     assert "dead reckoning" in repr(slamduel.show(log, solve=False))
-    assert "cannot be told from parts alone" in headline(found.numbers)
+    assert "returns not counted without whole sightings" in headline(found.numbers)
     blind = log.without_partial()
     assert NO_SIGHTING in remarks(Dataset(blind, None))
     assert NO_SIGHTING not in remarks(Dataset(log, None))
@@ -126,3 +127,69 @@ def test_signatures_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert "signatures" not in said(slamduel.show(load("circle[steps=200]", 1).log, solve=False))["sightings"]
     assert cli.main(["validate", log]) == 0
     assert "the whole ones with signatures" in capsys.readouterr().out
+
+
+def ranging(scale: float = 0.0, *, places: bool = True) -> Dataset:
+    """A log with ranges alone, all of them longer by a share, with ground truth, perhaps without landmarks' places."""
+    log, truth = slamduel.load("circle[steps=400,ranges_only=1]", 3)
+    assert truth is not None
+    assert log.partial is not None
+    longer = replace(log.partial, z=(1 + scale) * log.partial.z)
+    return Dataset(replace(log, partial=longer), truth if places else truth._replace(map=None))
+
+
+@pytest.mark.parametrize("places", [True, False])
+def test_the_error_of_ranges_alone_is_told_by_the_truth_with_and_without_places(places: bool) -> None:
+    """As many as 400 errors or more have a typical one within 15 %: four standard deviations of a median's."""
+    found = slamduel.show(ranging(places=places), solve=False)
+    check = found.numbers.known.ranges
+    assert check is not None
+    assert check.stated.checked >= 400
+    assert check.stated.scale == pytest.approx(1, abs=0.15)
+    assert check.fitted != places
+    assert check.sd == pytest.approx(stated_sd(found), rel=0.15)
+    words = said(found)["ranges against truth"]
+    assert ("against the places that fit best" in words) != places
+    assert "typical error as stated" in words
+    assert f"(range_sd={check.sd:.3g})" in words
+    assert found.numbers.known.bearings is None
+
+
+def stated_sd(found: slamduel.LogPicture) -> float:
+    """The median of what ranges alone are stated to, m."""
+    parts = found.numbers.parts
+    assert parts is not None
+    assert parts.range_sd is not None
+    return parts.range_sd.median
+
+
+def test_ranges_that_are_too_long_are_not_called_noise() -> None:
+    found = slamduel.show(ranging(0.3), solve=False)
+    check = found.numbers.known.ranges
+    assert check is not None
+    words = said(found)["ranges against truth"]
+    assert check.middle > check.spread
+    assert "range_sd=" not in words
+    assert "m too long, which is no noise, and " in words
+
+
+def test_the_error_of_bearings_alone_is_told_and_without_truth_nothing_is() -> None:
+    log, truth = slamduel.load("circle[steps=400,bearings_only=1]", 3)
+    found = slamduel.show(Dataset(log, truth), solve=False)
+    check = found.numbers.known.bearings
+    assert check is not None
+    assert check.stated.scale == pytest.approx(1, abs=0.15)
+    assert f"(bearing_sd={check.sd:.3g})" in said(found)["bearings against truth"]
+    assert not any("against truth" in heading for heading in said(slamduel.show(log, solve=False)))
+
+
+@pytest.mark.parametrize("kind", ["ranges_only=1", "bearings_only=1"])
+def test_a_picture_of_parts_alone_has_when_they_were_heard_and_their_noise(tmp_path: Path, kind: str) -> None:
+    picture = tmp_path / "log.svg"
+    slamduel.show(slamduel.load(f"circle[steps=200,{kind}]", 1)).save(picture)
+    text = picture.read_text()
+    for words in ("When each landmark was seen, in part", "landmark, by first sighting", "actual, against truth"):
+        assert words in text
+    assert ("standard deviation, m" if "ranges" in kind else "standard deviation, degrees") in text
+    slamduel.show(slamduel.load(f"circle[steps=200,{kind}]", 1).log).save(picture)
+    assert "Its noise, as stated" in picture.read_text()

@@ -59,7 +59,7 @@ def drive(seed: int = 1, steps: int = 400, dt: float = 0.1) -> tuple[Log, Truth,
 
 
 def all_known(row: dict[str, Any]) -> bool:
-    return all(value is None or np.isfinite(value) for value in row.values())
+    return all(value is None or isinstance(value, str) or np.isfinite(value) for value in row.values())
 
 
 ASSOCIATION = re.compile(
@@ -84,7 +84,7 @@ def test_a_perfect_estimate_has_no_error_and_no_gap() -> None:
     assert len(ones) == 4
     assert all(row[name] == 1 for name in ones)
     assert set(row) <= {*COLUMNS, *MORE}
-    untold = {"n_eff_least", "ancestors_left", "refused_share", "j_online", "told", "reference"}
+    untold = {"n_eff_least", "ancestors_left", "refused_share", "j_online", "told", "reference", "no_bound"}
     untold |= {"j_loops", "loops_rejected", "loop_precision", "loop_recall"}  # no loop is closed
     untold |= {"located_share", "wrong_fix_share", "locate_steps", "locate_ms"}  # the start is known
     untold |= {name for name in MORE if ASSOCIATION.fullmatch(name)}  # so are all ids, and nothing is taken out
@@ -205,6 +205,14 @@ def test_what_goes_on_inside_is_told_where_it_is_known() -> None:
     assert row["refused_share"] == 4 / len(log.ids)
     assert row["j_online"] == row["cost_j"] == row["j_prior"] + row["j_odometry"] + row["j_sightings"]
     assert "j_final" not in row
+
+
+def test_the_reason_of_a_missing_bound_is_in_the_row() -> None:
+    log, truth, _ = drive()
+    row = score(log, outcome(truth.poses, NO_MAP), truth._replace(map=None)).row
+    assert row["no_bound"] == "the landmarks' places are unknown"
+    assert "no_bound" not in score(log, outcome(truth.poses, NO_MAP), truth).row
+    assert "no_bound" not in score(log, outcome(truth.poses, NO_MAP), None).row
 
 
 def test_errors_over_their_bounds() -> None:

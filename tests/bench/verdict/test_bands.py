@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from slamduel.bench.verdict.bands import averaged, band, flagged
+from slamduel.bench.verdict.bands import averaged, band
 from slamduel.core.se2 import Array
 
 RUNS = 20
@@ -38,41 +38,22 @@ def simulated(rng: np.random.Generator, stated: float = 1.0, sightings: bool = T
     return np.moveaxis(found, 0, 2)
 
 
-def studied(nees: Array) -> tuple[Array, list[str]]:
-    """The share inside and the flag of every replication."""
+def studied(nees: Array) -> Array:
+    """The share of times inside of every replication."""
     t = np.arange(nees.shape[2], dtype=float)
     found = [averaged([(t, run) for run in runs]) for runs in nees]
     assert all(f is not None for f in found)
-    return np.array([f.inside for f in found if f]), [flagged(f) for f in found if f]
+    return np.array([f.inside for f in found if f])
 
 
 def test_a_filter_with_true_noise_is_inside_its_band_95_percent_of_the_time() -> None:
-    inside, flags = studied(simulated(np.random.default_rng(1)))
+    inside = studied(simulated(np.random.default_rng(1)))
     assert 0.94 < inside.mean() < 0.96
-    assert flags.count("") == REPLICATIONS
 
 
-@pytest.mark.parametrize(
-    ("stated", "flag"), [(2, "cautious"), (4, "cautious"), (1 / 2, "overconfident"), (1 / 4, "overconfident")]
-)
-def test_noise_misstated_by_2_as_variance_or_sd_is_flagged(stated: float, flag: str) -> None:
-    inside, flags = studied(simulated(np.random.default_rng(2), stated))
-    assert inside.mean() < 0.25
-    assert flags.count(flag) > 0.98 * REPLICATIONS
-
-
-def test_errors_that_last_for_ever_are_flagged_as_seldom_as_the_band_says() -> None:
-    """The worst case: every run's NEES stays what it is, so that the averages are outside all along or never."""
-    once = np.random.default_rng(3).chisquare(3, (1000, RUNS, 1))
-    inside, flags = studied(np.repeat(once, 2, 2))
-    wrong = 1 - flags.count("") / len(flags)
-    assert set(inside) == {0, 1}
-    assert wrong == pytest.approx(0.05, abs=4 * (0.05 * 0.95 / 1000) ** 0.5)
-
-
-def test_dead_reckoning_whose_errors_add_up_is_hardly_ever_flagged() -> None:
-    _, flags = studied(simulated(np.random.default_rng(4), sightings=False))
-    assert flags.count("") > 0.93 * REPLICATIONS
+def test_a_filter_with_misstated_noise_is_outside_most_of_the_time() -> None:
+    for stated in (1 / 4, 1 / 2, 2, 4):
+        assert studied(simulated(np.random.default_rng(2), stated)).mean() < 0.25
 
 
 def test_the_band_is_chi_squares() -> None:

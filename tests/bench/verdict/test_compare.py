@@ -121,7 +121,7 @@ def test_the_correction_is_holms_over_all_of_a_kind(tmp_path: Path) -> None:
     found = told(run(tmp_path / "old"), run(tmp_path / "new", ate_m=up, map_rmse_m=mixed, nees=up))
     p = [signed_rank(np.log([f(seed) for seed in range(LOGS)]))[0] for f in (up, mixed)]
     assert [found[name].adjusted for name in ("ATE online, m", "map, m")] == pytest.approx(list(holm(p)))
-    assert found["NEES"].adjusted < found["ATE online, m"].adjusted * 1.01
+    assert found["NEES / 3"].adjusted < found["ATE online, m"].adjusted * 1.01
 
 
 @pytest.mark.parametrize("logs", [1, 3])
@@ -145,9 +145,9 @@ def test_on_few_logs_chance_cannot_be_told_from_change(tmp_path: Path) -> None:
 def test_nees_is_judged_by_how_far_it_is_from_1(tmp_path: Path) -> None:
     """1.5 and 1 / 1.5 are as bad; 1.2 is better than either."""
     old, sure = run(tmp_path / "old"), run(tmp_path / "new", nees=1 / 1.5)
-    assert told(old, sure)["NEES"].verdict == GAIN  # 0.8 to 1.2
-    assert told(old, run(tmp_path / "worse", nees=2.0))["NEES"].verdict == REGRESSION
-    assert told(old, run(tmp_path / "lower", nees=1 / 4))["NEES"].verdict == REGRESSION
+    assert told(old, sure)["NEES / 3"].verdict == GAIN  # 0.8 to 1.2
+    assert told(old, run(tmp_path / "worse", nees=2.0))["NEES / 3"].verdict == REGRESSION
+    assert told(old, run(tmp_path / "lower", nees=1 / 4))["NEES / 3"].verdict == REGRESSION
 
 
 def test_a_cell_that_was_done_and_fails_is_a_regression_whatever_the_statistics(tmp_path: Path) -> None:
@@ -228,7 +228,7 @@ def test_logs_that_are_the_same_to_rounding_are_compared_and_named(tmp_path: Pat
     assert any("within one part in a million" in note for note in notes)
     changed = told(old, new)
     assert (changed["ATE online, m"].verdict, changed["ATE online, m"].n) == (REGRESSION, LOGS)
-    assert changed["NEES"].verdict == ROUNDED
+    assert changed["NEES / 3"].verdict == ROUNDED
     for off, frame in ((0.2, "f"), (0.0, "another")):
         with pytest.raises(InputError, match="no cell ran on the same log"):
             paired_runs(side(old), side(sketched(new, LOGS, off, frame)))
@@ -241,13 +241,13 @@ def test_on_few_logs_that_differ_by_rounding_nothing_is_called_a_change(tmp_path
 
 def test_other_instructions_allow_for_rounding_and_one_processor_allows_for_none(tmp_path: Path) -> None:
     old, new = run(tmp_path / "old"), run(tmp_path / "new", nees=1 + 1e-9)
-    assert told(old, new)["NEES"].verdict == NOTHING
+    assert told(old, new)["NEES / 3"].verdict == NOTHING
     elsewhere(old, instructions="avx2")
     elsewhere(new, instructions="avx2 avx512f")
     found = paired_runs(side(old), side(new))
     assert any("within one part in a million" in note for note in found.notes)
     assert any("(avx2)" in note and "(avx2 avx512f)" in note and "--any-machine" in note for note in found.notes)
-    assert told(old, new)["NEES"].verdict == ROUNDED
+    assert told(old, new)["NEES / 3"].verdict == ROUNDED
 
 
 def test_a_damaged_sketch_is_none(tmp_path: Path) -> None:

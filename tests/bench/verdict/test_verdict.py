@@ -11,7 +11,7 @@ from judged_rows import LOGS, SEED, rows, told
 from slamduel.bench.record.schema import Row
 from slamduel.bench.verdict.accuracy import between
 from slamduel.bench.verdict.association import association_sentences
-from slamduel.bench.verdict.consistency import belief_sentences, belief_word
+from slamduel.bench.verdict.consistency import belief_clauses, belief_sentences, belief_word
 from slamduel.bench.verdict.margin import NEAR
 from slamduel.bench.verdict.margin import needed as telling
 from slamduel.bench.verdict.ranking import Ranking, needed, ordered, ranking, standing
@@ -620,3 +620,21 @@ def test_of_few_logs_right_ids_are_only_stated() -> None:
         "Data association (2 logs, median): ekf's ids are right for 62.5 % of the sightings that it used."
     ]
     assert association_sentences(lines(rows("ekf", 1.0))) == []
+
+
+def test_clauses_and_sentences_have_the_same_word_for_a_backend() -> None:
+    """The caption of the figure of NEES has the clauses, without sizes and under the names of its legend."""
+    spread = np.linspace(-1, 1, 7)
+    found = lines([
+        *told("ekf", nees=(1.8 + 1.2 * spread).tolist()), *told("fastslam", nees=(3.0 + 2.4 * spread).tolist()),
+        *told("smoother", nees=(1.3 + 0.5 * spread).tolist()),
+    ])  # fmt: skip
+    (sentence,) = belief_sentences(found)
+    clauses = belief_clauses(found, {"ekf": "EKF", "fastslam": "FastSLAM", "smoother": "smoother"})
+    assert clauses == (
+        "smoother is consistent; FastSLAM is consistent or a little overconfident; it is not clear for EKF"
+    )
+    for one in ("is consistent;", "is consistent or a little overconfident;", "it is not clear for ekf ("):
+        assert one in sentence
+    assert belief_clauses(found, {"ekf": "EKF"}) == "it is not clear for EKF"
+    assert belief_clauses(lines(told("ekf", ate_m=[1.0])), {"ekf": "EKF"}) == ""
