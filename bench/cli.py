@@ -39,6 +39,9 @@ COMMANDS = {
 }
 """Name -> help, and the module with `arguments(parser)` and `main(namespace)`, imported on demand."""
 
+SOON = 0.05
+"""s until a lost interrupt is sent again."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a command; returns its exit status."""
@@ -70,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if more:
             _refuse(subparsers.choices[namespace.command], more)
         assert action is not None  # argparse has refused every other command
-        with _ended_gently():
+        with ended_gently():
             return action(namespace)
     except Interrupted as error:
         print(f"bench: interrupted; {error}.", file=sys.stderr)
@@ -102,16 +105,32 @@ def _refuse(command: argparse.ArgumentParser, words: Sequence[str]) -> NoReturn:
 
 
 @contextlib.contextmanager
-def _ended_gently() -> Generator[None]:
-    """Makes SIGTERM and SIGHUP, as from a batch system or a closing terminal, end the command as Ctrl-C does."""
+def ended_gently() -> Generator[None]:
+    """Makes SIGTERM and SIGHUP, as from a batch system or a closing terminal, end the command as Ctrl-C does.
+
+    An interrupt that comes in a callback from C, as while LLVM compiles, is lost there, and sent again.
+    """
     ours: list[signal.Signals] = []
+    hook = sys.unraisablehook
+
+    def again(lost: "sys.UnraisableHookArgs") -> None:
+        if lost.exc_type is not KeyboardInterrupt:
+            hook(lost)
+            return
+        to = threading.main_thread().ident or 0
+        timer = threading.Timer(SOON, signal.pthread_kill, (to, signal.SIGINT))  # sent at once, it would be lost here
+        timer.daemon = True
+        timer.start()
+
     if threading.current_thread() is threading.main_thread():
         ours = [one for one in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(one) == signal.SIG_DFL]
     for one in ours:
         signal.signal(one, signal.default_int_handler)
+    sys.unraisablehook = again
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         for one in ours:
             signal.signal(one, signal.SIG_DFL)
 

@@ -275,3 +275,28 @@ def test_a_picture_goes_to_where_a_link_leads(tmp_path: Path, log_folder: Path) 
     assert main(["show", str(log_folder), "--out", str(link), "--quiet"]) == 0
     assert link.is_symlink()
     assert (tmp_path / "far" / "picture.png").read_bytes().startswith(b"\x89PNG")
+
+
+LOST = """
+import ctypes, os, signal, sys, time
+from slamduel.bench.cli import ended_gently
+
+@ctypes.CFUNCTYPE(None)
+def terminated():
+    os.kill(os.getpid(), signal.SIGTERM)
+    while True:
+        pass
+
+try:
+    with ended_gently():
+        terminated()
+        print("lost", flush=True)
+        time.sleep(60)
+except KeyboardInterrupt:
+    print("ended")
+"""
+
+
+def test_an_interrupt_inside_a_callback_from_c_ends_the_command() -> None:
+    done = subprocess.run([sys.executable, "-c", LOST], check=False, capture_output=True, text=True, timeout=50)
+    assert (done.returncode, done.stdout.splitlines(), done.stderr) == (0, ["lost", "ended"], "")
