@@ -114,8 +114,8 @@ def _steps(arrays: dict[str, Any], truth: dict[str, Any]) -> Iterator[str]:
 
 
 def _counts(values: Array) -> NDArray[np.int64]:
-    """Whole numbers; those that are not finite are masked."""
-    unknown = ~np.isfinite(values)
+    """Whole numbers; those that are not finite, or beyond 64 bits, are masked."""
+    unknown = ~(np.abs(values) < 2.0**63)
     return np.ma.array(np.where(unknown, 0, values).astype(np.int64), mask=unknown)
 
 
