@@ -124,19 +124,13 @@ def walls_within(cells: Cells, box: Box, share: float) -> Box:
 
 @compiled
 def thinned(points: Array, spacing: float) -> Mask:
-    """Which points of a scan (k, 2), in the order of its beams, to keep so that neighbours are `spacing` (m) apart.
-
-    Kept is the point after each one that is so far from the last such one, so that its own noise has no part in the
-    choice. Noise that takes a point away from the last one would choose it more often: along the walls on both sides
-    of a corridor these are off to one side, and so is the place of a matched scan.
-    """
+    """Which points of a scan (k, 2), in the order of its beams, to keep so that neighbours are `spacing` (m) apart."""
     keep = np.empty(len(points), np.bool_)
-    x, y, far = np.inf, np.inf, False
+    x, y = np.inf, np.inf
     for k in range(len(points)):
-        keep[k] = far
         dx, dy = points[k, 0] - x, points[k, 1] - y
-        far = not dx * dx + dy * dy < spacing * spacing
-        if far:
+        keep[k] = not dx * dx + dy * dy < spacing * spacing
+        if keep[k]:
             x, y = points[k, 0], points[k, 1]
     return keep
 

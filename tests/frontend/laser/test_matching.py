@@ -162,23 +162,6 @@ def test_a_scan_behind_walls_is_seen_through_them_and_one_in_the_open_ends_in_fr
     assert free > 0.8
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_the_noise_of_a_point_has_no_part_in_its_choice(seed: int) -> None:
-    """Of a corridor's walls, seen by a scanner between them, the points that are kept err to neither side."""
-    rng = np.random.default_rng(seed)
-    angles = (np.arange(201) - 100) / 64
-    true = np.minimum(1.1 / np.maximum(np.abs(np.sin(angles)), 1e-9), 6.0 / np.maximum(np.cos(angles), 1e-9))
-    beside = np.abs(1.1 / np.maximum(np.abs(np.sin(angles)), 1e-9) - true) < 1e-9
-    off = list[float]()
-    for _ in range(400):
-        noise = 0.015 * rng.standard_normal(len(true))
-        points = (true + noise)[:, None] * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
-        kept = thinned(points, 0.04)
-        assert 0.3 * len(kept) < kept.sum() < 0.9 * len(kept)
-        off += (noise * np.sin(angles))[kept & beside].tolist()  # to the left, of either wall
-    assert abs(np.mean(off)) < 5 * np.std(off) / np.sqrt(len(off))  # chosen by their own noise: more than 15
-
-
 def test_points_are_thinned() -> None:
     points = np.stack((np.arange(0, 1, 0.01), np.zeros(100)), axis=-1)
     kept = points[thinned(points, 0.04)]
