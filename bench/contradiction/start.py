@@ -23,11 +23,13 @@ def far_start(log: Log) -> Iterator[str]:
     if not len(rows):
         return
     row, step = int(rows[0]), int(log.fixes.step[rows[0]])
-    pose = log.dead_reckoned()[step]
+    path = log.dead_reckoned()[: step + 1]
+    pose = path[step]
     cov = log.fixes.cov[row, :2, :2] + log.prior.cov[:2, :2]
     turned = pose[:2] - log.prior.pose[:2]
     cov = cov + log.prior.cov[2, 2] * np.outer([-turned[1], turned[0]], [-turned[1], turned[0]])
-    drift = np.sqrt(log.delta_cov[1 : step + 1, :2, :2].sum(axis=0).trace()) if step else 0.0
+    noise, left = log.delta_cov[1 : step + 1], pose[:2] - path[1:, :2]
+    drift = np.sqrt(noise[:, 0, 0].sum() + noise[:, 1, 1].sum() + noise[:, 2, 2] @ (left**2).sum(axis=1))
     if drift > SURE * np.sqrt(cov.trace()):
         return
     off = log.fixes.z[row, :2] - act(pose, log.fixes.arm[row])

@@ -85,7 +85,11 @@ def _map(trace: Trace, ids: Ints, xy: Array, *, own: bool) -> BackendMap | None:
         return None
     places = np.full((len(ids), 2), np.nan)
     places[there] = a[f"{prefix}map_xy"][row[there]]
-    there &= np.isfinite(places).all(axis=1)
+    with np.errstate(over="ignore"):
+        there &= np.isfinite(places**2).all(axis=1)  # beyond 1e154 there is no distance
+    if not there.any():
+        return None
+    places[~there] = np.nan
     motion = None if own else a.get(f"{prefix}alignment")
     if motion is None:
         if there.sum() < 3:  # fewer fit any map

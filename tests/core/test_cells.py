@@ -89,7 +89,10 @@ HINTS = {
     "semicolons": ("t;x\n1;2\n", "/a, line 1: found ; between the columns, expected commas."),
     "tabs": ("t\tx\n1\t2\n", "/a, line 1: found tabs between the columns, expected commas."),
     "case": ("T,x\n1,2\n", "/a, line 1: found the column 'T', expected t, spelt like this."),
-    "comma": ("t,x\n1,5,2,5\n", "line 2: found 4 columns, expected 2 (t,x); numbers have a decimal point: are there"),
+    "comma": (
+        "t,x\n1,5,2,5\n",
+        "line 2: found 4 columns, expected 2 (t,x); numbers have a decimal point, these perhaps",
+    ),
 }
 
 
