@@ -87,8 +87,8 @@ def wrong_units(log: Log, truth: Truth | None = None) -> Iterator[str]:
     yield from _of_headings(log)
 
 
-def _of_ranges(log: Log, path: Array) -> Iterator[float]:
-    """The factors of stretches of ranges to one landmark."""
+def _of_landmarks(log: Log, path: Array) -> Iterator[tuple[Array, Array]]:
+    """Yields positions (m, 2) about their mean and ranges (m,) from there, of each stretch of one landmark's ranges."""
     table = log.partial
     if table is None:
         return
@@ -97,48 +97,45 @@ def _of_ranges(log: Log, path: Array) -> Iterator[float]:
     for landmark in np.unique(ids):
         rows = np.flatnonzero(ids == landmark)
         for stretch in _stretches(len(rows)):
-            p, r = path[step[rows[stretch]], :2], z[rows[stretch]]
-            p = p - p.mean(axis=0)
-            square = (p**2).sum(axis=1)
-            size = float(np.sqrt(square.mean()))
-            if not size > STANDS:
-                continue
-            columns = np.column_stack((np.ones_like(r), p / size, square / size**2))
-            # A straight line leaves the direction across it open: the shortest solution has nothing of it.
-            U, s, V = np.linalg.svd(columns, full_matrices=False)
-            kept = s > 1e-3 * s[0]
-            if (V[~kept, 3] ** 2).sum() > 1e-3:  # on a circle it leaves f open, too
-                continue
-            found = V[kept].T @ ((U[:, kept].T @ r**2) / s[kept])
-            left, free = r**2 - columns @ found, len(r) - int(kept.sum())
-            error = np.sqrt((left @ left) / free * ((V[kept, 3] / s[kept]) ** 2).sum())
-            if found[3] > SURE * error and found[3] > 0:
-                yield float(np.sqrt(found[3])) / size
+            p = path[step[rows[stretch]], :2]
+            yield p - p.mean(axis=0), z[rows[stretch]]
+
+
+def _of_ranges(log: Log, path: Array) -> Iterator[float]:
+    """The factors of stretches of ranges to one landmark."""
+    for p, r in _of_landmarks(log, path):
+        square = (p**2).sum(axis=1)
+        size = float(np.sqrt(square.mean()))
+        if not size > STANDS:
+            continue
+        columns = np.column_stack((np.ones_like(r), p / size, square / size**2))
+        # A straight line leaves the direction across it open: the shortest solution has nothing of it.
+        U, s, V = np.linalg.svd(columns, full_matrices=False)
+        kept = s > 1e-3 * s[0]
+        if (V[~kept, 3] ** 2).sum() > 1e-3:  # on a circle it leaves f open, too
+            continue
+        found = V[kept].T @ ((U[:, kept].T @ r**2) / s[kept])
+        left, free = r**2 - columns @ found, len(r) - int(kept.sum())
+        error = np.sqrt((left @ left) / free * ((V[kept, 3] / s[kept]) ** 2).sum())
+        if found[3] > SURE * error and found[3] > 0:
+            yield float(np.sqrt(found[3])) / size
 
 
 def _of_changes(log: Log, path: Array) -> Iterator[float]:
     """The least factors of stretches of ranges to one landmark, where these change for sure."""
-    table = log.partial
-    if table is None:
-        return
-    mine = np.flatnonzero((table.kind == RANGE) & (table.ids != UNKNOWN))
-    ids, step, z = table.ids[mine], table.step[mine], table.z[mine]
-    for landmark in np.unique(ids):
-        rows = np.flatnonzero(ids == landmark)
-        for stretch in _stretches(len(rows)):
-            p, r = path[step[rows[stretch]], :2], z[rows[stretch]]
-            p, r = p - p.mean(axis=0), r - r.mean()
-            spread = float((p**2).sum())
-            if spread < MOVES**2 * len(r):
-                continue
-            # Two directions are linear; across a straight line there is none.
-            U, s, _ = np.linalg.svd(p, full_matrices=False)
-            along = U[:, s > 1e-3 * s[0]].T @ r
-            explained, free = float(along @ along), len(r) - len(along) - 1
-            noise = (float(r @ r) - explained) / free
-            explained -= len(along) * noise
-            if explained > SURE**2 * noise:
-                yield float(np.sqrt(explained / spread))
+    for p, r in _of_landmarks(log, path):
+        change = r - r.mean()
+        spread = float((p**2).sum())
+        if spread < MOVES**2 * len(r):
+            continue
+        # Two directions are linear; across a straight line there is none.
+        U, s, _ = np.linalg.svd(p, full_matrices=False)
+        along = U[:, s > 1e-3 * s[0]].T @ change
+        explained, free = float(along @ along), len(r) - len(along) - 1
+        noise = (float(change @ change) - explained) / free
+        explained -= len(along) * noise
+        if explained > SURE**2 * noise:
+            yield float(np.sqrt(explained / spread))
 
 
 def _like_degrees(log: Log, path: Array) -> bool:
