@@ -28,7 +28,8 @@ REACH, SPREAD = 5.0, 10.0
 one of many late ranges 2.5 times. What is beyond is no noise: a lost digit, another unit, an error's code."""
 
 LONE = 0.05
-"""Share of the ranges to a landmark up to which they are single ones; more are its noise, or a unit's."""
+"""Share of the ranges to a landmark up to which they are single ones, where no true path and place tell; more are its
+noise, or a unit's."""
 
 
 def ratios(log: Log, truth: Truth | None) -> Array:
@@ -99,7 +100,7 @@ def _stated(log: Log, name: str, size: float) -> bool:
 
 
 def beyond_reach(log: Log, truth: Truth | None) -> Iterator[str]:
-    """Says which single ranges alone are longer than any way to their landmark.
+    """Says which ranges alone are longer than any way to their landmark; of all of them `units` does.
 
     None is longer than the farthest that the true path gets from a known place; without these, than the median of the
     others to it and the whole way that the robot drives.
@@ -114,12 +115,13 @@ def beyond_reach(log: Log, truth: Truth | None) -> Iterator[str]:
     for landmark in np.unique(table.ids[mine]).tolist():
         rows = mine[table.ids[mine] == landmark]
         longest = _longest(truth, landmark)
+        known = longest is not None
         longest = float(np.median(table.z[rows])) + way if longest is None else longest
         beyond = table.z[rows] > REACH * longest + SPREAD * np.sqrt(table.var[rows])
-        if beyond.sum() <= max(1, LONE * len(rows)) and not beyond.all():
+        if known or (beyond.sum() <= max(1, LONE * len(rows)) and not beyond.all()):
             far += rows[beyond].tolist()
             reach[landmark] = longest
-    if not far:
+    if not far or len(far) == len(mine):
         return
     first = min(far)
     landmark = int(table.ids[first])

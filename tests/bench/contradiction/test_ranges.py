@@ -79,6 +79,16 @@ def test_one_range_that_no_way_has_is_named_by_its_landmark_and_time(truth: bool
     assert not shown.mistaken
 
 
+@pytest.mark.parametrize("seed", first_quick(range(8), 2))
+def test_beacons_in_another_unit_than_the_others_are_counted(seed: int) -> None:
+    made = load(WORLD, seed=seed)
+    assert made.log.partial is not None
+    odd = made.log.partial.ids % 2 == 1
+    wrong = with_ranges(made, np.where(odd, 1000.0, 1.0) * ranges(made))
+    (said,) = beyond_reach(*wrong)
+    assert said.startswith(f"{odd.sum():,} of {len(odd):,} ranges alone are longer than there is a way")
+
+
 @pytest.mark.parametrize("factor", [1000.0, 100.0])
 def test_another_unit_is_told_on_a_circle_with_places_and_without(factor: float) -> None:
     made = load(WORLD, seed=1)
