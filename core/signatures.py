@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import frozen, numbers
+from .errors import InputError
 from .se2 import Array
 
 
@@ -43,3 +44,17 @@ class Signatures:
 
 NO_SIGNATURES = Signatures(frozen(np.zeros(0)), frozen(np.zeros(0)))
 """Those of a step of a log without any."""
+
+
+def signatures_of(s: Array | None, var: Array | None, sightings: int) -> Signatures | None:
+    """The signatures of that many sightings; InputError if one column lacks, or for another length."""
+    if s is None and var is None:
+        return None
+    if s is None or var is None:
+        lacks, there = ("signature", "signature_var") if s is None else ("signature_var", "signature")
+        raise InputError(f"{lacks}: found {there} alone, expected a signature and its variance for each sighting.")
+    found = Signatures.from_arrays(s, var)
+    for name, column in (("signature", found.s), ("signature_var", found.var)):
+        if column.shape != (sightings,):
+            raise InputError(f"{name}: found shape {column.shape}, expected ({sightings},), one for each sighting.")
+    return found

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ..core.check import check
 from ..core.errors import InputError
 from ..core.factors import Dataset
+from ..core.factors.check import check
 from ..core.files import cache_folder
 from . import archive
 from .registry import Source

@@ -12,6 +12,7 @@ from math import log, tau
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.factors import UNKNOWN, RangeBearing
 from ...core.partial import RANGE, Partial
@@ -43,6 +44,11 @@ class Weights(NamedTuple):
     loss: Array  # (n,) twice the negative logarithm of its density; infinite for a landmark that it cannot be of
     distance: Array  # (n,) squared, of one degree of freedom
     none: float  # the loss of a sighting of none: anywhere in reach, or in any direction
+
+
+def rows(of: Partial, kept: NDArray[np.bool]) -> Partial:
+    """The partial sightings that are `kept`, (p,)."""
+    return Partial(of.ids[kept], of.kind[kept], of.z[kept], of.var[kept])
 
 
 def as_whole(parts: Partial, reach: float) -> RangeBearing:

@@ -3,9 +3,9 @@
 import tempfile
 from pathlib import Path
 
-from ...core.check import check
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log
+from ...core.factors.check import check
 from ...core.files import write_whole
 from ...core.truth.check import check_truth
 from ..drawing.page import rendered

@@ -12,22 +12,19 @@ from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...core.beside import Clouds, Scans, names
 from ...core.errors import InputError
 from . import rounds
 from .beside_arrays import kept_beside, kept_name
-from .cell_table import CellTable, numbers, words
+from .cell_table import CellTable, joined
 from .database import BROKEN, damaged, read_only, unwritable, writable
+from .plan import Planned, encoded_parameters, status_of
+from .remarks import by_label
 from .schema import (
-    ABOUT,
     COLUMNS,
     FAILED,
     FILE,
     KEY,
-    MEASURED,
     MORE,
     PLANNED,
     RESULT,
@@ -41,10 +38,6 @@ from .validity import wrong_arrays, wrong_facts, wrong_row, wrong_truth
 
 TRUTH = ("t", "poses", "ids", "xy", "times", "moving", "sighted", "sighted_at")  # the arrays of a log's truth
 
-NAMED = 12  # seeds that are named
-
-COLUMN_KINDS = {"status": "TEXT", "reason": "TEXT"} | MEASURED | ABOUT  # columns of a result in a table
-
 _PUT_RESULT = f"INSERT OR REPLACE INTO results (key, {', '.join(RESULT)}) VALUES ({', '.join('?' * (1 + len(RESULT)))})"
 
 
@@ -54,15 +47,6 @@ class Known(NamedTuple):
     digest: str
     truth_digest: str  # of what its cells are scored by, "" where there is nothing
     truth_kind: str
-
-
-class Planned(NamedTuple):
-    """A planned cell of the record."""
-
-    key: tuple[str, str, str, str, int]  # dataset, its options, backend, its options, seed
-    parameters: Mapping[str, Any]
-    log: str  # the key of its log
-    result: str | None  # the key of its result, once that is known
 
 
 class Store:
@@ -190,7 +174,7 @@ class Store:
         """Reads the keys of the logs that could not be made, and the status of their cells."""
         query = """SELECT logs.key, plan.trouble FROM logs
                    LEFT JOIN plan ON plan.log = logs.key AND plan.trouble IS NOT NULL WHERE digest IS NULL"""
-        return {key: _status(trouble or "") for key, trouble in self._all(query)}
+        return {key: status_of(trouble or "") for key, trouble in self._all(query)}
 
     def put_log(
         self,
@@ -224,18 +208,8 @@ class Store:
             return {}  # an earlier version's record
         query = """SELECT plan.dataset, plan.dataset_options, min(plan.seed), logs.remarks
                    FROM plan JOIN logs ON plan.log = logs.key GROUP BY 1, 2, logs.key ORDER BY 1, 2, 3"""
-        seeds: dict[str, dict[str, list[int]]] = {}
-        logs: dict[str, int] = {}
         with self._read():
-            for dataset, options, seed, found in self._all(query):
-                name = label(dataset, options)
-                logs[name] = logs.get(name, 0) + 1
-                said = json.loads(found or "[]")
-                if not isinstance(said, list) or not all(isinstance(one, str) for one in said):
-                    raise ValueError(f"the remarks on {name} are {said!r:.40}, expected a list of texts")
-                for remark in said:
-                    seeds.setdefault(name, {}).setdefault(remark, []).append(seed)
-        return {name: [_of_seeds(*one, logs[name]) for one in said.items()] for name, said in seeds.items()}
+            return by_label(self._all(query))
 
     def statuses(self, *, arrays: bool = False) -> dict[str, str]:
         """Reads the status of every result by key; with `arrays`, without those done that have no arrays."""
@@ -285,7 +259,7 @@ class Store:
     def put_plan(self, rows: Collection[tuple[Any, ...]]) -> None:
         """Writes changes of the plan: the cell's KEY, parameters, key of log and of result, and PLANNED, each."""
         texts: dict[str, str] = {}
-        encoded = [(*row[:5], _encoded(row[5], texts), *row[6:]) for row in rows]
+        encoded = [(*row[:5], encoded_parameters(row[5], texts), *row[6:]) for row in rows]
         names = ", ".join((*KEY, "parameters", "log", "key", *PLANNED))
         before = self._all(f"SELECT {names} FROM plan ORDER BY place")
         if before == encoded:
@@ -308,24 +282,12 @@ class Store:
         """Reads parameters, status, reason, digest, cluster and these columns; a parameter precedes its namesake."""
         there = {row[1] for row in self._all("PRAGMA table_info(results)")}
         names = ["status", "reason", *(name for name in dict.fromkeys(("digest", *measures)) if name in there)]
-        keys, *columns = _columns(self._all(f"SELECT key, {', '.join(names)} FROM results"), 1 + len(names))
+        results = self._all(f"SELECT key, {', '.join(names)} FROM results")
         known_clusters = "cluster" in {row[1] for row in self._all("PRAGMA table_info(plan)")}  # not in an earlier one
         cluster = "cluster" if known_clusters else "NULL"
         plan = self._all(f"SELECT parameters, seed, key, trouble, {cluster} FROM plan ORDER BY place")
-        texts, seeds, wanted, troubles, clusters = _columns(plan, 5)
-        known = dict(zip(keys, range(len(keys)), strict=True))
-        at = np.array([known.get(key, -1) for key in wanted], int)  # -1: the None at the end of every column
         with self._read():
-            table = _parameters(texts, seeds)
-            for name, values in zip(names, columns, strict=True):
-                table.setdefault(name, (words if COLUMN_KINDS[name] == "TEXT" else numbers)([*values, None])[at])
-        for name in measures:  # an earlier version's record lacks some
-            table.setdefault(name, numbers([None] * len(at)))
-        table["cluster"] = words(clusters)
-        trouble, missing = words(troubles), at < 0
-        table["status"][missing] = [_status(said) for said in trouble[missing]]
-        table["reason"][missing] = [said and said.removeprefix(SKIPPED) for said in trouble[missing]]
-        return CellTable(table)
+            return joined(plan, names, results, measures)
 
     def view(self) -> tuple[list[str], dict[str, dict[str, Any]], Iterator[tuple[Any, ...]]]:
         """Opens the view `cells`: columns' names, decoded `parameters` without the seed, and rows, read one by one."""
@@ -385,20 +347,6 @@ class Store:
                 self._db.execute("ROLLBACK")
 
 
-def _status(trouble: str | None) -> str:
-    """The status of a cell without a result."""
-    return "waiting" if trouble is None else "skipped" if trouble.startswith(SKIPPED) else "error"
-
-
-def _of_seeds(remark: str, seeds: Sequence[int], logs: int) -> str:
-    """Puts the seeds in front of a remark, unless it is on every log."""
-    if len(seeds) == logs:
-        return remark
-    return (
-        f"seed{'s' * (len(seeds) > 1)} {', '.join(map(str, seeds[:NAMED]))}{', ...' * (len(seeds) > NAMED)}: {remark}"
-    )
-
-
 def _named(row: Row) -> str:
     dataset, dataset_options, backend, options, seed = row.key
     return f"{label(dataset, dataset_options)} \N{MIDDLE DOT} {label(backend, options)} \N{MIDDLE DOT} seed {seed}"
@@ -408,27 +356,3 @@ def _keep(db: sqlite3.Connection, key: str, arrays: Mapping[str, Any]) -> None:
     db.execute("DELETE FROM arrays WHERE key = ?", (key,))
     if arrays:
         db.execute("INSERT INTO arrays VALUES (?, ?)", (key, packed(arrays)))
-
-
-def _columns(rows: Sequence[Any], count: int) -> list[Sequence[Any]]:
-    return list(zip(*rows, strict=True)) or [()] * count
-
-
-def _encoded(parameters: Mapping[str, Any], known: dict[str, str]) -> str:
-    """Encodes parameters as JSON, without the seed, which has a column; `known` caches texts."""
-    rest = {name: value for name, value in parameters.items() if name != "seed"}
-    spelt = repr(rest)
-    if spelt not in known:
-        known[spelt] = json.dumps(rest)
-    return known[spelt]
-
-
-def _parameters(texts: Sequence[str], seeds: Sequence[int]) -> dict[str, NDArray[Any]]:
-    """The cells' parameters as columns, the seed third."""
-    known: dict[str, dict[str, Any]] = {text: json.loads(text) for text in dict.fromkeys(texts)}
-    names = dict.fromkeys(["dataset", "backend", "seed", *(name for found in known.values() for name in found)])
-    columns: dict[str, NDArray[Any]] = {}
-    for name in names:
-        values = {text: found.get(name) for text, found in known.items()}
-        columns[name] = words(seeds if name == "seed" else [values[text] for text in texts])
-    return columns

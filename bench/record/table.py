@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 
 from ...core.errors import InputError
 from ..words.numerals import counted
+from .cell_table import COLUMN_KINDS
 from .schema import COLUMNS, FILE, KINDS, MORE
-from .store import COLUMN_KINDS, Store
+from .store import Store
 from .table_files import CsvFile, ParquetFile, TableFile
 
 ROWS = 2_000  # rows of a table that are held at once

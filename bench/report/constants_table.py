@@ -6,8 +6,9 @@ from ..drawing.table import Entry, Table, TableRow
 from ..measure.constants import KINDS, UNITS, column
 from ..verdict.ranking import ordered
 from ..verdict.summary import Line, typical
-from ..words.columns import ESTIMATED, about
+from ..words.columns import about
 from ..words.numerals import number
+from ..words.report_columns import ESTIMATED
 
 PARTICLES = "FastSLAM states the spread of its surviving particles as the standard deviation of a constant: too small"
 

@@ -8,8 +8,9 @@ from ..verdict.costs import MARGIN, CostRatio
 from ..verdict.ranking import standing
 from ..verdict.statistics import FEWEST, Comparison
 from ..verdict.verdict import Verdict
-from ..words.columns import COST_PAIRS, PAIRS, about
+from ..words.columns import about
 from ..words.numerals import counted, number
+from ..words.report_columns import COST_PAIRS, PAIRS
 
 COST_WORDS = {
     "cheaper": "cheaper",

@@ -1,6 +1,6 @@
-"""The table of columns: those of cells.csv, of metrics.csv and of a report's tables.
+"""The table of columns: those of cells.csv and of metrics.csv, and with `report_columns` all by name.
 
-A column's entry here is the only place that describes it. A new one is an entry at the end of METRICS, and the code in
+A column's entry is the only place that describes it. A new one is an entry at the end of METRICS, and the code in
 bench/measure that computes its value.
 """
 
@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 from . import column as kind
 from .column import Column
+from .report_columns import REPORT
 
 DEADLINES_MS = (1, 10, 100)  # the periods of robots that steps are counted against
 
@@ -379,68 +380,8 @@ METRICS = (
 )  # fmt: skip
 """The columns of metrics.csv after those that name the cell, in order."""
 
-PAIRS = (
-    Column("second", "against", kind.TEXT, "The second backend of the pair."),
-    Column("measure", "measure", kind.TEXT, "The error that is compared."),
-    Column("ratio", "ratio", kind.NUMBER,
-           "Typical ratio of the second one's error to the first one's on the same logs: the Hodges-Lehmann estimate, "
-           "the median of the averages of every two logarithms of these ratios. Beside it its 95 % interval: the "
-           "ratios that the signed-rank test does not reject."),
-    Column("verdict", "verdict", kind.TEXT, "What holds of the first one; test and interval must both support it."),
-    Column("adjusted", "p", kind.NUMBER,
-           "Wilcoxon's signed-rank test, two-sided, after Holm's correction over all pairs of a measure. Comparisons "
-           "with dead reckoning are corrected among themselves."),
-    Column("effect", "effect", kind.NUMBER,
-           "Matched-pairs rank-biserial correlation: 1 where the first is always closer."),
-    Column("closer", "closer on", kind.TEXT,
-           "Logs on which the first one's error is lower, of those that both ran on."),
-)  # fmt: skip
-"""The columns of a report's table of pairs, by their names in JSON."""
-
-ESTIMATED = (
-    Column("constant", "constant", kind.TEXT, "The constant error, and its unit."),
-    Column("estimate", "estimate", kind.SIGNED, "Its median over the logs at each one's end."),
-    Column("stated_sd", "stated sd", kind.NUMBER,
-           "The standard deviation that the backend states for it; blank where it states none."),
-    Column("true", "true", kind.SIGNED, "The true value, where it is known."),
-)  # fmt: skip
-"""The columns of a report's table of estimated constants."""
-
-COST_PAIRS = (
-    *PAIRS[:2],
-    Column("cost_ratio", "ratio", kind.NUMBER,
-           "Ratio of the second one's cost to the first one's on the same log in the same round: the "
-           "geometric mean. Beside it its 95 % interval, over logs and rounds, for the machine as it was."),
-    Column("cost_verdict", "verdict", kind.TEXT,
-           "Cheaper, or more costly, where the whole interval is beyond 1.5, which is more than load shifted any ratio "
-           "by; alike where it is within 1.5 and its inverse; otherwise the costs are not told apart."),
-    Column("rounds", "rounds", kind.TEXT, "Rounds and logs, or clusters of logs, that the interval is of."),
-)  # fmt: skip
-"""The columns of a report's table of costs by pair."""
-
-REPORT = (
-    Column("done", "done", kind.TEXT, "Cells that are done, of all."),
-    Column("implementation", "implementation", kind.TEXT,
-           "Whose program the backend is. Compiled here: kernels of slamduel, compiled for this processor. GTSAM's "
-           "wheel: GTSAM as published, compiled for any processor, and called from Python. Other backends say it "
-           "themselves, or are named after the package that installed them. Costs compare these programs as much as "
-           "the algorithms."),
-    Column("median", "median", kind.TEXT,
-           "Over logs; several runs on one log are averaged first. A cell that failed has an infinite error."),
-    Column("interval", "95 % interval", kind.TEXT,
-           "Beside a median, from 6 logs on: between order statistics, interpolated as by Hettmansperger and Sheather "
-           "(1986). With fewer logs it is the range."),
-    Column("best", "bold", kind.TEXT,
-           "Those that the most accurate one does not beat significantly; none where it beats none."),
-    Column("baseline", "dead-reckoning", kind.TEXT,
-           "What every backend has to beat: it uses no sighting and is not ranked."),
-    *PAIRS,
-    *COST_PAIRS[2:],
-    *ESTIMATED,
-)  # fmt: skip
-"""The other columns of a report's tables, and the meanings of their words."""
-
 COLUMNS = {column.name: column for column in (*CELLS, *METRICS, *REPORT)}
+"""Every column by its name."""
 
 
 def about(name: str) -> Column:

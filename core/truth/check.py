@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from ..check import map_problems
 from ..errors import InputError
 from ..factors import UNKNOWN, Log, Truth
+from ..factors.check import map_problems
 from ..relations import Relations, as_rows
 from ..table import LARGEST, MOST
 

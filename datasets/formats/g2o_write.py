@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.check import check
 from ...core.coordinates import after_motion, as_points
 from ...core.elementary import sincos
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Log
+from ...core.factors.check import check
 from ...core.files import number_rows
 from ...core.partial import BEARING
 from ...core.se2 import Array, Ints, act

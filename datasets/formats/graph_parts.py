@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.check import problems
 from ...core.errors import InputError
 from ...core.factors import Log
+from ...core.factors.check import problems
 from ...core.fixes import FixTable
 from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints

@@ -40,9 +40,9 @@ from typing import Any
 import numpy as np
 
 from ...core.beside import KINDS
-from ...core.check import LOOPS, ODOMETRY, SIGHTINGS, SIGNATURES, check, problems
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Truth
+from ...core.factors.check import LOOPS, ODOMETRY, SIGHTINGS, SIGNATURES, check, problems
 from ...core.files import beside, number_rows
 from ...core.mounting import NONE
 from ...core.options import option

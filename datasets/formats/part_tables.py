@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ...core.check import FIXES, GYRO, PARTIAL, Problem
 from ...core.errors import InputError
 from ...core.factors import Log
+from ...core.factors.check import FIXES, GYRO, PARTIAL, Problem
 from ...core.fixes import FixTable
 from ...core.gyro import Bias, Gyro
 from ...core.partial import BEARING, RANGE, PartialTable

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core import small_matrices
-from ...core.check import problems
 from ...core.coordinates import as_range_bearing
 from ...core.elementary import hypot, sincos
 from ...core.errors import InputError
 from ...core.factors import Log, Map, Prior
+from ...core.factors.check import problems
 from ...core.se2 import Array, Ints, inverse, wrap
 from ...core.small_matrices import propagated
 from ...core.table import Table

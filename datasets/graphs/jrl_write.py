@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ...core.check import check
 from ...core.coordinates import after_motion
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Truth
+from ...core.factors.check import check
 from ...core.files import replaced
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...core.check import check
 from ...core.coordinates import after_motion, as_points
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log
+from ...core.factors.check import check
 from ...core.files import replaced
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ...core.check import check
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Log
+from ...core.factors.check import check
 from ..pauses import longest_pause
 from ..wheels.holes import outside
 from .front_end import BY_GRAVITY, DENIED, FrontEnd

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.check import check
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Log, Prior, RangeBearing, RelativePoses, Step
+from ...core.factors.check import check
 from ...core.se2 import Array
 from ..camera.camera import Camera
 from ..camera.lens_misfit import Misfit

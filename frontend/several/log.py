@@ -22,9 +22,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...core.beside import Scans
-from ...core.check import check
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Log
+from ...core.factors.check import check
 from ...core.relations import Anchors
 from ...core.se2 import Array, Ints, between, compose, inverse
 from ..depth.front_end import FrontEnd as DepthFrontEnd

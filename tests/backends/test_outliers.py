@@ -8,9 +8,9 @@ from random_logs import random_log
 from room_drives import room_drive
 from slamduel.backends.api import Diverged
 from slamduel.bench.plan.spec import backend_variants, read_options
-from slamduel.core.check import check
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log, Truth
+from slamduel.core.factors.check import check
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.aruco_room import Options, aruco_room
 from slamduel.datasets.worlds.outliers import swapped

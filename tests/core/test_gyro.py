@@ -13,8 +13,8 @@ from refusals import refused
 from slamduel.backends.api import Builder
 from slamduel.backends.common_options import FRONT, IGNORED, STATE
 from slamduel.backends.given import given
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset, Log
+from slamduel.core.factors.check import problems
 from slamduel.core.gyro import CORRELATED, Bias, Gyro, conditioned, fused
 from slamduel.datasets import archive
 from small_log import small_log

@@ -12,8 +12,8 @@ from slamduel.backends.api import Builder
 from slamduel.backends.given import given
 from slamduel.backends.given import refused as refused_by
 from slamduel.core import fixes
-from slamduel.core.check import problems
 from slamduel.core.factors import UNKNOWN, Dataset, Log, Systematic
+from slamduel.core.factors.check import problems
 from slamduel.core.fixes import FixTable
 from slamduel.core.mounting import Mounting
 from slamduel.core.partial import BEARING, RANGE, PartialTable

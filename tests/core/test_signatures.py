@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from refusals import refusal, refused
-from slamduel.core.check import check, problems
 from slamduel.core.factors import UNKNOWN, Dataset, Log
+from slamduel.core.factors.check import check, problems
 from slamduel.core.signatures import NO_SIGNATURES, Signatures
 from slamduel.datasets import archive
 from small_log import small_dataset, small_log

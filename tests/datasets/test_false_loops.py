@@ -12,8 +12,8 @@ from laps import laps
 from refusals import refused
 from slamduel.bench.plan import reference
 from slamduel.bench.plan.spec import read_options
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset, Log, Truth
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array, Ints, between, compose
 from slamduel.core.truth.check import check_truth
 from slamduel.datasets import archive, registry

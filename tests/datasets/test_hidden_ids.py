@@ -12,8 +12,8 @@ from refusals import refused
 from slamduel.backends import registry as backends
 from slamduel.bench.measure.drive import drive
 from slamduel.bench.plan.spec import read_options
-from slamduel.core.check import problems
 from slamduel.core.factors import UNKNOWN, Dataset, Log
+from slamduel.core.factors.check import problems
 from slamduel.core.files import cache_folder
 from slamduel.core.se2 import Ints
 from slamduel.datasets import registry

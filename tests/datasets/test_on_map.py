@@ -8,8 +8,8 @@ from refusals import refused
 from slamduel.backends.locating.locating import begin
 from slamduel.backends.registry import find
 from slamduel.bench.plan.given_map import localising
-from slamduel.core.check import problems
 from slamduel.core.factors import Log, Map, Truth
+from slamduel.core.factors.check import problems
 from slamduel.datasets import registry
 from slamduel.datasets.on_map import OnMap
 

@@ -16,8 +16,8 @@ from recorded import at_hand
 from refusals import refused
 from slamduel.bench.plan.load import load
 from slamduel.bench.plan.spec import dataset_variants
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset, Log, Truth
+from slamduel.core.factors.check import problems
 from slamduel.datasets import registry
 from slamduel.datasets.cache import generator
 from slamduel.datasets.false_loops import FALSE_NOTE, planted

@@ -32,7 +32,7 @@ TOP = "."
 """The files of a layer that are in none of its rooms."""
 
 ROOMS: dict[str, dict[str, set[str]]] = {
-    "core": {TOP: set(), "toml": {TOP}, "kernels": {TOP}, "truth": {TOP}},
+    "core": {TOP: set(), "factors": {TOP}, "toml": {TOP}, "kernels": {TOP}, "truth": {TOP, "factors"}},
     "frontend": {
         TOP: set(),
         "wheels": {TOP},
@@ -216,7 +216,9 @@ def straying(root: Path) -> list[str]:
 def module_of(name: str, root: Path) -> Path | None:
     """The file of a module of ours, or of the module that has something of that name."""
     place = root.joinpath(*name.removeprefix(".").split("."))
-    places = place.with_suffix(".py"), place / "__init__.py", place.parent.with_suffix(".py")
+    places = (
+        place.with_suffix(".py"), place / "__init__.py", place.parent.with_suffix(".py"), place.parent / "__init__.py"
+    )  # fmt: skip
     return next((file for file in places if file.is_file()), None)
 
 
@@ -259,7 +261,8 @@ def loaded_by(start: Path, root: Path) -> dict[Path, list[Import]]:
             if not found.module.startswith("."):
                 continue
             place = root.joinpath(*found.module[1:].split("."))
-            todo += [place.with_suffix(".py"), place / "__init__.py", place.parent.with_suffix(".py")]
+            todo += [place.with_suffix(".py"), place / "__init__.py"]
+            todo += [place.parent.with_suffix(".py"), place.parent / "__init__.py"]
     return loaded
 
 

@@ -13,7 +13,8 @@ from random_logs import random_log
 from slamduel.backends import registry
 from slamduel.backends.api import Builder, Expected, Unsuited
 from slamduel.backends.association.builders import associating
-from slamduel.backends.association.layer import FIRST, Associating
+from slamduel.backends.association.layer import Associating
+from slamduel.backends.association.names import FIRST
 from slamduel.backends.association.options import Association, Moved, check
 from slamduel.backends.gaussian import ekf
 from slamduel.bench.measure.association import association_columns

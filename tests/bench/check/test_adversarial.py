@@ -15,9 +15,9 @@ from slamduel.bench.check.log_recipe import made_log
 from slamduel.bench.check.small_logs import dead_reckoned
 from slamduel.bench.check.suite import ADVERSARIAL, CHECKS, Outcome, check, chosen, examine
 from slamduel.bench.cli import main
-from slamduel.core.check import problems
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Log, Truth
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import wrap
 
 BY_NAME = {adversary.name: adversary for adversary in ADVERSARIES}

@@ -12,9 +12,9 @@ import slamduel
 from csv_rows import csv_rows
 from lost_logs import RING, surveyed, unnamed
 from slamduel.bench.cli import main
-from slamduel.core.check import problems
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log, Map, Truth
+from slamduel.core.factors.check import problems
 from slamduel.datasets import archive
 from slamduel.datasets.formats import log_folder
 from small_log import small_dataset

@@ -230,7 +230,7 @@ def test_a_script_without_a_guard_is_not_run_again_by_its_workers(tmp_path: Path
 def test_importing_costs_nothing() -> None:
     code = "import sys, slamduel; print({'numpy', 'gtsam', 'slamduel.bench'} & set(sys.modules)); print(slamduel.Log)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
-    assert done.stdout.splitlines() == ["set()", "<class 'slamduel.core.factors.Log'>"]
+    assert done.stdout.splitlines() == ["set()", "<class 'slamduel.core.factors.robot_log.Log'>"]
     assert set(slamduel.__all__) <= set(dir(slamduel))
     with pytest.raises(AttributeError, match="has no attribute 'Runn'"):
         _ = slamduel.Runn  # pyright: ignore[reportAttributeAccessIssue]

@@ -3,7 +3,8 @@
 import pytest
 
 from slamduel.bench.words.column import CPU_S, ERROR_M, INSIDE_95, NEES, Column
-from slamduel.bench.words.columns import CELLS, COLUMNS, FINAL, METRICS, REPORT, about
+from slamduel.bench.words.columns import CELLS, COLUMNS, FINAL, METRICS, about
+from slamduel.bench.words.report_columns import REPORT
 
 UNITS = {
     "_rad_s": "rad/s",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from slamduel.bench.plan.load import load
-from slamduel.core.check import problems
+from slamduel.core.factors.check import problems
 
 
 @pytest.mark.parametrize(("number", "steps", "ranges", "beacons"), [(15, 473, 786, 3), (16, 201, 572, 4)])

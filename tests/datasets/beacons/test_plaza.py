@@ -10,8 +10,8 @@ from scipy.io import savemat
 from refusals import refused_at
 from slamduel.bench.measure.accuracy import align, aligned
 from slamduel.bench.plan.load import load
-from slamduel.core.check import problems
 from slamduel.core.factors import Log, Systematic, Truth
+from slamduel.core.factors.check import problems
 from slamduel.core.partial import PartialTable
 from slamduel.core.se2 import Array, Ints, wrap
 from slamduel.core.truth.check import check_truth

@@ -17,9 +17,9 @@ from fuzzing import survivors
 from graph_round_trip import all_kinds, assert_same_parts, with_parts
 from refusals import refusal, refused, refused_at
 from slamduel.core import files
-from slamduel.core.check import problems
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Log, Map
+from slamduel.core.factors.check import problems
 from slamduel.core.partial import BEARING, RANGE
 from slamduel.core.se2 import Array, inverse, rotation
 from slamduel.datasets.cache import generator

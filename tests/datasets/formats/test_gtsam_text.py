@@ -11,9 +11,9 @@ import pytest
 from differences import central
 from fuzzing import survivors
 from refusals import refusal, refused, refused_at
-from slamduel.core.check import problems
 from slamduel.core.coordinates import after_motion
 from slamduel.core.factors import Dataset, Log
+from slamduel.core.factors.check import problems
 from slamduel.datasets.formats import gtsam_text, toro
 from slamduel.datasets.registry import find
 

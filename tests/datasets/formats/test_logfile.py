@@ -14,9 +14,9 @@ import pytest
 from fuzzing import survivors
 from refusals import refusal, refused
 from slamduel.core import files, table
-from slamduel.core.check import problems
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Dataset, Truth
+from slamduel.core.factors.check import problems
 from slamduel.core.mounting import Mounting
 from slamduel.core.scan import attempted
 from slamduel.datasets import truth as truth_files

@@ -16,8 +16,8 @@ from fuzzing import survivors
 from graph_round_trip import all_kinds, assert_same_graph, assert_same_parts, with_parts
 from refusals import refused, refused_at
 from slamduel.bench.plan.spec import dataset_variants
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
+from slamduel.core.factors.check import problems
 from slamduel.core.partial import BEARING, RANGE
 from slamduel.core.se2 import Array
 from slamduel.core.truth.check import check_truth

@@ -12,8 +12,8 @@ from graph_round_trip import all_kinds, assert_same_graph, assert_same_parts, wi
 from refusals import refused, refused_at
 from slamduel.bench.plan.load import load
 from slamduel.bench.plan.spec import dataset_variants
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset, Map
+from slamduel.core.factors.check import problems
 from slamduel.core.partial import BEARING, RANGE
 from slamduel.core.se2 import rotation
 from slamduel.core.truth.check import check_truth

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from slamduel.bench.plan.load import load
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
+from slamduel.core.factors.check import problems
 from slamduel.core.fixes import FixTable
 from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.on_demand.fixes import FIXES_NOTE

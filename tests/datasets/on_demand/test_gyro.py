@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from slamduel.bench.plan.load import load
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
+from slamduel.core.factors.check import problems
 from slamduel.core.gyro import Bias, Gyro
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.on_demand.gyro import GYRO_NOTE

@@ -5,8 +5,8 @@ import pytest
 
 from refusals import refused
 from slamduel.bench.plan.load import load
-from slamduel.core.check import problems
 from slamduel.core.factors import UNKNOWN, Dataset, Systematic
+from slamduel.core.factors.check import problems
 from slamduel.core.partial import BEARING, RANGE, PartialTable
 from slamduel.core.truth.check import check_truth
 from slamduel.core.truth.errors import sighted_from

@@ -10,8 +10,8 @@ from scipy.stats import norm
 
 from refusals import refused
 from slamduel.bench.plan.load import load
-from slamduel.core.check import problems
 from slamduel.core.factors import UNKNOWN, Dataset, Truth
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array, Ints
 from slamduel.core.signatures import Signatures
 from slamduel.datasets import registry

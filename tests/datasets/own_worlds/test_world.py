@@ -11,9 +11,9 @@ from scipy.stats import chi2, kstest
 import slamduel
 from drawn_errors import errors, known
 from own_world import LANDMARKS, WAY_POINTS, named, written
-from slamduel.core.check import problems
 from slamduel.core.errors import InputError
 from slamduel.core.factors import UNKNOWN, Dataset
+from slamduel.core.factors.check import problems
 from slamduel.datasets.own_worlds.world import Options, spacing, world
 from slamduel.datasets.remarks import remarks
 from slamduel.datasets.worlds.matlab_report import FARTHEST, RANGE_NOISE, TAGS, matlab_report

@@ -12,8 +12,8 @@ from drawn_errors import errors, known, seen
 from refusals import refused
 from slamduel.backends import registry as backends
 from slamduel.bench.measure.nees import nees
-from slamduel.core.check import check
 from slamduel.core.factors import UNKNOWN, Dataset
+from slamduel.core.factors.check import check
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.core.truth.check import check_truth
 from slamduel.datasets.cache import generator

@@ -9,8 +9,8 @@ from driven import run
 from fuzzing import survivors
 from recorded import at_hand
 from refusals import refused, refused_at
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset, Log
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array, act
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published import dlr

@@ -10,8 +10,8 @@ from driven import run
 from fuzzing import survivors
 from recorded import at_hand
 from refusals import refused, refused_at
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset, Log, Map
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array, compose
 from slamduel.datasets.published import freiburg
 from slamduel.datasets.published.freiburg import Options

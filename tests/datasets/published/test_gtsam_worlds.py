@@ -9,8 +9,8 @@ from chi2_at_truth import squared
 from fuzzing import survivors
 from refusals import refused, refused_at
 from slamduel.bench.plan.load import load
-from slamduel.core.check import problems
 from slamduel.core.factors import Log, Truth
+from slamduel.core.factors.check import problems
 from slamduel.core.truth.check import check_truth
 from slamduel.datasets.graphs.hypotheses import log_and_truth, read_hypotheses
 from slamduel.datasets.published.gtsam_worlds import CITY_SD

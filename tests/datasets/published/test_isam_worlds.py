@@ -15,8 +15,8 @@ from recorded import at_hand
 from refusals import refused_at
 from slamduel.bench.cli import main
 from slamduel.bench.plan.load import load
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
+from slamduel.core.factors.check import problems
 from slamduel.core.truth.check import check_truth
 from slamduel.datasets.published.catalogue import PUBLISHED, place
 from slamduel.datasets.published.isam_worlds import read

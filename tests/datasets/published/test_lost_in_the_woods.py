@@ -13,8 +13,8 @@ from refusals import refused
 from slamduel.bench.contradiction.remark import remarked
 from slamduel.bench.logs.facts import facts
 from slamduel.bench.logs.numbers import described
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import act, between
 from slamduel.datasets.noise.systematic import Systematic
 from slamduel.datasets.published.lost_in_the_woods import Options, read

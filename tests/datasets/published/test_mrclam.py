@@ -9,8 +9,8 @@ from fuzzing import survivors
 from motions import chain, chained
 from recorded import at_hand
 from refusals import refused, refused_at
-from slamduel.core.check import problems
 from slamduel.core.factors import UNKNOWN, Dataset
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array
 from slamduel.datasets.published import mrclam
 from slamduel.datasets.published.catalogue import place

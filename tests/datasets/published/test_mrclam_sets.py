@@ -17,8 +17,8 @@ from slamduel.bench.measure.accuracy import own_map_rmse
 from slamduel.bench.plan.plan import Plan
 from slamduel.bench.plan.spec import dataset_variants
 from slamduel.bench.run.benchmark import DEFAULTS
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
+from slamduel.core.factors.check import problems
 from slamduel.datasets.noise.noise_file import read_noise
 from slamduel.datasets.noise.stated import stated
 from slamduel.datasets.published.catalogue import place

@@ -11,8 +11,8 @@ from fuzzing import survivors
 from recorded import at_hand
 from refusals import refused
 from slamduel.bench.measure.accuracy import align, aligned
-from slamduel.core.check import problems
 from slamduel.core.factors import UNKNOWN, Dataset, Log, Truth
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array, Ints, between, compose, wrap
 from slamduel.core.truth.check import check_truth
 from slamduel.datasets.formats import log_folder

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from refusals import refused, refused_at
-from slamduel.core.check import problems
 from slamduel.core.factors import UNKNOWN, Log, Systematic
+from slamduel.core.factors.check import problems
 from slamduel.core.partial import BEARING, RANGE
 from slamduel.core.se2 import Array, wrap
 from slamduel.core.truth.errors import sighted_from

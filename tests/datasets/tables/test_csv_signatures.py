@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from refusals import refused_at
-from slamduel.core.check import problems
 from slamduel.core.factors import REMARKS, Log
+from slamduel.core.factors.check import problems
 from slamduel.datasets.tables import csv_tables
 
 ODOMETRY = "t,x,y,heading\n" + "".join(f"{k / 10},{k / 20},0,0\n" for k in range(60))

@@ -10,8 +10,8 @@ import pytest
 from drawn_errors import run
 from fuzzing import survivors
 from refusals import refusal, refused
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array, between, compose, wrap
 from slamduel.core.truth.tum import write_tum
 from slamduel.datasets.tables import csv_sightings, csv_tables

@@ -8,8 +8,8 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from drawn_errors import errors, known, run, seen
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
+from slamduel.core.factors.check import problems
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.aruco_robot import CAMERA, ENCODER, NOISE, SIDE, Options, aruco_robot, in_view
 

@@ -12,8 +12,8 @@ from refusals import refused
 from room_drives import room_drive
 from slamduel.backends.programs.textbook_ekf import TextbookEkf
 from slamduel.bench.plan.spec import read_options
-from slamduel.core.check import check
 from slamduel.core.factors import UNKNOWN, Dataset
+from slamduel.core.factors.check import check
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.datasets.worlds.aruco_room import ENCODER, TICK, Options, aruco_room, record
 from slamduel.datasets.worlds.rendered_world import LOOP

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from drawn_errors import errors, known, run
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import between
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.bailey import WAYPOINTS, WHEEL_BASE, Options, bailey, landmarks

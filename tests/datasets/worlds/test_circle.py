@@ -8,8 +8,8 @@ from drawn_errors import errors
 from motions import chained
 from refusals import refused
 from slamduel.bench.plan.spec import read_options
-from slamduel.core.check import check
 from slamduel.core.factors import Dataset
+from slamduel.core.factors.check import check
 from slamduel.core.se2 import wrap
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.circle import Options, circle

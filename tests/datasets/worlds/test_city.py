@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from drawn_errors import errors, known
-from slamduel.core.check import check
 from slamduel.core.factors import Dataset
+from slamduel.core.factors.check import check
 from slamduel.core.se2 import between
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.city import BEND, BLOCK, KERB, LEAST_RANGE, Options, city, side

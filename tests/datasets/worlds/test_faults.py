@@ -11,8 +11,8 @@ from scipy.stats import binom, chi2, f, kstest, poisson
 from drawn_errors import errors, known, seen
 from refusals import refused
 from slamduel.bench.plan.spec import read_options
-from slamduel.core.check import problems
 from slamduel.core.factors import UNKNOWN, Dataset
+from slamduel.core.factors.check import problems
 from slamduel.datasets.cache import generator
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.worlds.circle import Options, circle

@@ -8,8 +8,8 @@ import pytest
 import slamduel
 from drawn_errors import errors, known
 from refusals import refused
-from slamduel.core.check import problems
 from slamduel.core.factors import UNKNOWN, Dataset
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array, between
 from slamduel.core.truth.check import check_truth
 from slamduel.datasets.cache import generator

@@ -6,8 +6,8 @@ from scipy.stats import chi2, kstest, ttest_rel
 
 from drawn_errors import errors, known, run
 from driven import aligned_error
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array, compose
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.matlab_report import FARTHEST, HALF_VIEW, NEAREST, Options, matlab_report

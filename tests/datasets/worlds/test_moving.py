@@ -11,8 +11,8 @@ from drawn_errors import known, seen
 from refusals import refused
 from slamduel.bench.measure.accuracy import map_accuracy
 from slamduel.bench.plan.given_map import read as read_map
-from slamduel.core.check import problems
 from slamduel.core.factors import Dataset, Truth
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array, Ints, wrap
 from slamduel.core.truth.check import check_truth
 from slamduel.core.truth.errors import sighting_errors, standing

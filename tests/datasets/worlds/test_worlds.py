@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from slamduel.bench.plan.spec import read_options
-from slamduel.core.check import problems
+from slamduel.core.factors.check import problems
 from slamduel.datasets import registry
 from slamduel.datasets.worlds.faults import Faults
 from tiers import first_quick

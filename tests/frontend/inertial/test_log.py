@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from inertial_drives import Drive, drive
-from slamduel.core.check import check
 from slamduel.core.factors import Log, Prior
+from slamduel.core.factors.check import check
 from slamduel.core.gyro import Gyro
 from slamduel.core.se2 import Array, between, wrap
 from slamduel.frontend.inertial.imu import Imu

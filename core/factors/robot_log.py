@@ -1,41 +1,32 @@
-"""The factors given to every backend, and the log and ground truth they come from.
+"""A robot's log as columns, built from arrays or from steps."""
 
-Conventions, everywhere: metres, radians, seconds, float64. World x, y; body x forward, y left; headings
-counter-clockwise in (-pi, pi]. A measurement is (range, bearing), the bearing from the body's x axis. Odometry is the
-motion since the last step in the body frame *before* the motion, with its covariance in those coordinates. A pose's
-covariance is of (x, y, heading) in the world frame. An unknown covariance is None, never zeros.
-"""
-
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from .arrays import even, frozen, frozen_ids, numbers, seconds, sorted_ids, whole
-from .beside import Clouds, Scans, head_of
-from .errors import InputError
-from .fixes import NO_FIXES, Fixes, FixTable
-from .gyro import Bias, Gyro, Turn
-from .mounting import Mounting, mounted
-from .partial import NO_PARTIAL, Partial, PartialTable
-from .relations import Relations
-from .se2 import Array, Ints, summed
-from .signatures import NO_SIGNATURES, Signatures
+from ..arrays import even, frozen, frozen_ids, numbers, seconds, sorted_ids, whole
+from ..beside import Clouds, Scans, head_of
+from ..errors import InputError
+from ..fixes import NO_FIXES, FixTable
+from ..gyro import Gyro
+from ..mounting import Mounting, mounted
+from ..partial import NO_PARTIAL, PartialTable
+from ..se2 import Array, Ints, summed
+from ..signatures import NO_SIGNATURES, Signatures, signatures_of
+from .digest import digest_of
+from .ground_truth import Truth
+from .landmarks import UNKNOWN
+from .priors import Prior, Systematic, frozen_prior
+from .steps import Odometry, RangeBearing, RelativePoses, Step, turns_of
 
 REMARKS = "remarks"
 """The key of what a log's reader found odd, among the log's notes: a list of sentences without their full stops."""
 
 CONSTANTS_NOTE = "constant errors"
 """The key of the true constant errors that a simulated world has drawn, by name, among the log's notes."""
-
-UNKNOWN = -1
-"""The id of a sighting without data association."""
-
-Start = Literal["known", "unknown"]
-STARTS: tuple[Start, ...] = get_args(Start)
 
 TABLES: dict[str, type[PartialTable | FixTable | Signatures | Gyro]] = {
     "partial": PartialTable,
@@ -45,114 +36,20 @@ TABLES: dict[str, type[PartialTable | FixTable | Signatures | Gyro]] = {
 }
 """Columns that most logs have not, by their field of `Log`."""
 
-
-class Odometry(NamedTuple):
-    """The motion since the last step, in the body frame before it."""
-
-    delta: Array  # (3,) dx, dy (m), dtheta (rad)
-    cov: Array  # (3, 3) in the coordinates of delta, positive definite
-
-
-class RangeBearing(NamedTuple):
-    """The k landmarks sighted at one step."""
-
-    ids: Ints  # (k,) UNKNOWN, or a landmark's id, at most once per step
-    z: Array  # (k, 2) range (m), bearing (rad)
-    cov: Array  # (k, 2, 2) of (range, bearing), positive definite
-
-
-class RelativePoses(NamedTuple):
-    """The m loop closures found at one step: its pose relative to earlier steps."""
-
-    to: Ints  # (m,) the earlier step
-    delta: Array  # (m, 3) the pose of this step in the body frame of step `to`
-    cov: Array  # (m, 3, 3) in the coordinates of delta, positive definite
-
-
-class Step(NamedTuple):
-    """A backend's input at one keyframe. Step 0 has no odometry: the prior is the belief there."""
-
-    t: float  # s
-    odometry: Odometry | None
-    sightings: RangeBearing
-    loops: RelativePoses
-    partial: Partial = NO_PARTIAL
-    fixes: Fixes = NO_FIXES
-    signatures: Signatures = NO_SIGNATURES  # of all its whole sightings, or none
-    gyro: Turn | None = None  # the turn since the step before
-
-
-class Map(NamedTuple):
-    """Landmarks."""
-
-    ids: Ints  # (n,)
-    xy: Array  # (n, 2) m
-    cov: Array | None  # (2n, 2n) joint, of x0, y0, x1, y1, ...; None: unknown
-
-
-class Systematic(NamedTuple):
-    """Beliefs about a sensor's constant errors: standard deviations around none, 0 where there is none.
-
-    A partial sighting's range is (1 + scale) d + offset at a distance d; a fix's heading is heading + offset. Odometry
-    has (1 + wheel_scale) of the way.
-    """
-
-    range_scale: float = 0.0
-    range_offset: float = 0.0  # m
-    heading_offset: float = 0.0  # rad
-    each: bool = False  # every landmark has a scale and an offset of its own
-    wheel_scale: float = 0.0
-
-
-class Prior(NamedTuple):
-    """The belief at step 0. With a map the task is localisation; a map without covariance is held fixed.
-
-    An unknown start says that the robot may be anywhere on the map: pose and cov are then placeholders. `loops`,
-    `partial`, `fixes`, `signatures` and `gyro` are set by the log: a filter has to keep earlier poses where loop
-    closures may come back to them, or until a landmark is placed, and there alone.
-    """
-
-    pose: Array  # (3,)
-    cov: Array  # (3, 3) in the world frame, positive definite
-    map: Map | None = None
-    start: Start = "known"
-    loops: bool = False  # the log has loop closures
-    systematic: Systematic = Systematic()
-    partial: bool = False  # it has partial sightings
-    fixes: bool = False  # it has fixes
-    signatures: bool = False  # its whole sightings have signatures
-    gyro: Bias | None = None  # of the gyro that it has
-
-
-class Truth(NamedTuple):
-    """Ground truth, for evaluation only: no backend sees it.
-
-    `t` is a subset of the log's times: steps in a gap of the ground truth are left out. Entries match steps of equal t.
-    """
-
-    t: Array  # (m,) s
-    poses: Array  # (m, 3)
-    map: Map | None = None  # true landmark positions
-    assigned: Ints | None = None  # (s,) true id of every sighting, unknown ones included
-    kind: Literal["truth", "reference", "relations"] = "truth"  # "reference": the batch optimum of a log without truth
-    places: Literal["truth", "reference"] = "truth"  # of the map; landmarks may be surveyed though the path is unknown
-    words: str = ""  # the reference, unless it is simply the batch optimum; the sensor of truth that has errors, "GPS"
-    moving: Ints | None = None  # (m,) ids of landmarks that move; the map has them where they were first sighted
-    relations: Relations | None = None  # of kind "relations": no path is known, but how some poses lie to one another
-    false_loops: Ints | None = None  # (f,) the rows of loop closures that are false, ascending; None: not known
-    assigned_partial: Ints | None = None  # (p,) as `assigned`, of the partial sightings
-
-    @property
-    def exact(self) -> bool:
-        """True for ground truth whose own errors are negligible: it tells if covariances are as stated."""
-        return self.kind == "truth" and not self.words
-
-
-class Dataset(NamedTuple):
-    """The return value of a dataset's builder: the factors, and the ground truth if there is one."""
-
-    log: "Log"
-    truth: Truth | None
+_COLUMNS = (
+    "t",
+    "delta",
+    "delta_cov",
+    "sighting_first",
+    "ids",
+    "z",
+    "z_cov",
+    "loop_first",
+    "loop_to",
+    "loop_delta",
+    "loop_cov",
+)
+"""The columns of a log's digest that every log has, in order."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -236,7 +133,7 @@ class Log:
         steps, none = np.arange(len(time) + 1), np.zeros(0, np.int64)
         log = cls(
             name=name,
-            prior=_frozen_prior(prior),
+            prior=frozen_prior(prior),
             t=frozen(time),
             delta=frozen(_without_first(numbers("delta", delta))),
             delta_cov=frozen(_without_first(even(numbers("delta_cov", delta_cov)))),
@@ -253,7 +150,7 @@ class Log:
             notes=dict(notes or {}),
             partial=partial,
             fixes=fixes,
-            signatures=_signatures(signature, signature_var, len(ids)),
+            signatures=signatures_of(signature, signature_var, len(ids)),
             gyro=gyro,
         )
         return log if sensor is None else log.of_sensor(sensor)
@@ -293,7 +190,7 @@ class Log:
             ),
             signature=np.concatenate([s.signatures.s for s in steps]) if signed else None,
             signature_var=np.concatenate([s.signatures.var for s in steps]) if signed else None,
-            gyro=_gyro(prior.gyro, steps),
+            gyro=turns_of(prior.gyro, steps),
             notes=notes,
         )
 
@@ -484,62 +381,11 @@ class Log:
         return replace(log, scans=head_of(self.scans, steps), clouds=head_of(self.clouds, steps))
 
 
-def digest_of(columns: Mapping[str, Array | Ints | None]) -> str:
-    """sha256, in hexadecimal, of columns with their names, types and shapes."""
-    total = hashlib.sha256()
-    for name, column in columns.items():
-        if column is None:
-            total.update(f"{name} none\n".encode())
-            continue
-        little_endian = np.ascontiguousarray(column).astype(column.dtype.newbyteorder("<"), copy=False)
-        total.update(f"{name} {little_endian.dtype.str} {little_endian.shape}\n".encode())
-        total.update(little_endian.tobytes())
-    return total.hexdigest()
+class Dataset(NamedTuple):
+    """The return value of a dataset's builder: the factors, and the ground truth if there is one."""
 
-
-_COLUMNS = (
-    "t",
-    "delta",
-    "delta_cov",
-    "sighting_first",
-    "ids",
-    "z",
-    "z_cov",
-    "loop_first",
-    "loop_to",
-    "loop_delta",
-    "loop_cov",
-)
-
-
-def _signatures(s: Array | None, var: Array | None, sightings: int) -> Signatures | None:
-    """The signatures of that many sightings; InputError if one column lacks, or for another length."""
-    if s is None and var is None:
-        return None
-    if s is None or var is None:
-        lacks, there = ("signature", "signature_var") if s is None else ("signature_var", "signature")
-        raise InputError(f"{lacks}: found {there} alone, expected a signature and its variance for each sighting.")
-    found = Signatures.from_arrays(s, var)
-    for name, column in (("signature", found.s), ("signature_var", found.var)):
-        if column.shape != (sightings,):
-            raise InputError(f"{name}: found shape {column.shape}, expected ({sightings},), one for each sighting.")
-    return found
-
-
-def _gyro(bias: Bias | None, steps: Sequence[Step]) -> Gyro | None:
-    """The turns of steps; None without any."""
-    rows = [(k, *s.gyro) for k, s in enumerate(steps) if s.gyro is not None]
-    if not rows:
-        return None
-    step, turn, var, dt, walk = np.array(rows, np.float64).T
-    return Gyro.from_arrays(step.astype(np.int64), turn, var, dt, walk, bias)
-
-
-def _frozen_prior(prior: Prior) -> Prior:
-    known = prior.map
-    if known is not None:
-        known = Map(frozen_ids(known.ids), frozen(known.xy), None if known.cov is None else frozen(known.cov))
-    return prior._replace(pose=frozen(prior.pose), cov=frozen(prior.cov), map=known)
+    log: Log
+    truth: Truth | None
 
 
 def _without_first(rows: Array) -> Array:

@@ -8,15 +8,17 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from .arrays import ROUNDING
-from .errors import InputError
-from .factors import STARTS, UNKNOWN, Log, Map, Prior
-from .fixes import FixTable
-from .gyro import Gyro
-from .partial import BEARING, RANGE, PartialTable
-from .se2 import Array
-from .signatures import Signatures
-from .table import LARGEST, MOST
+from ..arrays import ROUNDING
+from ..errors import InputError
+from ..fixes import FixTable
+from ..gyro import Gyro
+from ..partial import BEARING, RANGE, PartialTable
+from ..se2 import Array
+from ..signatures import Signatures
+from ..table import LARGEST, MOST
+from .landmarks import UNKNOWN, Map
+from .priors import STARTS, Prior
+from .robot_log import Log
 
 ODOMETRY = ("t", "dx", "dy", "dtheta", "cxx", "cxy", "cxt", "cyy", "cyt", "ctt")
 SIGHTINGS = ("step", "id", "range", "bearing", "crr", "crb", "cbb")

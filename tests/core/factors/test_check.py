@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from refusals import refusal, refused
-from slamduel.core.check import check, problems
 from slamduel.core.factors import UNKNOWN, Log, Map, Prior, Truth
+from slamduel.core.factors.check import check, problems
 from slamduel.core.se2 import Array
 from slamduel.core.truth.check import check_truth
 from slamduel.datasets.formats import log_folder
