@@ -135,7 +135,7 @@ def _motions(log: Log) -> Iterator[str]:
     for column, (name, power, unit) in enumerate(columns):  # aside a curve goes as its square
         motion = log.delta[1:, column]
         far = (_score(motion[moves]) > JUMP) & (_score((motion * slower**power)[moves]) > JUMP)
-        jumps = np.flatnonzero(moves)[far]
+        jumps = np.flatnonzero(moves)[far & ~_less(motion[moves])]
         if len(jumps):
             first = int(jumps[0])
             yield (
@@ -148,6 +148,12 @@ def _large(values: Array) -> NDArray[np.bool_]:
     """Those of (n,) that are no jitter beside the largest hundredth; all where these are few, as of a single jump."""
     large = values > STILL * np.quantile(values, 0.99)
     return large if large.sum() > FEW else np.ones(len(values), bool)
+
+
+def _less(values: Array) -> NDArray[np.bool_]:
+    """Those of (n,) from 0 to the usual one: a motion that is slower, or in a shorter time, is no jump."""
+    usual = float(np.median(values))
+    return (values * np.sign(usual) >= 0) & (np.abs(values) <= np.abs(usual))
 
 
 def _score(values: Array) -> Array:
