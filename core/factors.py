@@ -24,6 +24,7 @@ from .partial import NO_PARTIAL, Partial, PartialTable
 from .relations import Relations
 from .se2 import Array, Ints, summed
 from .signatures import NO_SIGNATURES, Signatures
+from .table import Lines
 
 REMARKS = "remarks"
 """The key of what a log's reader found odd, among the log's notes: a list of sentences without their full stops."""
@@ -183,6 +184,9 @@ class Log:
     fixes: FixTable | None = None  # likewise
     signatures: Signatures | None = None  # of every whole sighting, or of none
     gyro: Gyro | None = None  # None where there is none
+    lines: Mapping[str, Lines] = field(default_factory=dict[str, Lines])
+    """Of files that its rows are from: "odometry" of all steps, "sightings", "loops"; for remarks, no part of the
+    digest and not stored."""
 
     def __post_init__(self) -> None:
         for name in TABLES:
