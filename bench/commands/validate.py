@@ -12,7 +12,7 @@ from ...core.factors import UNKNOWN, Dataset
 from ...core.scan import Scan, attempted
 from ...datasets.formats import log_folder
 from ...datasets.inertial.open import NOTE
-from ...frontend.inertial.words import about_levels
+from ...frontend.inertial.words import about_levels, about_turns
 from ...frontend.markers.pipeline import LEVELS
 from ..contradiction.remark import explained, remarks
 from ..plan.load import made
@@ -95,6 +95,8 @@ def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argpars
     print(f"{place}: {found}; {_counts(dataset)}.")
     if (inertial := dataset.log.notes.get(NOTE)) is not None:
         print(f"{place}: IMU: {inertial}.")
+    for turns in about_turns(dataset.log.notes):
+        print(f"{place}: {turns}.")
     if (levels := dataset.log.notes.get(LEVELS)) is not None:
         print(f"{place}: sightings are {about_levels(levels)}.")
     return 0
