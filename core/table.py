@@ -101,6 +101,24 @@ class Table(NamedTuple):
         return Table(self.path, self.columns, self.rows[rows], self.lines[rows])
 
 
+class Lines(NamedTuple):
+    """The lines of a file that rows of a log are made of, the first and the last one of each."""
+
+    path: str
+    first: Ints  # (n,) counted from 1
+    last: Ints  # (n,)
+
+    @classmethod
+    def of(cls, table: Table, rows: Ints | slice = slice(None)) -> "Lines":
+        """Those of rows of a table, of one line each."""
+        return cls(str(table.path), table.lines[rows], table.lines[rows])
+
+    def words(self, row: int) -> str:
+        """The file and the lines of a row."""
+        first, last = int(self.first[row]), int(self.last[row])
+        return f"{self.path}, line {first}" if first == last else f"{self.path}, lines {first} to {last}"
+
+
 def read_csv(path: Path, columns: Sequence[str], *, blanks: bool = False) -> Table:
     """Reads the table in `path`, whose first line names `columns`.
 

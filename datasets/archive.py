@@ -19,7 +19,9 @@ from ..core.factors import TABLES, Dataset, Log, Map, Prior, Systematic, Truth
 from ..core.files import write_whole
 from ..core.relations import as_rows, from_rows
 
-_LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes", *TABLES, *KINDS))
+_LOG = tuple(
+    field.name for field in fields(Log) if field.name not in ("name", "prior", "notes", "lines", *TABLES, *KINDS)
+)
 """The columns."""
 
 _OF_TRUTH = ("assigned", "moving", "relations", "false_loops", "assigned_partial")

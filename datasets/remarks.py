@@ -74,7 +74,7 @@ def _kidnapped(log: Log) -> Iterator[str]:
     faults = log.notes.get("faults")
     step = faults.get(KIDNAPPED) if isinstance(faults, Mapping) else None
     if step is not None:
-        yield f"the robot is put elsewhere before step {step} (kidnap), which its odometry does not say"
+        yield f"the robot is put elsewhere before {_step(log, step)} (kidnap), which its odometry does not say"
 
 
 def _prior(log: Log) -> Iterator[str]:
@@ -99,22 +99,23 @@ def _times(log: Log) -> Iterator[str]:
         longest = int(gaps[np.argmax(between[gaps])])
         yield (
             f"{_count(len(gaps), 'gap')} in time of more than {GAP:g} times the median of {median:.3g} s, "
-            f"the longest of {between[longest]:.3g} s before step {longest + 1}"
+            f"the longest of {between[longest]:.3g} s before {_step(log, longest + 1)}"
         )
 
 
 def _sizes(log: Log) -> Iterator[str]:
     """Finds lengths beyond those that graphs may have."""
-    for name, lengths, first in (
-        ("motion", np.abs(log.delta[1:, :2]).max(axis=1), "the first at step {}"),
-        ("range", log.z[:, 0], "the first of sighting {}"),
-        ("loop closure", np.abs(log.loop_delta[:, :2]).max(axis=1), "the first of loop closure {}"),
+    for name, table, lengths, steps in (
+        ("motion", "odometry", np.abs(log.delta[1:, :2]).max(axis=1), np.arange(1, len(log))),
+        ("range", "sightings", log.z[:, 0], log.sighting_step),
+        ("loop closure", "loops", np.abs(log.loop_delta[:, :2]).max(axis=1), log.loop_step),
     ):
         beyond = np.flatnonzero(lengths > LARGEST)
         if len(beyond):
             row = int(beyond[0]) + (name == "motion")
             largest = f"the largest of {lengths.max():.3g} m"
-            yield f"{_count(len(beyond), name)} of more than {LARGEST:g} m, {largest}, {first.format(row)}"
+            first = _place(log, table, row, int(steps[beyond[0]]))
+            yield f"{_count(len(beyond), name)} of more than {LARGEST:g} m, {largest}, the first at {first}"
 
 
 def _motions(log: Log) -> Iterator[str]:
@@ -135,19 +136,37 @@ def _motions(log: Log) -> Iterator[str]:
     for column, (name, power, unit) in enumerate(columns):  # aside a curve goes as its square
         motion = log.delta[1:, column]
         far = (_score(motion[moves]) > JUMP) & (_score((motion * slower**power)[moves]) > JUMP)
-        jumps = np.flatnonzero(moves)[far]
+        jumps = np.flatnonzero(moves)[far & ~_less(motion[moves])]
         if len(jumps):
             first = int(jumps[0])
             yield (
                 f"{_count(len(jumps), 'jump')} of the odometry's {name}: more than {JUMP:g} standard deviations of the "
-                f"other steps from their mean; the first of {motion[first]:.3g} {unit} at step {first + 1}"
+                f"other steps from their mean; the first of {motion[first]:.3g} {unit} at {_step(log, first + 1)}"
             )
+
+
+def _step(log: Log, step: int) -> str:
+    """Names a step: by the lines of the odometry's file if it is from one, else by its number; and its time."""
+    return _place(log, "odometry", step, step)
+
+
+def _place(log: Log, table: str, row: int, step: int) -> str:
+    """Likewise a row of `table`, of that step; times that only count the steps are left out."""
+    lines = log.lines.get(table)
+    found = f"step {step}" if lines is None or row >= len(lines.first) else lines.words(row)
+    return found if np.array_equal(log.t, np.arange(len(log))) else f"{found} ({log.t[step]:.10g} s)"
 
 
 def _large(values: Array) -> NDArray[np.bool_]:
     """Those of (n,) that are no jitter beside the largest hundredth; all where these are few, as of a single jump."""
     large = values > STILL * np.quantile(values, 0.99)
     return large if large.sum() > FEW else np.ones(len(values), bool)
+
+
+def _less(values: Array) -> NDArray[np.bool_]:
+    """Those of (n,) from 0 to the usual one: a motion that is slower, or in a shorter time, is no jump."""
+    usual = float(np.median(values))
+    return (values * np.sign(usual) >= 0) & (np.abs(values) <= np.abs(usual))
 
 
 def _score(values: Array) -> Array:
@@ -170,10 +189,11 @@ def _sightings(log: Log) -> Iterator[str]:
         widest = float(np.abs(bearing).max())
         yield f"every bearing is within {widest:.2g} rad of ahead: perhaps it is in other units than radians"
     if len(log) > FEW and step[-1] < len(log) / 2:
-        yield (
-            f"the last sighting is of step {step[-1]}, the log has {len(log)}: perhaps the sensor stopped, or in a "
-            "log's folder the column step counts something else than the rows of odometry.csv"
-        )
+        at = _place(log, "sightings", len(step) - 1, int(step[-1]))
+        counts = ""
+        if "files" not in log.notes:  # which has no column of that name
+            counts = ", or in a log's folder the column step counts something else than the rows of odometry.csv"
+        yield f"the last sighting is at {at}, the log has {len(log)} steps: perhaps the sensor stopped{counts}"
     unknown = int(np.sum(log.ids == UNKNOWN))
     if unknown > UNNAMED * len(r) and HIDDEN_NOTE not in log.notes:
         yield f"{unknown} of {len(r)} sightings have no id: a backend that does not associate leaves them out"

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from ..logs.shown_path import LARGEST
 from ..plan.load import made, one
 from ..plan.values import check_file, seed
 from ..plan.variant import DatasetVariant
-from ..words.console import plain, screen_console, tell
+from ..words.console import announced, plain, screen_console, tell
 from ..words.names import called, short
 
 KINDS = (".png", ".svg", ".pdf", ".html")
@@ -60,7 +61,9 @@ def main(namespace: argparse.Namespace) -> int:
     label = _file(variant, namespace.log) or called([variant.label])[variant.label]
     label += f", seed {namespace.seed}" if variant.numbered else ""
     label += f", {short(name)}" if (name := variant.log(namespace.seed).name) else ""
-    subject = described(label, dataset, namespace.solve)
+    aside = screen_console(quiet=namespace.quiet, aside=True)
+    with announced(f"measuring {label}", partial(tell, aside)):
+        subject = described(label, dataset, namespace.solve)
     if namespace.json:
         print(json.dumps(as_json(variant.label, namespace.seed, subject), indent=2, allow_nan=False))
     else:

@@ -12,7 +12,7 @@ from ...core.factors import UNKNOWN, Dataset
 from ...core.scan import Scan, attempted
 from ...datasets.formats import log_folder
 from ...datasets.inertial.open import NOTE
-from ...frontend.inertial.words import about_levels
+from ...frontend.inertial.words import about_levels, about_turns
 from ...frontend.markers.pipeline import LEVELS
 from ..contradiction.remark import explained, remarks
 from ..plan.load import made
@@ -65,7 +65,8 @@ def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argpars
     named = getattr(variant.options, "name", None)
     place = str(named or getattr(variant.options, "path", None) or short(variant.label))
     scan, total = attempted(_scan(variant, seed)), 0
-    with announced(f"reading {place}", partial(print, file=sys.stderr, flush=True)):
+    say = partial(print, file=sys.stderr, flush=True)
+    with announced(f"reading {place}", say):
         while True:
             try:
                 problem = next(scan)
@@ -79,11 +80,14 @@ def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argpars
         hidden = f", of which the first {shown} are shown; --all shows them all" if total > shown else ""
         print(f"{place}: {total} problem{'s' * (total > 1)}{hidden}.")
         return 2
-    odd = remarks(dataset)
+    with announced(f"looking for what is odd in {place}", say):
+        odd = remarks(dataset)
     for remark in odd:
         print(f"remark: {place}: {remark}.")
     if wanted.explain:
-        print(explained(place, dataset))
+        with announced(f"trying the usual mistakes on {place}", say):
+            said = explained(place, dataset)
+        print(said)
     if odd and wanted.strict:
         print(f"{place}: {len(odd)} remark{'s' * (len(odd) > 1)}, which --strict refuses.")
         return 2
@@ -91,6 +95,8 @@ def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argpars
     print(f"{place}: {found}; {_counts(dataset)}.")
     if (inertial := dataset.log.notes.get(NOTE)) is not None:
         print(f"{place}: IMU: {inertial}.")
+    for turns in about_turns(dataset.log.notes):
+        print(f"{place}: {turns}.")
     if (levels := dataset.log.notes.get(LEVELS)) is not None:
         print(f"{place}: sightings are {about_levels(levels)}.")
     return 0

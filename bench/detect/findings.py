@@ -12,7 +12,7 @@ from ...core.factors import Dataset, Log, Truth
 from ...core.truth.doubts import judges
 from ...core.truth.errors import driven_errors
 from ...datasets.inertial.open import NOTE
-from ...frontend.inertial.words import about_levels
+from ...frontend.inertial.words import about_levels, about_turns
 from ...frontend.markers.pipeline import LEVELS
 from ..contradiction.remark import remarks
 from ..drawing.figure import ReportFigure
@@ -50,6 +50,7 @@ class Findings(ABC):
         """Summarises in sentences: the headline, and the inertial readings where there are some."""
         notes, said = self.log.notes, self.headline()
         said += [f"IMU: {notes[NOTE]}."] if NOTE in notes else []
+        said += [f"T{turns.removeprefix('t')}." for turns in about_turns(notes)]
         return said + ([f"Sightings are {about_levels(notes[LEVELS])}."] if LEVELS in notes else [])
 
     @abstractmethod

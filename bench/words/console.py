@@ -11,6 +11,8 @@ from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
 
+from ...core.kernels.compiled import compiling
+
 WIDE = 160  # columns of a file or pipe: enough for every table
 LEAST = 40  # columns of a terminal below which tables lose some of theirs, and names
 FULL = 80  # columns on which they are then printed, and wrap
@@ -48,16 +50,29 @@ def _columns(console: Console) -> int:
 PATIENCE_S = 1.0  # s of silence before a user is told what is being done
 
 
+COMPILING = "compiling inner loops, once: their machine code is kept on disk"
+
+
 @contextlib.contextmanager
 def announced(sentence: str, say: Callable[[str], None]) -> Generator[None]:
-    """Says what is being done if that takes longer than PATIENCE_S."""
-    late = threading.Timer(PATIENCE_S, say, (sentence,))
-    late.daemon = True
+    """Says what is being done if that takes longer than PATIENCE_S, and if inner loops are compiled meanwhile."""
+    over = threading.Event()
+    late = threading.Thread(target=_announce, args=(sentence, say, over), daemon=True)
     late.start()
     try:
         yield
     finally:
-        late.cancel()
+        over.set()
+
+
+def _announce(sentence: str, say: Callable[[str], None], over: threading.Event) -> None:
+    if over.wait(PATIENCE_S):
+        return
+    say(sentence)
+    while not compiling():
+        if over.wait(PATIENCE_S):
+            return
+    say(COMPILING)
 
 
 class ProgressBar:

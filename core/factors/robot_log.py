@@ -16,6 +16,7 @@ from ..mounting import Mounting, mounted
 from ..partial import NO_PARTIAL, PartialTable
 from ..se2 import Array, Ints, summed
 from ..signatures import NO_SIGNATURES, Signatures, signatures_of
+from ..table import Lines
 from .digest import digest_of
 from .ground_truth import Truth
 from .landmarks import UNKNOWN
@@ -80,6 +81,9 @@ class Log:
     fixes: FixTable | None = None  # likewise
     signatures: Signatures | None = None  # of every whole sighting, or of none
     gyro: Gyro | None = None  # None where there is none
+    lines: Mapping[str, Lines] = field(default_factory=dict[str, Lines])
+    """Of files that its rows are from: "odometry" of all steps, "sightings", "loops"; for remarks, no part of the
+    digest and not stored."""
 
     def __post_init__(self) -> None:
         for name in TABLES:

@@ -87,10 +87,12 @@ def _in_turn(dispatcher: Any, compile_: Callable[..., Any]) -> Callable[..., Any
         with contextlib.suppress(OSError):  # a file system without locks
             fcntl.lockf(_locks(dispatcher._cache.cache_path), fcntl.LOCK_EX, 1, place)
         collecting = gc.isenabled()
+        _at_work.append(dispatcher)
         gc.disable()  # a compiler makes millions of objects that live until it ends: looking for garbage takes a tenth
         try:
             return compile_(signature)
         finally:
+            _at_work.pop()
             if collecting:
                 gc.enable()
             with contextlib.suppress(OSError):
@@ -113,6 +115,15 @@ def kept(dispatcher: Any) -> bool:
 
 _dispatchers: list[Any] = []
 """Every function: its machine code by argument types, as compiled or loaded by this process."""
+
+
+_at_work: list[Any] = []
+"""Functions that are being compiled or loaded, each called by the one before."""
+
+
+def compiling() -> bool:
+    """Tells, also in another thread, if a function is being compiled, and not loaded from disk."""
+    return any(not kept(dispatcher) for dispatcher in tuple(_at_work))
 
 
 def ready() -> int:

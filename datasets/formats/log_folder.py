@@ -49,7 +49,7 @@ from ...core.options import option
 from ...core.scan import Scan, attempted, counted, strict
 from ...core.se2 import Array, Ints
 from ...core.small_matrices import symmetric, upper
-from ...core.table import Table, scan_csv
+from ...core.table import Lines, Table, scan_csv
 from ...core.toml.table import TomlTable
 from ...core.truth.check import check_truth, relation_problems
 from ..registry import Named, Source
@@ -172,6 +172,7 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
         signed = None  # rows of sightings.csv have faults, and were left out
     parts = yield from scan_parts(folder, len(odometry.rows), words.prior.gyro)
     yield from _scan_rows(words, parts.counts)
+    tables = {"odometry": odometry, "sightings": sightings, "loops": loops}
     log = Log.from_arrays(
         words.name,
         words.prior,
@@ -193,8 +194,8 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
         signature_var=None if signed is None else signed.rows[:, 1],
         notes=words.notes,
     )
+    log = replace(log, lines={name: Lines.of(tables[name]) for name in tables})
     broken = set(odometry.broken.tolist())
-    tables = {"odometry": odometry, "sightings": sightings, "loops": loops}
     tables |= {} if signed is None else {"signatures": signed}
     for problem in problems(log):
         if problem.table == "prior":

@@ -20,6 +20,7 @@ from ...frontend.wheels.track import Poses
 from ..bags.bag import Bag, is_bag
 from ..bags.topics import plain
 from ..bags.transforms import Transforms
+from ..remarks import remarked
 from ..robot_files import ROBOT
 from .clipping import FORCES, RATES, clipped
 from .imu_csv import IMU, Raw, read_imu_csv
@@ -85,7 +86,12 @@ def open_imu_csv(path: Path, odometry: Readings, notes: dict[str, Any], remarks:
 
 def beside(log: Log, opened: OpenedImu | None, first: int = 0) -> Log:
     """The log with the gyro's turns between its steps from `first` on; itself without one, or where it has them."""
-    return log if opened is None or opened.twice else with_turns(log, *opened[:2], first, opened.levels)
+    if opened is None or opened.twice:
+        return log
+    turned = with_turns(log, *opened[:2], first, opened.levels)
+    if turned.gyro is None:
+        turned = remarked(turned, [f"{opened.imu.source}: no turn between two steps is known by the gyro"])
+    return turned
 
 
 def _judged(imu: Imu, odometry: Readings | None, notes: dict[str, Any], remarks: list[str], *, said: bool) -> OpenedImu:

@@ -18,7 +18,7 @@ from ...core.errors import InputError
 from ...core.factors import UNKNOWN
 from ...core.mounting import NONE, from_body
 from ...core.se2 import Array, Ints
-from ...core.table import MOST, Table, text
+from ...core.table import MOST, Lines, Table, text
 from ...frontend.wheels.holes import other_unit, outside
 from ..formats.columns import in_order, read_columns
 from .csv_options import Options, within_half
@@ -49,6 +49,7 @@ class Detections(NamedTuple):
     outside: int
     ignored: int
     signature: Array | None = None  # (s,)
+    lines: Lines | None = None
 
 
 NO_DETECTIONS = Detections(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0, 0)
@@ -104,7 +105,8 @@ def detections(path: Path, options: Options, start: float, end: float, remarks: 
     if place != NONE:
         z, cov = from_body(z, cov, place.place)
     counts = int((~inside).sum()), int((inside & left_out).sum())
-    return Detections(t[kept], ids[kept], z, cov, *counts, None if signature is None else signature[kept])
+    signs = None if signature is None else signature[kept]
+    return Detections(t[kept], ids[kept], z, cov, *counts, signs, Lines.of(table, np.flatnonzero(kept)))
 
 
 def _read(path: Path, options: Options, remarks: list[str]) -> tuple[Table, Array | None]:

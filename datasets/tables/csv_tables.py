@@ -14,6 +14,7 @@ Between two rows of odometry, motion is interpolated evenly; where rows are miss
 remark on the log.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from ...core.csv_values import digits_lost
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Dataset, Log, Map, Prior, Systematic, Truth
 from ...core.se2 import Array, summed, wrap
-from ...core.table import LARGEST, Table
+from ...core.table import LARGEST, Lines, Table
 from ...core.truth.tum import read_tum
 from ...frontend.pauses import longest_pause
 from ...frontend.wheels.commands import driven
@@ -67,7 +68,7 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
             f"{MEASURED[-1]}."
         )
     remarks = list[str]()
-    track = _track(Path(options.odometry), options, remarks)
+    track, table = _track(Path(options.odometry), options, remarks)
     ends = track.t[0], track.t[-1]
     seen = NO_DETECTIONS
     if options.detections is not None:
@@ -111,14 +112,15 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         | longest_pause(t[0], t[-1], track.t, np.sort(np.concatenate((seen.t, parts.t, fixes.t))))
         | ({REMARKS: remarks} if remarks else {}),
     )
-    return Dataset(beside(log, inertial), truth)
+    lines = {"odometry": _lines(table, t)} | ({} if seen.lines is None else {"sightings": seen.lines})
+    return Dataset(replace(beside(log, inertial), lines=lines), truth)
 
 
 source = Source(make, Options)
 
 
-def _track(path: Path, options: Options, remarks: list[str]) -> Track:
-    """Converts the odometry, in any of its forms, to poses in a frame of its own."""
+def _track(path: Path, options: Options, remarks: list[str]) -> tuple[Track, Table]:
+    """Converts the odometry, in any of its forms, to poses in a frame of its own; these and the table of its file."""
     table = in_order(read_columns(path, POSES, MOTIONS, SPEEDS, remarks=remarks), strictly=False)
     t, turn = table.column("t"), options.unit("odometry")
     last = np.append(np.diff(t) > 0, True)  # of rows at equal times, as a coarse clock gives, the last counts
@@ -150,7 +152,17 @@ def _track(path: Path, options: Options, remarks: list[str]) -> Track:
     track = Track(t[last], poses[last], noise, options.max_speed, str(path), bridged)
     track.check()
     remarks += track.remarks(t[0], t[-1])
-    return track
+    return track, table
+
+
+def _lines(table: Table, t: Array) -> Lines:
+    """The lines of the odometry that tell the motion into each of the steps at `t` (n,)."""
+    held = table.columns == SPEEDS  # from its row on
+    before = np.concatenate((t[:1], t[:-1]))
+    first = np.searchsorted(table.column("t"), before, "right") - held
+    last = np.searchsorted(table.column("t"), t, "left") - held
+    first, last = (np.clip(one, 0, len(table.rows) - 1) for one in (np.minimum(first, last), last))
+    return Lines(str(table.path), table.lines[first], table.lines[last])
 
 
 def _poses(table: Table, file: str, options: Options, remarks: list[str]) -> Array:

@@ -26,24 +26,25 @@ UNKNOWN = Bias(0.0, 0.02)
 
 LEAST = 1e-12  # rad^2, the variance of a turn by a gyro whose readings show no noise
 
-NOTE = "gyro"  # the number of turns, and where the bias is from, among a log's notes
+NOTE = "gyro"  # the number of turns, of steps without and why, and where the bias is from, among a log's notes
+FIRST = "at_first"  # steps before the first that may have one
 
 
 def with_turns(log: Log, imu: Imu, stood: Standing, first: int = 0, levels: Levels | None = None) -> Log:
-    """The log with the turns between its steps from `first` on; itself where the readings are at other times.
+    """The log with the turns between its steps from `first` on, and with their number among its notes.
 
     With `levels` they are about the vertical, else about the unit's z axis.
     """
     stand = longest_stand(imu, stood)
     found = turns(imu, log.t[first:], levels, noise=stood.noise, still=None if stand is None else stand.interval)
+    counts = {"turns": len(found.step), "steps_without": len(log) - len(found.step), FIRST: first + 1, **found.without}
     if not len(found.step):
-        return log
+        return replace(log, notes={**log.notes, NOTE: counts})
     step = found.step + first
     bias = UNKNOWN if stand is None else _prior(stand, float(log.t[step[0] - 1]))
     gyro = Gyro.from_arrays(step, wrap(found.turn), np.maximum(found.var, LEAST), found.dt, found.walk, bias)
     told: dict[str, Any] = {
-        "turns": len(gyro),
-        "steps_without": len(log) - 1 - first - len(gyro),
+        **counts,
         "bias": "assumed" if stand is None else f"at rest for {stand.seconds:.3g} s",
         "bias_at_first": list(bias),
     }

@@ -5,7 +5,7 @@ on a slope the body's z axis alone would turn too little. Between readings the r
 part is not known, before the first reading, after the last, in a gap, or beyond the gyro's range, has no turn.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -21,6 +21,15 @@ BIAS_WALK = 1e-4
 KNOTS = 5.0  # s at least between two rows at which the bias has moved
 
 
+WITHOUT = {
+    "outside": "before the first reading or after the last one",
+    "standing": "while the robot stands, whose readings are in the bias",
+    "in_gaps": "with a gap in the readings",
+    "at_end_of_range": "with readings at the end of the gyro's range",
+}
+"""Reasons why a step has no turn, the first that holds, in words behind their number."""
+
+
 class Turns(NamedTuple):
     """Turns between consecutive steps, where they are known: turn = change of the heading + bias * dt + noise."""
 
@@ -29,6 +38,7 @@ class Turns(NamedTuple):
     var: Array  # (m,) rad^2, without that of the bias
     dt: Array  # (m,) s, over which the rate was summed
     walk: Array  # (m,) (rad/s)^2, variance by which the bias has moved since the last row at which it did
+    without: Mapping[str, int]  # steps that have none, by the reason, a key of WITHOUT
 
 
 def turns(
@@ -50,13 +60,17 @@ def turns(
     unknown = over(partial(integrated_steps, imu.t, np.where(imu.sound, 0.0, np.diff(imu.t))))
     inside = (at[:-1] >= imu.t[0]) & (at[1:] <= imu.t[-1])
     dt = over(lambda to: to)
+    gap = over(partial(integrated_steps, imu.t, np.where(imu.missing, np.diff(imu.t), 0.0))) > 0
     step = np.flatnonzero(inside & (unknown == 0) & (dt > 0)) + 1
+    lost = inside & (unknown > 0) & (dt > 0)
+    reasons = dict(zip(WITHOUT, (~inside, inside & (dt <= 0), lost & gap, lost & ~gap), strict=True))
     density = max(imu.noise, noise or 0.0)
     var = density * dt + over(partial(integrated_steps, imu.t, _bent(imu, rate, density)))
     if levels is not None:
         var = var + _tilted(imu, levels, over)
     angle = over(partial(integrated, imu.t, rate))
-    return Turns(step, angle[step - 1], var[step - 1], dt[step - 1], _walk(at, step, bias_walk**2))
+    without = {name: int(steps.sum()) for name, steps in reasons.items() if steps.any()}
+    return Turns(step, angle[step - 1], var[step - 1], dt[step - 1], _walk(at, step, bias_walk**2), without)
 
 
 _Sum = Callable[[Callable[[Array], Array]], Array]

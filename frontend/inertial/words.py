@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from .imu import Imu
-from .log import UNKNOWN
+from .log import FIRST, NOTE, UNKNOWN
 from .standing import Standing
+from .turns import WITHOUT
 
 
 def about(imu: Imu, stood: Standing) -> str:
@@ -32,6 +33,19 @@ def about(imu: Imu, stood: Standing) -> str:
             f"bias of the yaw rate {bias:.3g} ± {sd:.2g} degrees/s",
         ]
     return "; ".join(filter(None, said))
+
+
+def about_turns(notes: Mapping[str, Any]) -> list[str]:
+    """The number of turns, and why steps have none, by the entry of `with_turns` in a log's notes; [] without one."""
+    told = notes.get(NOTE)
+    if not isinstance(told, Mapping) or FIRST not in told:
+        return []
+    first = told[FIRST]
+    said = [f"{first:,} at the start, with nothing before {'it' if first == 1 else 'them'}"]
+    said += [f"{told[reason]:,} {words}" for reason, words in WITHOUT.items() if told.get(reason)]
+    turns, without = told["turns"], told["steps_without"]
+    have = "has" if without == 1 else "have"
+    return [f"turns by the gyro at {turns:,} of {turns + without:,} steps; {without:,} {have} none: {', '.join(said)}"]
 
 
 def about_levels(told: Mapping[str, Any]) -> str:

@@ -185,6 +185,22 @@ def test_a_long_motion_in_a_long_time_is_no_jump() -> None:
     assert remarks(Dataset(replace(log, delta=delta, t=late, notes={**log.notes, PAUSE: 1.0}), None)) == []
 
 
+@pytest.mark.parametrize("turn", [0.1, -0.1, 0.0])
+def test_a_shorter_last_step_at_a_constant_speed_is_no_jump(turn: float) -> None:
+    """Without noise, any other motion is beyond all standard deviations; one that goes back or farther is a jump."""
+    log, _ = load("circle")
+    share = np.where(np.arange(len(log)) == len(log) - 1, 0.4, 1.0)
+    delta = np.column_stack((share * 0.5, share**2 * 0.025 * np.sign(turn), share * turn))
+    late = log.t - 0.6 * np.diff(log.t).mean() * (share < 1)
+    even = replace(log, delta=delta, t=late)
+    assert not [one for one in remarks(Dataset(even, None)) if "jump" in one]
+    for column, odd, name in ((0, -0.2, "dx"), (0, 1.5, "dx"), (1, 0.4, "dy"), (2, 0.7, "dtheta")):
+        jumped = delta.copy()
+        jumped[60, column] = odd
+        (told,) = (one for one in remarks(Dataset(replace(even, delta=jumped), None)) if "jump" in one)
+        assert f"1 jump of the odometry's {name}: " in told
+
+
 @pytest.mark.parametrize("jitter", [0.0, 1e-4])
 def test_the_motions_of_a_robot_that_mostly_stands_are_no_jumps(jitter: float) -> None:
     """It goes straight but for one curve; a jump among its motions is one, and so is one while it stands."""

@@ -91,6 +91,22 @@ def test_a_copy_of_the_files_with_their_cache_compiles_nothing(house: Path, tmp_
     assert answer(copy) == "2.0 2.0 1 1 0"
 
 
+@pytest.mark.slow
+def test_a_compiler_at_work_is_told_from_code_that_is_loaded(house: Path) -> None:
+    """Asked all the time by another thread, while `outer` is first called."""
+    ask = (
+        "import threading; from house.floor import compiled; from house.floor.room._outer import outer\n"
+        "said, over = set(), threading.Event()\n"
+        "def watch():\n    while not over.wait(0.001): said.add(compiled.compiling())\n"
+        "watching = threading.Thread(target=watch); watching.start()\n"
+        "outer(1.0); over.set(); watching.join(); print(True in said, compiled.compiling())"
+    )
+    words = [sys.executable, "-c", ask]
+    for at_work in (True, False):
+        done = subprocess.run(words, cwd=house.parent, check=True, capture_output=True, text=True)
+        assert done.stdout.split() == [str(at_work), "False"]
+
+
 def test_numba_has_the_private_parts_that_are_relied_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """`compiled` uses a dispatcher's cache file, `get_call_template` and `compile`; `_arrays` uses `populate_array`."""
     dispatcher: Any = _planar.wrap

@@ -14,6 +14,7 @@ from slamduel.core.factors import Dataset
 from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array, between, compose, wrap
 from slamduel.core.truth.tum import write_tum
+from slamduel.datasets.remarks import remarks
 from slamduel.datasets.tables import csv_sightings, csv_tables
 
 DT = 0.1
@@ -66,6 +67,22 @@ def test_what_comes_out_is_what_went_in(files: dict[str, Any]) -> None:
     assert (len(log.ids), len(log)) == (60, 32)  # 30 times of detections, the start and the end
     x, y = (truth.map.xy[log.ids] - truth.poses[log.sighting_step, :2]).T
     np.testing.assert_allclose(log.z[:, 0], np.hypot(x, y), atol=1e-12)
+
+
+@pytest.mark.parametrize("form", ["t,dx,dy,dtheta", "t,v,omega"])
+def test_a_remark_names_the_file_the_lines_of_a_step_and_its_time(files: dict[str, Any], form: str) -> None:
+    """The step to 12.5 s is of the rows after 11.5 s; one of these has a jump, and a blank line before it counts."""
+    t, poses = drive()
+    rows = np.column_stack((t, np.full_like(t, 0.5), np.full_like(t, 0.4)))
+    if form == "t,dx,dy,dtheta":
+        rows = np.column_stack((t, poses))
+        rows[1:, 1:] = between(poses[:-1], poses[1:])
+    rows[120, 1] = 3.0 if form == "t,dx,dy,dtheta" else 30.0
+    path = Path(csv(Path(files["odometry"]), form, rows))
+    path.write_text(path.read_text(encoding="utf-8").replace("\n", "\n\n", 1), encoding="utf-8")
+    (said,) = (one for one in remarks(made(files)) if "odometry's dx" in one)
+    held = form == "t,v,omega"  # until the next row, so that the row at 11.5 s is in it, too, and that at 12.5 s not
+    assert said.endswith(f" m at {path}, lines {119 - held} to {128 - held} (12.5 s)")
 
 
 @pytest.mark.parametrize("form", ["t,dx,dy,dtheta", "t,v,omega", "heading,comment,y,x,t", "degrees"])

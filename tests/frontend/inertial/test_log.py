@@ -13,6 +13,8 @@ from slamduel.core.se2 import Array, between, wrap
 from slamduel.frontend.inertial.imu import Imu
 from slamduel.frontend.inertial.log import NOTE, UNKNOWN, with_turns
 from slamduel.frontend.inertial.standing import Standing, longest_stand, standing
+from slamduel.frontend.inertial.turns import WITHOUT
+from slamduel.frontend.inertial.words import about_turns
 
 
 def log_at(at: Array, one: Drive) -> Log:
@@ -82,13 +84,41 @@ def test_a_step_with_a_gap_has_no_turn_and_the_note_says_how_many() -> None:
     log = with_turns(log_at(at, one), imu, Standing(np.zeros((0, 2)), 0.0, "wheels", None, None, None))
     lost = np.setdiff1d(np.arange(1, len(at)), turned(log).step)
     np.testing.assert_array_equal(lost, [8, 9, 10, 11, 12])
-    assert log.notes[NOTE] == {"turns": 14, "steps_without": 5, "bias": "assumed", "bias_at_first": list(UNKNOWN)}
+    counts = {"turns": 14, "steps_without": 6, "at_first": 1, "in_gaps": 5}
+    assert log.notes[NOTE] == {**counts, "bias": "assumed", "bias_at_first": list(UNKNOWN)}
+    (said,) = about_turns(log.notes)
+    assert said.startswith("turns by the gyro at 14 of 20 steps; 6 have none: 1 at the start, with nothing before it, ")
+    assert said.endswith(", 5 with a gap in the readings")
 
 
-def test_readings_at_other_times_leave_a_log_as_it_is() -> None:
+def test_every_reason_of_a_step_without_a_turn_is_counted_once() -> None:
+    """Readings from 1.5 to 18 s: a gap from 8 to 11 s, the range's end at 14.5 s, and a stand from 3 to 6 s."""
+    t = np.arange(1.5, 18.0, 0.02)
+    t = t[(t < 8) | (t > 11)]
+    imu = Imu(t, np.zeros((len(t), 3)), clipped=np.abs(t - 14.5) < 0.1)
+    at = np.arange(0.0, 20.0, 1.0)
+    stood = Standing(np.array([[2.9, 6.1]]), 0.2, "wheels", np.zeros(3), np.full(3, 1e-3), 1e-6)
+    found = with_turns(log_at(at, drive(0, 20.0)), imu, stood)
+    told = found.notes[NOTE]
+    gyro = turned(found)
+    assert told["turns"] == len(gyro)
+    assert {name: told[name] for name in ("at_first", "outside", "in_gaps", "at_end_of_range")} == {
+        "at_first": 1,
+        "outside": 4,
+        "in_gaps": 5,
+        "at_end_of_range": 1,
+    }
+    assert told["standing"] == 3
+    reasons = sum(told[name] for name in ("at_first", *WITHOUT))
+    assert told["steps_without"] == reasons == len(at) - len(gyro)
+
+
+def test_readings_at_other_times_leave_the_factors_as_they_are_and_are_counted() -> None:
     one = drive(0, 20.0)
     log = log_at(np.arange(100.0, 105.0), one)
-    assert with_turns(log, one.imu, standing(one.imu)) is log
+    found = with_turns(log, one.imu, standing(one.imu))
+    assert found.digest == log.digest
+    assert found.notes[NOTE] == {"turns": 0, "steps_without": 5, "at_first": 1, "outside": 4}
 
 
 def test_a_log_whose_first_step_is_no_reading_has_its_turns_after_that() -> None:
