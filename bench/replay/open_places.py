@@ -1,4 +1,4 @@
-"""Where a landmark may be that ranges or bearings alone do not place: arcs, or stretches of a ray.
+"""The places that ranges or bearings alone leave open for a landmark: arcs, or stretches of a ray.
 
 A backend's map does not say so. It is computed here for every backend alike, along its own path and with the drift of
 the odometry, from the first two sightings of a landmark until the backend has placed it.
