@@ -17,6 +17,7 @@ HEAD, FOOT, KEY, GAP = 30, 26, 40, 10  # px above and below a plane, of the line
 PAPER, INK, SOFT, RULE = (255, 255, 255), (33, 30, 28), (107, 99, 92), (227, 223, 220)
 FLOOR = (241, 239, 237)  # free cells of a grid, half of RULE; its walls are SOFT
 RECKONED, BAD = (140, 140, 140), (0, 59, 168)  # colours, as blue, green, red: those of the report in light mode
+NEEDLE = 38  # px, of a measured heading
 DASH = 6  # px, of the dashes of a reference
 _SHIFT = 4  # fractional bits of OpenCV's coordinates
 
@@ -87,6 +88,7 @@ class _Canvas:
         self._line(canvas, view.reckoned[behind], RECKONED, 1)
         known = view.truth[behind]
         self._line(canvas, _dashed(known, self._plane) if view.known == "reference" else known, SOFT, 1)
+        self._positions(canvas, frame)
         self._line(canvas, panel.trail[behind], self._colour, 2)
         if np.isfinite(view.robot[frame]).all():
             centre = self._plane.pixels(view.robot[frame, :2])
@@ -126,6 +128,8 @@ class _Canvas:
             cv2.line(canvas, origin, end.tolist(), _paler(self._colour), 1, cv2.LINE_AA, _SHIFT)
         for radius in np.rint(np.minimum(seen.rings * plane.scale, 20 * WIDTH) * (1 << _SHIFT)).astype(int).tolist():
             cv2.circle(canvas, origin, radius, _paler(self._colour), 1, cv2.LINE_AA, _SHIFT)
+        for line in panel.places[frame]:
+            self._line(canvas, line, _paler(self._colour), 3)
         for hit in plane.pixels(panel.hits[frame]) if panel.hits else ():
             cv2.circle(canvas, hit.tolist(), 1 << _SHIFT, self._colour, -1, cv2.LINE_AA, _SHIFT)
         self._ellipse(canvas, plane.pixels(panel.pose[frame, :2]), panel.ellipse[frame], 2)
@@ -134,6 +138,25 @@ class _Canvas:
         reach = np.array((11, 8, 3, 8)) / plane.scale
         corners = np.column_stack((x + reach * np.cos(turned), y + reach * np.sin(turned)))
         cv2.fillPoly(canvas, [plane.pixels(corners)], self._colour, cv2.LINE_AA, _SHIFT)
+        x, y, heading = panel.pointed[frame]
+        if np.isfinite(heading):
+            end = panel.pointed[frame, :2] + NEEDLE / plane.scale * np.array((np.cos(heading), np.sin(heading)))
+            origin, tip = (point.tolist() for point in plane.pixels(np.stack((panel.pointed[frame, :2], end))))
+            cv2.arrowedLine(canvas, origin, tip, INK, 2, cv2.LINE_AA, _SHIFT, 0.25)
+
+    def _positions(self, canvas: Any, frame: int) -> None:
+        """Draws the positions up to the frame, and the newest one's ellipse; a line where one coordinate is known."""
+        plane, view = self._plane, self._view
+        xy, there = view.positions.xy[: frame + 1], np.isfinite(view.positions.xy[: frame + 1])
+        for place in plane.pixels(xy[there.all(axis=1)]):
+            x, y = (place >> _SHIFT).tolist()
+            cv2.drawMarker(canvas, (x, y), SOFT, cv2.MARKER_DIAMOND, 7, 1, cv2.LINE_AA)
+        for x, y in xy[there.any(axis=1) & ~there.all(axis=1)]:
+            ends = [(x, y), (x, y)]
+            self._line(canvas, np.where(np.isnan(ends), (view.low, view.high), ends), SOFT, 1)
+        last = np.flatnonzero(there.any(axis=1))
+        if len(last) and there[last[-1]].all():
+            self._ellipse(canvas, plane.pixels(xy[last[-1]]), view.positions.ellipse[last[-1]], 1, INK)
 
     def _line(self, canvas: Any, xy: Array, colour: tuple[int, ...], width: int) -> None:
         """Draws a line through the points, broken where one is not known."""
@@ -147,14 +170,14 @@ class _Canvas:
         x, y = (place >> _SHIFT).tolist()
         cv2.drawMarker(self._ground, (x, y), SOFT, cv2.MARKER_CROSS, 9, 1)
 
-    def _ellipse(self, canvas: Any, centre: Any, shape: Array, width: int = 1) -> None:
+    def _ellipse(self, canvas: Any, centre: Any, shape: Array, width: int = 1, colour: Any = None) -> None:
         """Draws an ellipse of half axes and angle, unless unknown, or too small or too large to be seen."""
         half = shape[:2] * self._plane.scale
         if not np.isfinite(half).all() or half[0] < 2 or half[0] > 20 * WIDTH:
             return
         axes = np.maximum(np.rint(half * (1 << _SHIFT)), 1).astype(int).tolist()
         turned = -float(np.degrees(shape[2]))
-        cv2.ellipse(canvas, centre.tolist(), axes, turned, 0, 360, self._colour, width, cv2.LINE_AA, _SHIFT)
+        cv2.ellipse(canvas, centre.tolist(), axes, turned, 0, 360, colour or self._colour, width, cv2.LINE_AA, _SHIFT)
 
 
 def _paler(colour: tuple[int, ...]) -> tuple[int, ...]:

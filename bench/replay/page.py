@@ -26,6 +26,7 @@ UNITS = 1000  # across a panel
 CHART = 150  # units that the chart of errors is high
 WALLS, FLOOR = (85, 255), (128, 34)  # grey and opacity of a grid's walls and free cells, on light and dark paper
 SEEN = 3  # units that an ellipse's longer half axis is at least
+MARK, NEEDLE = 9, 90  # units of a position's half diagonal, of a heading's arrow
 
 
 def write_page(path: Path, view: View) -> None:
@@ -41,6 +42,7 @@ def write_page(path: Path, view: View) -> None:
         "reckoned": _pairs(view, view.reckoned),
         "robot": _pairs(view, view.robot[:, :2]),
         "panels": panels,
+        **({"positions": _positions(view)} if view.fixed else {}),
     }
     page = {
         "view": view,
@@ -48,11 +50,14 @@ def write_page(path: Path, view: View) -> None:
         "known": _line(run["truth"]),
         "reckoned": _line(run["reckoned"]),
         "places": "".join(f"M{u - 9} {v}h18M{u} {v - 9}v18" for u, v in places),
+        "positions": _positions_drawn(run["positions"], last) if view.fixed else ("", ""),
         "there": _dot(_pairs(view, view.robot[last, None, :2])),
         "stills": [_still(panel, last) for panel in panels],
         "now": when(view, last),
         "top": None if top is None else number(top),
         "chart": CHART,
+        "mark": MARK,
+        "needle": NEEDLE,
         "curves": [] if top is None else [_curve(view, panel, top) for panel in view.panels],
         "grids": [_images(view, panel, last) for panel in view.panels],
         "run": json.dumps(run, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"),
@@ -79,6 +84,8 @@ def _panel(view: View, panel: Panel) -> dict[str, Any]:
         "belief": [_shape(view, shape) for shape in panel.ellipse],
         "seen": [_pairs(view, np.concatenate((s.origin[None], s.ends))) for s in panel.sighted],
         "maps": list(_changes(view, panel)),
+        **({"open": [_opened(view, some) for some in panel.places]} if view.open else {}),
+        **({"pointed": _pointed(view, panel)} if view.pointed else {}),
         "said": [said(view, panel, k) for k in range(min(len(panel.pose) + 1, len(view.steps)))],
         **(scanned if view.cells is not None else {}),
         **(rings if view.rings else {}),
@@ -126,6 +133,46 @@ def _shape(view: View, shape: Array) -> list[int]:
     return [a, b, 0 if a - b < 2 else round(-float(np.degrees(shape[2])))]
 
 
+def _positions(view: View) -> list[list[int | None]]:
+    """Place and shape of each frame's position, [] without; None for the coordinate that is not measured."""
+    places, shapes = _pairs(view, view.positions.xy), view.positions.ellipse
+    pairs = [places[2 * k : 2 * k + 2] for k in range(len(shapes))]
+    return [
+        [] if pair == [None, None] else [*pair, *_shape(view, shape)] for pair, shape in zip(pairs, shapes, strict=True)
+    ]
+
+
+def _positions_drawn(positions: Sequence[list[Any]], last: int) -> tuple[str, str]:
+    """Marks of all positions up to a frame, and the ellipse of the newest; a line where one coordinate is measured."""
+    marks, shape = "", ""
+    for one in positions[: last + 1]:
+        if not one:
+            continue
+        u, v, *shape_of = one
+        shape = "" if None in (u, v) else _ring(u, v, *shape_of)
+        if v is None:
+            marks += f"M{u} 0V9999"
+        elif u is None:
+            marks += f"M0 {v}H{UNITS}"
+        else:
+            marks += f"M{u} {v - MARK}l{MARK} {MARK}l-{MARK} {MARK}l-{MARK} -{MARK}z"
+    return marks, shape
+
+
+def _opened(view: View, places: Sequence[Array]) -> list[int | None]:
+    """The lines of all open landmarks in one, None in gaps."""
+    return _pairs(view, np.concatenate(places)) if places else []
+
+
+def _pointed(view: View, panel: Panel) -> list[list[int]]:
+    """Place and direction of each frame's heading, [] without."""
+    places = _pairs(view, panel.pointed[:, :2])
+    return [
+        [] if heading != heading else [*places[2 * k : 2 * k + 2], round(-float(np.degrees(heading)))]
+        for k, heading in enumerate(panel.pointed[:, 2].tolist())
+    ]
+
+
 def _changes(view: View, panel: Panel) -> Iterable[list[list[int]]]:
     """Yields, for every frame, landmarks that are gone, and place and shape of new or changed ones."""
     slots: dict[int, int] = {}
@@ -156,7 +203,7 @@ def _differs(mark: list[int], before: list[int] | None) -> bool:
 
 def _still(panel: dict[str, Any], last: int) -> dict[str, str]:
     """The paths of a panel at the last frame, by name; all empty for a backend that has none."""
-    names = ("trail", "marks", "dots", "rays", "belief", "robot")
+    names = ("trail", "marks", "dots", "rays", "open", "pointed", "belief", "robot")
     if not panel["pose"]:
         return dict.fromkeys((*names, "hits"), "") | {"said": panel["said"][-1]}
     marks: dict[int, list[int]] = {}
@@ -175,6 +222,8 @@ def _still(panel: dict[str, Any], last: int) -> dict[str, str]:
         + "".join(
             _ring(seen[0], seen[1], r, r, 0) for r in ([] if stopped or "rings" not in panel else panel["rings"][-1])
         ),
+        "open": _line(panel["open"][-1]) if "open" in panel else "",
+        "pointed": "" if stopped or "pointed" not in panel else _needle(*panel["pointed"][-1]),
         "hits": "" if stopped or "hits" not in panel else _dots(panel["hits"][-1]),
         "belief": "" if stopped else _ring(u, v, *panel["belief"][-1]),
         "robot": _robot(u, v, degree, stopped=stopped),
@@ -203,6 +252,17 @@ def _dot(pair: Sequence[int | None]) -> str:
 
 def _dots(pairs: Sequence[int | None]) -> str:
     return "".join(_dot(pairs[k : k + 2]) for k in range(0, len(pairs), 2))
+
+
+def _needle(*pointed: int) -> str:
+    """An arrow from a place in a direction, clockwise in degrees; "" of none."""
+    if not pointed:
+        return ""
+    u, v, degree = pointed
+    turned = np.radians(degree + np.array((0, 150, -150)))
+    x, y = np.array((NEEDLE, 22, 22)) * np.array((np.cos(turned), np.sin(turned)))
+    tip, one, other = (f"{a:.0f} {b:.0f}" for a, b in zip(u + x[0] + (0, *x[1:]), v + y[0] + (0, *y[1:]), strict=True))
+    return f"M{u} {v}L{tip}L{one}M{tip}L{other}"
 
 
 def _robot(u: int, v: int, degree: int, *, stopped: bool) -> str:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from ...core.arrays import numbered
 from ...core.errors import InputError
 from ...core.factors import Dataset
 from ...core.se2 import Array, Ints
@@ -53,6 +54,7 @@ class Replay(NamedTuple):
     dataset: str  # label
     seed: int
     log: Dataset
+    timed: bool  # its times are seconds, and do not number its steps
     frames: Ints  # (f,) the steps that are shown
     reckoned: Array  # (n, 3)
     parts: Sequence[Part]
@@ -108,7 +110,8 @@ def replay(store: Store, request: ReplayRequest, frames: int, workers: int) -> R
     named = [Part(name, look[name], *told) for name, told in zip(labels, parts, strict=True)]
     datasets = [cell.cell.dataset.label for cell in request.work.cells]
     name = called(datasets)[request.cells[0].dataset.label]
-    return Replay(name, request.seed, log, shown, log.log.dead_reckoned(), named)
+    timed = request.cells[0].log.dataset.source.seeded or not numbered(log.log.t)  # a world may have a step a second
+    return Replay(name, request.seed, log, timed, shown, log.log.dead_reckoned(), named)
 
 
 def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:

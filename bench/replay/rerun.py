@@ -15,6 +15,7 @@ from .view import Panel, View, ellipses
 
 INSTALL = "pip install 'slamduel[replay]'"
 
+NEEDLE = 1.0  # m, of a measured heading
 GREY, PALE = (140, 140, 140), (190, 190, 190)
 
 
@@ -56,6 +57,11 @@ def write_rrd(path: Path, view: View) -> None:
             recording.set_time("seconds", duration=float(view.t[frame]))
             until = int(view.at[frame])
             recording.log("known/dead-reckoning", rr.LineStrips2D(_strips(view.reckoned[:until]), colors=GREY))
+            if np.isfinite(view.positions.xy[frame]).all():
+                recording.log("known/positions", rr.Points2D(_turned(view.positions.xy[None, frame]), colors=GREY))
+            if np.isfinite(view.positions.ellipse[frame]).all():
+                shape = _ring(view.positions.xy[frame], view.positions.ellipse[frame])
+                recording.log("known/position-ellipse", rr.LineStrips2D([shape], colors=GREY))
             for panel, name in zip(view.panels, names, strict=True):
                 _grid(rr, recording, panel, name, frame, view.cells)
                 if frame < len(panel.pose):
@@ -89,6 +95,11 @@ def _log(rr: Any, recording: Any, panel: Panel, name: str, frame: int, until: in
     rays = [_turned(np.stack((seen.origin, end))) for end in seen.ends]
     rays += [_ring(seen.origin, np.array((r, r, 0.0))) for r in seen.rings]
     recording.log(f"{name}/sightings", rr.LineStrips2D(rays, colors=(*colour, 120)))
+    lines = [piece for line in panel.places[frame] for piece in _strips(line)]
+    recording.log(f"{name}/open-landmarks", rr.LineStrips2D(lines, colors=(*colour, 120), radii=-2.0))
+    x, y, heading = panel.pointed[frame]
+    needle = np.array([(x, y), (x + NEEDLE * np.cos(heading), y + NEEDLE * np.sin(heading))])
+    recording.log(f"{name}/heading", rr.LineStrips2D(_strips(needle), colors=GREY))
     for what, values in (("error", panel.error), ("nees", panel.nees), ("step", panel.step_us)):
         if np.isfinite(values[frame]):
             recording.log(f"numbers/{what}/{_entity(panel.label)}", rr.Scalars(float(values[frame])))

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.arrays import numbered
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints, act
 from ...core.truth.doubts import judges
@@ -15,6 +14,7 @@ from ..words.numerals import number
 from ..words.styles import BASELINE, Look
 from .course import Course, Landmarks
 from .grids import Hits, Raster, Sketch, around, newest, raster, sketches
+from .open_places import OpenPlaces
 from .replay import Part, Replay
 
 ELLIPSE_95 = 2.4477  # half axes of a 95 % ellipse, in standard deviations: root of chi-square's 95 % point
@@ -33,6 +33,13 @@ class Sighted(NamedTuple):
     rings: Array  # (j,) m, the ranges alone: as measured, or less the errors that the backend has estimated
 
 
+class Positions(NamedTuple):
+    """The newest position that was measured in the world since the frame before, f frames; NaN where there is none."""
+
+    xy: Array  # (f, 2) of the antenna; one of the two is NaN where the other alone was measured
+    ellipse: Array  # (f, 3) as in Panel
+
+
 class Panel(NamedTuple):
     """One backend's part; g frames of it, as far as it got."""
 
@@ -42,8 +49,10 @@ class Panel(NamedTuple):
     trail: Array  # (q, 2) the path at the trail's steps, as far as it came
     pose: Array  # (g, 3)
     ellipse: Array  # (g, 3) half axes (m) and angle (rad) of its position's covariance, NaN where not known
-    maps: Sequence[Landmarks]  # (g,)
+    maps: Sequence[Landmarks]  # (g,) without landmarks that are still open
+    places: Sequence[Sequence[Array]]  # (g,) the lines (k, 2) on which each open landmark may be, NaN in gaps
     sighted: Sequence[Sighted]  # (g,)
+    pointed: Array  # (g, 3) the newest heading measured since the frame before, at its step's position; else NaN
     error: Array  # (g,) m from the known path, not aligned
     nees: Array  # (g,) over its 3 degrees of freedom: 1 is consistent
     step_us: Array  # (g,) recorded CPU time of the frame's step
@@ -66,6 +75,7 @@ class View(NamedTuple):
     truth: Array  # (q, 2) along the trail, NaN where not known
     robot: Array  # (f, 3) the known pose, NaN where there is none
     places: Array  # (l, 2) the known landmarks
+    positions: Positions
     reckoned: Array  # (q, 2)
     panels: Sequence[Panel]
     cells: Raster | None  # of the grids, None without laser scans
@@ -81,6 +91,21 @@ class View(NamedTuple):
     def mapped(self) -> bool:
         """True where a backend has landmarks, at some frame."""
         return any(len(one.ids) for panel in self.panels for one in panel.maps)
+
+    @property
+    def fixed(self) -> bool:
+        """True where a position was measured in the world."""
+        return bool(np.isfinite(self.positions.xy).any())
+
+    @property
+    def pointed(self) -> bool:
+        """True where a heading was measured in the world."""
+        return any(np.isfinite(panel.pointed).any() for panel in self.panels)
+
+    @property
+    def open(self) -> bool:
+        """True where a landmark is open, at some frame."""
+        return any(len(some) for panel in self.panels for some in panel.places)
 
 
 class _Trail(NamedTuple):
@@ -130,12 +155,13 @@ def view(replay: Replay) -> View:
         high=high,
         steps=replay.frames,
         t=seconds[replay.frames],
-        timed=not numbered(log.t),
+        timed=replay.timed,
         at=np.searchsorted(trail.steps, replay.frames, "right"),
         pieces=bool(trail.gap.any()),
         truth=trail.along(poses),
         robot=poses[replay.frames],
         places=places,
+        positions=_positions(replay),
         reckoned=trail.along(replay.reckoned),
         panels=[_panel(replay, part, poses, trail, cells, float(np.hypot(*(high - low)))) for part in replay.parts],
         cells=cells,
@@ -192,6 +218,9 @@ def _panel(replay: Replay, part: Part, poses: Array, trail: _Trail, cells: Raste
     consistency = np.full(len(frames), np.nan)
     if replay.log.truth is not None and judges(log, replay.log.truth) and seen.any():  # as in the record
         consistency[seen] = nees(path[seen], cov[seen], true[seen]) / 3
+    open_places = OpenPlaces(log, course, across)
+    online = not course.final
+    still = [open_places.at(k, m) if online else (m, []) for k, m in zip(frames.tolist(), course.maps, strict=True)]
     return Panel(
         label=part.label,
         look=part.look,
@@ -199,8 +228,10 @@ def _panel(replay: Replay, part: Part, poses: Array, trail: _Trail, cells: Raste
         trail=trail.along(course.path),
         pose=path,
         ellipse=ellipses(cov[:, :2, :2]),
-        maps=course.maps,
+        maps=[known for known, _ in still],
+        places=[some for _, some in still],
         sighted=[_sighted(replay, course, k, across) for k in range(len(frames))],
+        pointed=_pointed(replay, course, len(frames)),
         error=np.hypot(*(path - true)[:, :2].T),
         nees=consistency,
         step_us=part.step_us[frames] if timed else np.full(len(frames), np.nan),
@@ -229,6 +260,36 @@ def _sighted(replay: Replay, course: Course, frame: int, far: float) -> Sighted:
         distance, bearing = np.append(distance, np.full(len(rays), far)), np.append(bearing, rays)
     ends = act(path[k], np.column_stack((distance * np.cos(bearing), distance * np.sin(bearing))))
     return Sighted(path[k, :2], ends, rings)
+
+
+def _newest(replay: Replay, measured: NDArray[np.bool_]) -> Ints:
+    """(f,) the last fix that is `measured` (m,) since the frame before; -1 where there is none."""
+    fixes = replay.log.log.fixes
+    newest = np.full(len(replay.frames), -1)
+    if fixes is not None:
+        rows = np.flatnonzero(measured)
+        newest[np.searchsorted(replay.frames, fixes.step[rows])] = rows  # ascending: the last of a frame stays
+    return newest
+
+
+def _positions(replay: Replay) -> Positions:
+    """The positions in the world, one for a frame at most."""
+    xy, cov = np.full((len(replay.frames), 2), np.nan), np.full((len(replay.frames), 2, 2), np.nan)
+    fixes = replay.log.log.fixes
+    if fixes is not None:
+        newest = _newest(replay, ~np.isnan(fixes.z[:, 0]) | ~np.isnan(fixes.z[:, 1]))
+        xy[newest >= 0], cov[newest >= 0] = fixes.z[newest[newest >= 0], :2], fixes.cov[newest[newest >= 0], :2, :2]
+    return Positions(xy, ellipses(cov))
+
+
+def _pointed(replay: Replay, course: Course, frames: int) -> Array:
+    """(g, 3) the headings in the world at the first frames, where the path was then, as measured."""
+    found, fixes = np.full((frames, 3), np.nan), replay.log.log.fixes
+    if fixes is not None:
+        newest = _newest(replay, ~np.isnan(fixes.z[:, 2]))[:frames]
+        rows = newest[newest >= 0]
+        found[newest >= 0] = np.column_stack((course.path[fixes.step[rows], :2], fixes.z[rows, 2]))
+    return found
 
 
 def _box(replay: Replay, poses: Array, places: Array) -> tuple[Array, Array]:

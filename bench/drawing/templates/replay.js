@@ -46,6 +46,34 @@
     return "M" + corners.join("L") + "Z";
   }
 
+{% if view.fixed %}
+  // Marks of all positions, and how much of them lies before each frame's end; the newest one's ellipse at each.
+  const positions = { d: "", until: [], shape: [] };
+  for (const one of run.positions) {
+    const [u, v, ...shape] = one, m = {{ mark }};
+    let newest = positions.shape.at(-1) || "";
+    if (one.length) {
+      newest = u === null || v === null ? "" : ring(u, v, ...shape);
+      if (v === null) positions.d += "M" + u + " 0V9999";
+      else if (u === null) positions.d += "M0 " + v + "H1000";
+      else positions.d += "M" + u + " " + (v - m) + "l" + m + " " + m + "l-" + m + " " + m + "l-" + m + " -" + m + "z";
+    }
+    positions.until.push(positions.d.length);
+    positions.shape.push(newest);
+  }
+{% endif %}
+{% if view.pointed %}
+  function needle(u, v, degree) {
+    const end = (reach, turned) => [reach * Math.cos(turned * Math.PI / 180), reach * Math.sin(turned * Math.PI / 180)];
+    const [x, y] = end({{ needle }}, degree), tip = (u + x).toFixed(0) + " " + (v + y).toFixed(0);
+    const [one, other] = [150, -150].map((turn) => {
+      const [a, b] = end(22, degree + turn);
+      return tip + "L" + (u + x + a).toFixed(0) + " " + (v + y + b).toFixed(0);
+    });
+    return "M" + u + " " + v + "L" + one + "M" + other;
+  }
+{% endif %}
+
   const truth = drawn(run.truth), reckoned = drawn(run.reckoned);
   const panels = [...document.querySelectorAll(".run")].map((figure, k) => {
     const told = run.panels[k], parts = {};
@@ -65,6 +93,10 @@
       set("known", known);
       set("reckoned", alone);
       set("true", there);
+{% if view.fixed %}
+      set("positions", positions.d.slice(0, positions.until[frame]));
+      set("position", positions.shape[frame]);
+{% endif %}
       panel.words.textContent = panel.said[Math.min(frame, panel.said.length - 1)];
       if (k < 0) continue;
 {% if view.cells %}
@@ -84,6 +116,12 @@
       set("marks", marks.map((mark) => ring(...mark)).join(""));
       set("dots", marks.map((mark) => "M" + mark[0] + " " + mark[1] + "h0").join(""));
       set("rays", rays);
+{% if view.open %}
+      set("open", drawn(panel.open[k])(Infinity));
+{% endif %}
+{% if view.pointed %}
+      set("pointed", stopped || !panel.pointed[k].length ? "" : needle(...panel.pointed[k]));
+{% endif %}
       set("belief", stopped ? "" : ring(x, y, ...panel.belief[k]));
       set("robot", robot(x, y, degree, stopped));
     }

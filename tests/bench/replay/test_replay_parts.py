@@ -100,7 +100,9 @@ def test_the_page_and_the_film_have_them(seen: View, tmp_path: Path) -> None:
     assert "</svg>sighting</span>" in page
     few = [one._replace(ends=one.ends[:0]) for one in seen.panels[0].sighted]
     none = [one._replace(ids=one.ids[:0], xy=one.xy[:0], cov=one.cov[:0]) for one in seen.panels[0].maps]
-    plain = seen._replace(places=seen.places[:0], panels=[seen.panels[0]._replace(sighted=few, maps=none)])
+    placed = [[] for _ in seen.panels[0].places]
+    panel = seen.panels[0]._replace(sighted=few, maps=none, places=placed)
+    plain = seen._replace(places=seen.places[:0], panels=[panel])
     write_page(tmp_path / "plain.html", plain)
     key = (tmp_path / "plain.html").read_text(encoding="utf-8").split('class="key"')[1].split("</p>")[0]
     assert "range alone" in key
