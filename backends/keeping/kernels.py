@@ -4,7 +4,7 @@ import numpy as np
 
 from ...core.kernels.compile_ahead import Kernels
 from ..smoothing.arrays import made
-from . import _condensed, _following, _rehung, _stretches
+from . import _condensed, _following, _located, _rehung, _stretches
 
 
 def kernels() -> Kernels:
@@ -12,9 +12,10 @@ def kernels() -> Kernels:
     g = made(0, 0.0)
     ints, numbers, table, tables = np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     return [
-        (_condensed.condense, (g, 0, 0, ints, True, table, numbers, tables)),
+        (_condensed.condense, (g, 0, 0, ints, True, True, table, numbers, tables)),
+        (_located.own_covariances, (g, ints, tables, ints)),
         (_stretches.nearest, (0.0, 0.0, table)),
-        (_stretches.stretches, (g, 0, 0, 0.0, 0, table)),
+        (_stretches.stretches, (g, 0, 0, 0.0, 0, table, True)),
         (_stretches.seen_in, (g, 0, 0)),
         (_rehung.rehang, (g,)),
         (_following.follow, (table, table, table, table, ints, ints, ints, 0.0)),
