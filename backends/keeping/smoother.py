@@ -50,6 +50,7 @@ from .anchored import NOWHERE, Anchored, Anchors
 from .compacted import Which, compacted
 from .left_out import LeftOut
 from .submaps import Condensed, Submap, begun
+from .way import Way
 
 NEWEST = 100  # steps at the end that stay as they are: what follows them still moves them
 OFTEN = 1000
@@ -86,6 +87,7 @@ class Keeping(Smoother):
         compile_ahead(f"{__package__}.kernels")
         self.submaps, self._left_out = list[Submap](), LeftOut()
         self._loops, self._anchored = prior.loops, Anchored()
+        self._way = Way()
         self._by_loops = list[Ints]()  # steps that are marginalised where loop closures alone locate the robot
         self._visits = list[
             tuple[int, int]
@@ -99,6 +101,8 @@ class Keeping(Smoother):
 
     def step(self, step: Step) -> Pose:
         """The step of an incremental smoother; from time to time poses are marginalised after it."""
+        if self._loops:
+            self._way.add(step.odometry, step.loops)
         if len(step.loops.to):
             step = step._replace(loops=self._held_loops(step.loops))
         pose = super().step(step)
@@ -302,6 +306,10 @@ class Keeping(Smoother):
             row = np.cumsum(landmarks) - 1
             around = [row[of.landmarks] for of in self.submaps]
             self._left_out.fill(out, covs, values[landmarks, :2], around, path[at], shared, g.settings[FURTHEST])
+        if self._by_loops:
+            free = np.full(self._steps, len(self._variable) == 0)  # without landmarks this is all of J
+            free[np.concatenate(self._by_loops)], free[0] = True, False
+            out = self._way.smoothed(out, free, g.settings)
         return out, covs
 
 
