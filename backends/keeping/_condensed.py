@@ -8,7 +8,7 @@ from ...core.kernels._cholesky import factor
 from ...core.kernels._planar import add_turned, information
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from ..smoothing._factors import add_linked, add_sighting, distance, square_of
+from ..smoothing._factors import add_linked, add_sighting, distance, loss, square_of
 from ..smoothing._graph import (
     DELTA,
     DSYRK,
@@ -16,14 +16,17 @@ from ..smoothing._graph import (
     FIRST,
     INFORMATION,
     LANDMARK,
+    LOSS,
     NOISE,
     OFFSET,
     PLACE,
     POINT,
+    SCALE,
     Graph,
 )  # fmt: skip
 from ..smoothing._links import motion_offset
 from ..smoothing._log import covariance_of
+from ._located import add_loops
 
 
 @compiled
@@ -47,14 +50,18 @@ def add_motion(g: Graph, k: int, F: Array, w: int) -> float:
 
 @compiled
 def add_looks(g: Graph, pose: int, F: Array, w: int) -> float:
-    """Adds the sightings from a pose, which is in the first rows of front F; their share of J."""
+    """Adds the sightings from a pose, which is in the first rows of front F; their share of J.
+
+    With a robust loss, each has the weight that it has at the linearisation points.
+    """
     x, total = g.values[pose], 0.0
     for s in range(g.variables[pose, FIRST], g.variables[pose, END]):
         landmark = g.sightings[s, LANDMARK]
         if landmark >= 0:
             m = g.values[landmark]
             add_sighting(g, s, F, w, 0, g.variables[landmark, PLACE])
-            total += distance(x[0], x[1], x[2], m[0], m[1], g.seen, s)[4]
+            q = distance(x[0], x[1], x[2], m[0], m[1], g.seen, s)[4]
+            total += loss(g.settings[LOSS], g.settings[SCALE], q)
     return total
 
 
@@ -71,12 +78,15 @@ def advance(F: Array, w: int) -> None:
 
 
 @compiled
-def condense(g: Graph, first: int, last: int, landmarks: Ints, frame: bool, W: Array, h: Array, left: Array) -> float:
+def condense(
+    g: Graph, first: int, last: int, landmarks: Ints, frame: bool, loops: bool, W: Array, h: Array, left: Array
+) -> float:
     """Eliminates the poses of steps `first` to `last`, at the linearisation points, without the motion to the first.
 
     Fills W (2m, 2m), the information about the offsets of these landmarks, and h (2m,), the right-hand side. Where the
     last pose is a `frame`, it is held fixed and not eliminated. Fills `left` (n, 3, 3), the covariance of each pose
-    given the landmarks. Returns the constant that is left of J; not a number where something is indefinite.
+    given the landmarks and, with `loops`, the other ends of its loop closures: then W and h are of no use. Returns the
+    constant that is left of J; not a number where something is indefinite.
     """
     n = 6 + 2 * len(landmarks)
     w, total, many = n + 1, 0.0, last - first + 1
@@ -86,6 +96,8 @@ def condense(g: Graph, first: int, last: int, landmarks: Ints, frame: bool, W: A
     for k in range(first, last + 1):
         if g.at[k] >= 0:
             total += add_looks(g, g.at[k], F, w)
+            if loops:
+                add_loops(g, g.at[k], first, last, F, w)
         if k < last:
             total += add_motion(g, k + 1, F, w)
         else:

@@ -4,7 +4,22 @@ import numpy as np
 
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
-from ..smoothing._graph import END, FIRST, LANDMARK, MARK, POINT, STAMP, Graph
+from ..smoothing._graph import (
+    END,
+    FIRST,
+    LANDMARK,
+    LINK,
+    LOOP,
+    MARK,
+    NEXT_A,
+    NEXT_B,
+    PENDING,
+    POINT,
+    STAMP,
+    A,
+    B,
+    Graph,
+)
 
 AROUND, ENOUGH = 5, 3
 """Steps on either side of a cut, and the landmarks that have to be in sight there: three determine a pose well."""
@@ -39,6 +54,25 @@ def seen_in(g: Graph, first: int, last: int) -> tuple[Ints, bool]:
 
 
 @compiled
+def closes(g: Graph, first: int, last: int) -> bool:
+    """Tells if a loop is closed from one of the steps `first` to `last`."""
+    found = False
+    for step in range(first, last + 1):
+        v = g.at[step]
+        k = g.variables[v, LINK] if v >= 0 else -1
+        while k >= 0:
+            found = found or (g.links[k, LOOP] != 0 and g.links[k, B] == v)
+            k = g.links[k, NEXT_A if g.links[k, A] == v else NEXT_B]
+    return found
+
+
+@compiled
+def located(g: Graph, first: int, last: int, loops: bool) -> bool:
+    """Tells if enough landmarks are sighted from the steps `first` to `last`, or, with `loops`, a loop is closed."""
+    return len(seen_in(g, first, last)[0]) >= ENOUGH or (loops and closes(g, first, last))
+
+
+@compiled
 def nearest(x: float, y: float, centres: Array) -> int:
     """The row of the nearest of the centres (c, 2) to a place; -1 if there is none."""
     best, least = -1, 0.0
@@ -50,12 +84,13 @@ def nearest(x: float, y: float, centres: Array) -> int:
 
 
 @compiled
-def stretches(g: Graph, first: int, last: int, length: float, longest: int, centres: Array) -> Ints:
+def stretches(g: Graph, first: int, last: int, length: float, longest: int, centres: Array, loops: bool) -> Ints:
     """The last steps of the stretches from step `first` on that end before step `last`.
 
     A stretch ends further than `length` (m) from its start, or after `longest` steps, or, if it is longer than SHORT of
     the length, where another of the centres (c, 2) of submaps is nearest: so the stretches of a place see the same
-    landmarks. It ends between two poses with sightings where enough is in sight on either side.
+    landmarks. It ends between two poses with sightings where enough is in sight on either side. With `loops`, a loop
+    closure is as good as that, and what begins after it may be a pose that is not a variable yet.
     """
     out, n, start = np.empty(max(last - first, 0), np.int64), 0, first
     here = nearest(g.steps[first, POINT], g.steps[first, POINT + 1], centres)
@@ -67,10 +102,9 @@ def stretches(g: Graph, first: int, last: int, length: float, longest: int, cent
                 continue
             if nearest(g.steps[k + 1, POINT], g.steps[k + 1, POINT + 1], centres) == here:
                 continue
-        if g.at[k] < 0 or g.at[k + 1] < 0:
+        if g.at[k] < 0 or g.at[k + 1] == PENDING or (g.at[k + 1] < 0 and not loops):
             continue
-        before = len(seen_in(g, max(start, k + 1 - AROUND), k)[0])
-        if before >= ENOUGH and len(seen_in(g, k + 1, min(k + AROUND, last))[0]) >= ENOUGH:
+        if located(g, max(start, k + 1 - AROUND), k, loops) and located(g, k + 1, min(k + AROUND, last), loops):
             out[n] = k
             n += 1
             start = k + 1

@@ -15,6 +15,7 @@ from ..smoothing._graph import (
     LANDMARK,
     LAST,
     LINKS,
+    LOOP,
     MARK,
     MEMBER,
     NO_VARIABLE,
@@ -53,7 +54,7 @@ class Compacted(NamedTuple):
 def compacted(g: Graph, keeps: Which, frames: Which, submaps: Sequence[Submap]) -> Compacted:
     """Makes the tables with the steps that it `keeps` (T,), those in `frames` (T,) with nothing but a submap.
 
-    There are links along motions alone. `submaps` are all there are, by old numbers, and get new ones.
+    A loop closure stays where both of its poses do. `submaps` are all there are, by old numbers, and get new ones.
     """
     state = g.state
     T, V, S, K = int(state[STEPS]), int(state[VARIABLES]), int(state[SIGHTINGS]), int(state[LINKS])
@@ -65,7 +66,11 @@ def compacted(g: Graph, keeps: Which, frames: Which, submaps: Sequence[Submap]) 
     looked = stays[looks[:, POSE]] & ~framed[looks[:, POSE]]
     sighting = _numbers(looked)
     apart = np.concatenate(([0], np.cumsum(~keeps | frames)))
-    linked = apart[old[links[:, B], STEP] + 1] == apart[old[links[:, A], STEP]]
+    linked = np.where(
+        links[:, LOOP] != 0,
+        stays[links[:, A]] & stays[links[:, B]],
+        apart[old[links[:, B], STEP] + 1] == apart[old[links[:, A], STEP]],
+    )
     link = _numbers(linked)
 
     members = sum(len(submap.landmarks) for submap in submaps)

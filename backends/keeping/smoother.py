@@ -16,24 +16,49 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.factors import Prior, Step
+from ...core.factors import Prior, RelativePoses, Step
 from ...core.kernels.compile_ahead import compile_ahead
-from ...core.se2 import Array
+from ...core.se2 import Array, Ints
 from ..api import COMPILED_HERE, Builder, Diverged, Pose, Unsuited
 from ..common_options import without_loss
 from ..incremental.smoother import Options, Smoother
-from ..smoothing._graph import FURTHEST, LAST, ROOT, STEP, STEPS, VARIABLES, WIDTH, Graph
+from ..smoothing import _log
+from ..smoothing._graph import (
+    COVARIANCE,
+    FURTHEST,
+    LAST,
+    LINKS,
+    LOOP,
+    MOTION,
+    POINT,
+    ROOT,
+    STEP,
+    STEPS,
+    VARIABLES,
+    WIDTH,
+    A,
+    B,
+    Graph,
+)
+from ..smoothing._links import relink
+from ..smoothing._log import covariance_of
+from ..smoothing.forest import NOBODY
 from ._condensed import condense
-from ._stretches import nearest, seen_in, stretches
+from ._located import own_covariances
+from ._stretches import ENOUGH, SHORT, nearest, seen_in, stretches
+from .anchored import NOWHERE, Anchored, Anchors
 from .compacted import Which, compacted
 from .left_out import LeftOut
 from .submaps import Condensed, Submap, begun
+from .way import Way
 
 NEWEST = 100  # steps at the end that stay as they are: what follows them still moves them
 OFTEN = 1000
 """Steps between two looks for what can be marginalised: fewer than half of all that is kept would cost too much."""
 
 LONGEST = 1000  # steps of a stretch
+VISITS = 4  # stretches that stay at a place where loop closures alone locate the robot
+BESIDE = 1.0  # m, of a stretch that leads past a place
 NEAR = 0.5  # m for each of `keep`, between the middles of two stretches that have one submap
 
 
@@ -51,18 +76,22 @@ class Keeping(Smoother):
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         lag = "so does fixed-lag, at a bounded cost"
         for there, what, other in (
-            (prior.loops, "no loop closures, which are to poses that it does not keep", "ekf[poses=200] takes some"),
             (prior.partial, "no sightings that tell a range or a bearing alone", lag),
             (prior.fixes, "no positions and headings measured in the world", lag),
             (prior.gyro is not None, "no gyro's bias in the state", "gyro=front estimates it in front"),
             (prior.map is not None, "no given map, with which nothing is new", lag),
-            (options.loss != "none", "no robust loss, whose weights would stay as they are", lag),
         ):
             if there:
                 raise Unsuited(f"keep={options.keep:g} takes {what}; keep=0 does, and {other}")
         super().__init__(prior, options, rng)
         compile_ahead(f"{__package__}.kernels")
         self.submaps, self._left_out = list[Submap](), LeftOut()
+        self._loops, self._anchored = prior.loops, Anchored()
+        self._way = Way()
+        self._by_loops = list[Ints]()  # steps that are marginalised where loop closures alone locate the robot
+        self._visits = list[
+            tuple[int, int]
+        ]()  # first and last step of each stretch that loop closures locate, and stays
         self._numbers = np.zeros(0, np.int64)  # steps of the rows that were there when this was last looked at
         self._known = np.zeros(0, np.bool_)  # variables of landmarks that have been seen in an earlier stretch
         self._begin = 1  # row of the first stretch that has not ended
@@ -72,6 +101,10 @@ class Keeping(Smoother):
 
     def step(self, step: Step) -> Pose:
         """The step of an incremental smoother; from time to time poses are marginalised after it."""
+        if self._loops:
+            self._way.add(step.odometry, step.loops)
+        if len(step.loops.to):
+            step = step._replace(loops=self._held_loops(step.loops))
         pose = super().step(step)
         if self.held < self._next:
             return pose
@@ -86,6 +119,19 @@ class Keeping(Smoother):
         """The number of steps that it still has motions or sightings of."""
         return int(self._forest.g.state[STEPS])
 
+    def _held_loops(self, loops: RelativePoses) -> RelativePoses:
+        """A step's loop closures, those to marginalised steps transferred; `to` has rows of those that are held."""
+        loops = self._anchored.moved(loops, [self._row(to) < 0 for to in loops.to.tolist()])
+        return loops._replace(to=np.array([self._row(to) for to in loops.to.tolist()], np.int64))
+
+    def _row(self, step: int) -> int:
+        """The row of a step; -1 if it is marginalised."""
+        looked = len(self._numbers)
+        if looked == 0 or step > self._numbers[-1]:
+            return step - (self._steps - self.held)
+        row = int(np.searchsorted(self._numbers, step))
+        return row if self._numbers[row] == step else -1
+
     def _look(self) -> None:
         """Decides on all stretches that have ended but the last one, and marginalises those that show nothing new."""
         g = self._forest.g
@@ -93,7 +139,7 @@ class Keeping(Smoother):
         self._known = np.concatenate((self._known, np.zeros(int(g.state[VARIABLES]) - len(self._known), np.bool_)))
         self._numbers = np.concatenate((self._numbers, np.arange(self._steps - rows + len(self._numbers), self._steps)))
         ended, gone = self._waiting, list[tuple[int, int]]()
-        ends = stretches(g, self._begin, rows - NEWEST, self._options.keep, LONGEST, self._centres(g))
+        ends = stretches(g, self._begin, rows - NEWEST, self._options.keep, LONGEST, self._centres(g), self._loops)
         for end in ends.tolist():
             ended.append(Stretch(self._begin, end, self._is_new(self._begin, end)))
             self._begin = end + 1
@@ -107,11 +153,28 @@ class Keeping(Smoother):
         self._next = self.held + max(OFTEN, self._begin // 2)
 
     def _is_new(self, first: int, last: int) -> bool:
-        """Tells if a landmark is seen for the first time in these rows, or held back; from now on it is known."""
+        """Tells if a landmark is seen for the first time in these rows, or held back; from now on it is known.
+
+        Where loop closures alone locate the robot, it is new if it has not been there often enough.
+        """
         seen, held = seen_in(self._forest.g, first, last)
         new = held or not self._known[seen].all()
         self._known[seen] = True
+        if self._loops and len(seen) < ENOUGH:
+            new = new or self._visited(first, last) < VISITS
+            if new:
+                self._visits.append((int(self._numbers[first]), int(self._numbers[last])))
         return new
+
+    def _visited(self, first: int, last: int) -> int:
+        """How many of the stretches that stay lead past the begin, the middle and the end of these rows."""
+        places, count = self._forest.g.steps[:, POINT : POINT + 2], 0
+        here = places[[first, (first + last) // 2, last]]
+        for begin, end in self._visits:
+            there = places[self._row(begin) : self._row(end) + 1]
+            away = np.hypot(*(here[:, None] - there[None]).transpose(2, 0, 1)).min(axis=1)
+            count += bool((away <= BESIDE).all())
+        return count
 
     def _marginalise(self, gone: list[tuple[int, int]]) -> None:
         """Marginalises stretches, first and last rows, at the present estimate."""
@@ -121,26 +184,75 @@ class Keeping(Smoother):
         g, path = forest.g, estimate.path
         self._left_out.begin(estimate.values[g.variables[: len(estimate.values), WIDTH] == 2, :2])
         keeps, frames = np.ones(len(path), np.bool_), np.zeros(len(path), np.bool_)
+        anchors = self._anchors(path, gone)
         for first, last in gone:
             middle = path[(first + last) // 2, :2]
-            index = self._nearest(g, middle)
             landmarks, _ = seen_in(g, first, last)
+            by_loops = self._loops and len(landmarks) < ENOUGH
+            index = -1 if by_loops else self._nearest(g, middle)
             n, begins = 2 * len(landmarks), index == len(self.submaps)
             W, h, left = np.zeros((n, n)), np.zeros(n), np.zeros((last - first + 1, 3, 3))
-            constant = condense(g, first, last, landmarks, begins, W, h, left)
-            if not np.isfinite(constant):  # it stays as it is
-                continue
-            told = Condensed(landmarks, W, h, constant)
-            if begins:
-                v = int(g.at[last])
-                self.submaps.append(begun(v, told, g.values[v], g.values, left[-1], middle))
-            else:
-                self.submaps[index].add(told, g.values[self.submaps[index].frame], g.values)
+            constant = condense(g, first, last, landmarks, begins, by_loops, W, h, left)
             rows = np.arange(first, last if begins else last + 1)
-            self._left_out.add(self._numbers[rows], index, path[rows], left[: len(rows)])
+            near = anchors.nearest(path[rows], SHORT * self._options.keep) if self._loops else NOBODY
+            if not np.isfinite(constant) or (by_loops and (near == NOWHERE).any()):  # it stays as it is
+                continue
+            if by_loops:
+                self._by_loops.append(self._numbers[rows])
+            else:
+                told = Condensed(landmarks, W, h, constant)
+                if begins:
+                    v = int(g.at[last])
+                    self.submaps.append(begun(v, told, g.values[v], g.values, left[-1], middle))
+                else:
+                    self.submaps[index].add(told, g.values[self.submaps[index].frame], g.values)
+                self._left_out.add(self._numbers[rows], index, path[rows], left[: len(rows)])
+            if self._loops:
+                self._anchored.add(self._numbers[rows], anchors, near, path[rows], left[: len(rows)])
+                self._transfer(rows)
             keeps[rows] = False
-        frames[[g.variables[submap.frame, STEP] for submap in self.submaps]] = True
+        for _, last in gone:
+            if not keeps[last] and last + 1 < len(keeps) and keeps[last + 1]:
+                self._begin_at(last + 1)
+        frames[[forest.g.variables[submap.frame, STEP] for submap in self.submaps]] = True
         self._renumber(keeps, frames)
+
+    def _anchors(self, path: Array, gone: list[tuple[int, int]]) -> Anchors:
+        """The poses that stay for ever, and are variables that landmarks or loop closures locate."""
+        g = self._forest.g
+        stay = np.arange(len(path)) < (self._waiting[0].first if self._waiting else 0)
+        for first, last in gone:
+            stay[first : last + 1] = False
+        rows = np.flatnonzero(stay & (g.at[: len(path)] >= 0)) if self._loops else NOBODY
+        covs, definite = np.zeros((len(rows), 3, 3)), np.zeros(len(rows), np.int64)
+        own_covariances(g, g.at[rows], covs, definite)
+        some = definite == 1
+        rows = rows[some]
+        return Anchors(self._numbers[rows], g.at[rows], path[rows], covs[some])
+
+    def _transfer(self, rows: Ints) -> None:
+        """Has loop closures to the steps of these rows lead to their anchors, as long as they stay."""
+        g = self._forest.g
+        links = g.links[: g.state[LINKS]]
+        step = g.variables[links[:, A], STEP]
+        after = g.variables[links[:, B], STEP] > rows[-1]
+        for k in np.flatnonzero((links[:, LOOP] != 0) & (step >= rows[0]) & (step <= rows[-1]) & after).tolist():
+            number = int(self._numbers[step[k]])
+            anchor = self._anchored.anchor(number)
+            if anchor != NOWHERE:
+                L, C = g.linked[k], np.zeros((3, 3))
+                covariance_of(L, COVARIANCE, C)
+                L[MOTION : MOTION + 3], C = self._anchored.transferred(number, L[MOTION : MOTION + 3].copy(), C)
+                L[COVARIANCE : COVARIANCE + 6] = C[np.triu_indices(3)]
+                g.links[k, A] = g.at[self._row(anchor)]
+                relink(g, k)
+
+    def _begin_at(self, row: int) -> None:
+        """Makes the pose of a row, which no motion will lead to, a variable."""
+        forest = self._forest
+        if forest.g.at[row] < 0:
+            forest.room(0, 1, 0, 1, 0)
+            _log.split(forest.g, row)
 
     def _centres(self, g: Graph) -> Array:
         """(n, 2) the middles of the stretches that the submaps were made for."""
@@ -166,7 +278,8 @@ class Keeping(Smoother):
         self._newest = int(new.variables[self._newest])
         for rows in self._held.values():
             rows[:] = [int(new.sightings[row]) for row in rows if new.sightings[row] >= 0]
-        self._known, self._numbers = self._known[new.variables >= 0], self._numbers[keeps]
+        more = np.zeros(len(new.variables) - len(self._known), np.bool_)
+        self._known, self._numbers = np.concatenate((self._known, more))[new.variables >= 0], self._numbers[keeps]
         fewer = np.concatenate(([0], np.cumsum(~keeps)))
         self._begin -= int(fewer[self._begin])
         self._waiting = [
@@ -184,6 +297,8 @@ class Keeping(Smoother):
         numbers = np.concatenate((self._numbers, np.arange(self._steps - rows + len(self._numbers), self._steps)))
         out, covs = np.empty((self._steps, 3)), np.empty((self._steps, 3, 3))
         out[numbers], covs[numbers] = path, left
+        if self._by_loops:
+            self._anchored.fill(np.concatenate(self._by_loops), out, covs)
         if self.submaps:
             at = [int(g.variables[submap.frame, STEP]) for submap in self.submaps]
             shared = np.array([left[row] - of.own_at(path[row]) for row, of in zip(at, self.submaps, strict=True)])
@@ -191,6 +306,10 @@ class Keeping(Smoother):
             row = np.cumsum(landmarks) - 1
             around = [row[of.landmarks] for of in self.submaps]
             self._left_out.fill(out, covs, values[landmarks, :2], around, path[at], shared, g.settings[FURTHEST])
+        if self._by_loops:
+            free = np.full(self._steps, len(self._variable) == 0)  # without landmarks this is all of J
+            free[np.concatenate(self._by_loops)], free[0] = True, False
+            out = self._way.smoothed(out, free, g.settings)
         return out, covs
 
 
