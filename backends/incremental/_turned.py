@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ...core.kernels._cholesky import row_of
 from ...core.kernels._planar import moved
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
@@ -55,11 +56,11 @@ def bias_of(address: int, v: int) -> tuple[float, float]:
     """The estimate of a bias (rad/s) in the root, and its variance; `address` is that of the graph."""
     g = graph(address)
     m, first = 2 * g.state[ROOT] + 3, 2 * g.variables[v, SLOT]
-    y, z, off = np.zeros(m), np.zeros(m), 0.0
+    y, z, off, w = np.zeros(m), np.zeros(m), 0.0, row_of(m)
     y[first] = z[first + 1] = 1.0
     substitute_two(g.work, m, y, z, first)
     for i in range(first, m):
-        off += y[i] * g.work[i * (m + 1) + m]
+        off += y[i] * g.work[i * w + w - 1]
     return g.values[v, 0] + off, product(y, y, first)
 
 

@@ -4,14 +4,13 @@ from math import nan
 
 import numpy as np
 
-from ...core.kernels._cholesky import factor
+from ...core.kernels._cholesky import factor, row_of
 from ...core.kernels._planar import add_turned, information
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from ..smoothing._factors import add_linked, add_sighting, distance, loss, square_of
 from ..smoothing._graph import (
     DELTA,
-    DSYRK,
     END,
     FIRST,
     INFORMATION,
@@ -89,7 +88,7 @@ def condense(
     constant that is left of J; not a number where something is indefinite.
     """
     n = 6 + 2 * len(landmarks)
-    w, total, many = n + 1, 0.0, last - first + 1
+    w, total, many = row_of(n), 0.0, last - first + 1
     for t in range(len(landmarks)):
         g.variables[landmarks[t], PLACE] = 6 + 2 * t
     F, R, own, S = np.zeros(n * w), np.empty((many, 3, 6)), np.empty(6), np.empty(6)
@@ -104,10 +103,10 @@ def condense(
             own[0], own[1], own[2], own[3], own[4], own[5] = F[0], F[1], F[2], F[w + 1], F[w + 2], F[2 * w + 2]
             if frame:
                 break
-        if not factor(F, n, 3, g.state[DSYRK]):
+        if not factor(F, n, 3):
             return nan
         for i in range(3):
-            total -= F[i * w + n] ** 2
+            total -= F[i * w + w - 1] ** 2
             for j in range(6):
                 R[k - first, i, j] = F[i * w + j]
         if k < last:

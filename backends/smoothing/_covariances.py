@@ -12,7 +12,7 @@ each clique handing what is left on its separators to its parent. The offsets of
 
 import numpy as np
 
-from ...core.kernels._cholesky import unsigned
+from ...core.kernels._cholesky import row_of, unsigned
 from ...core.kernels._planar import add_turned, levered
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
@@ -174,7 +174,7 @@ def pose_covariances(g: Graph, order: Ints, widest: int, out: Array) -> bool:
     m = 2 * g.state[ROOT] + 3
     C, T = np.empty((max(m, widest), max(m, widest))), np.empty((widest, widest))
     rows = np.empty((g.state[STEPS], 27))
-    invert(g.work, 0, m + 1, m, C)
+    invert(g.work, 0, row_of(m), m, C)
     last = g.variables[g.state[LAST], STEP]
     take_out(C, m - 3, out[last])
     for t in range(g.state[ROOT]):
@@ -271,11 +271,11 @@ def add_products(y: Array, R: Array, o: int, rows: int, size: int, off: Array, c
 
 @compiled
 def substitute_two(R: Array, m: int, y: Array, z: Array, first: int) -> None:
-    """Solves R' y = b and R' z = c in place for y and z (m,), which are zero before `first`.
+    """Solves R' y = b and R' z = c in place for y and z (m,), which are zero before `first`; R is a factored front.
 
     Four rows of R at a time, so that the rest of y and z is read and written once for four.
     """
-    w, i = m + 1, first
+    w, i = row_of(m), first
     while i < m:
         last = min(i + 4, m)
         for r in range(i, last):
@@ -377,7 +377,7 @@ def joint(address: int, landmarks: Ints, latest: Array, latest_cov: Array, at: A
     """
     g = graph(address)
     n, m, last = len(landmarks), 2 * g.state[ROOT] + 3, g.state[LAST]
-    columns = 2 * n + 3
+    columns, w = 2 * n + 3, row_of(m)
     cov[:] = 0.0
     top, first, off = np.zeros((columns + 1, m)), np.full(columns + 1, m - 3), np.zeros(columns)
     for t in range(n):
@@ -395,7 +395,7 @@ def joint(address: int, landmarks: Ints, latest: Array, latest_cov: Array, at: A
         for j in range(k + 1):
             cov[k, j] += product(top[k], top[j], max(first[k], first[j]))
         for i in range(first[k], m):
-            off[k] += top[k, i] * g.work[i * (m + 1) + m]
+            off[k] += top[k, i] * g.work[i * w + w - 1]
     for t in range(n):
         for i in range(2):
             at[t, i] = g.values[landmarks[t], i] + off[2 * t + i]

@@ -6,7 +6,7 @@ rows. The part of the root from cliques that do not contain the pose is stored s
 
 import numpy as np
 
-from ...core.kernels._cholesky import factor, unsigned
+from ...core.kernels._cholesky import factor, row_of, unsigned
 from ...core.kernels._planar import information, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
@@ -16,7 +16,6 @@ from ._graph import (
     BOUND,
     CHILD,
     DAMPING,
-    DSYRK,
     END,
     FACTOR,
     FAILED,
@@ -174,7 +173,7 @@ def eliminate(g: Graph, c: int) -> None:
         refresh_given(g, c)
         return
     start, m, front = q[LISTED], q[SIZE], q[FRONT]
-    w = m + 1
+    w = row_of(m)
     F = g.work
     F[: m * w] = 0.0
     place = 0
@@ -200,18 +199,24 @@ def eliminate(g: Graph, c: int) -> None:
         child = g.cliques[child, NEXT]
     damp(g, F, w, front)
     g.state[WORK] += front * m * m
-    if not factor(F, m, front, g.state[DSYRK]):
+    if not factor(F, m, front):
         g.state[FAILED] = 1
         return
-    a = unsigned(q[FACTOR])
-    for j in range(unsigned(front * w)):
-        g.reals[a + j] = F[j]
-    o = q[UPDATE]
-    for i in range(front, m):
-        a, b = unsigned(o), unsigned(i * w + i)
-        for j in range(unsigned(w - i)):
-            g.reals[a + j] = F[b + j]
-        o += w - i
+    store(g, F, 0, front, m, False, q[FACTOR])
+    store(g, F, front, m, m, True, q[UPDATE])
+
+
+@compiled
+def store(g: Graph, F: Array, first: int, last: int, m: int, upper: bool, o: int) -> None:
+    """Writes rows `first` to `last` of a front of `m` scalars, from the diagonal on if `upper`, to `reals` from `o` on."""
+    w, numbers = row_of(m), g.reals
+    for i in range(first, last):
+        many = m - i if upper else m
+        a, b = unsigned(o), unsigned(i * w + m - many)
+        for j in range(unsigned(many)):
+            numbers[a + j] = F[b + j]
+        numbers[o + many] = F[i * w + w - 1]
+        o += many + 1
 
 
 @compiled
@@ -235,7 +240,7 @@ def factor_root(g: Graph) -> int:
     n = 2 * g.state[ROOT]
     pose = g.state[LAST]
     m = n + 3
-    w = m + 1
+    w = row_of(m)
     wide = 2 * len(g.root) + 1
     F = g.work
     F[: m * w] = 0.0
@@ -243,7 +248,7 @@ def factor_root(g: Graph) -> int:
         a, b = unsigned(i * w), unsigned(i * wide)
         for j in range(unsigned(i), unsigned(n)):
             F[a + j] = g.rest[b + j]
-        F[i * w + m] = g.rest[i * wide + wide - 1]
+        F[i * w + w - 1] = g.rest[i * wide + wide - 1]
     for t in range(g.state[ROOT]):
         g.variables[g.root[t], PLACE] = 2 * t
     g.variables[pose, PLACE] = n
@@ -255,17 +260,17 @@ def factor_root(g: Graph) -> int:
     if pose == 0:
         add_prior(g, F, w)
     damp(g, F, w, m)
-    if not factor(F, m, m, g.state[DSYRK]):
+    if not factor(F, m, m):
         g.state[FAILED] = 1
     return m
 
 
 @compiled
-def solve_rows(R: Array, o: int, rows: int, m: int, y: Array) -> None:
-    """Solves R y = d for y[:rows], the rest of y (m,) being known; R's rows of m + 1 numbers begin at `o`."""
+def solve_rows(R: Array, o: int, w: int, rows: int, m: int, y: Array) -> None:
+    """Solves R y = d for y[:rows], the rest of y (m,) being known; R's rows of `w` numbers, d last, begin at `o`."""
     one, two, three, four = unsigned(1), unsigned(2), unsigned(3), unsigned(4)
     for i in range(rows - 1, -1, -1):
-        b, k, many = o + i * (m + 1), unsigned(i + 1), m - 1 - i
+        b, k, many = o + i * w, unsigned(i + 1), m - 1 - i
         a, fours = unsigned(b) + k, unsigned(many // 4)
         s0 = s1 = s2 = s3 = 0.0  # four sums at a time: a single one waits for each addition
         for t in range(fours):
@@ -276,7 +281,7 @@ def solve_rows(R: Array, o: int, rows: int, m: int, y: Array) -> None:
             s3 += R[a + j + three] * y[k + j + three]
         for j in range(four * fours, unsigned(many)):
             s0 += R[a + j] * y[k + j]
-        y[i] = (R[b + m] - (s0 + s1) - (s2 + s3)) / R[b + i]
+        y[i] = (R[b + w - 1] - (s0 + s1) - (s2 + s3)) / R[b + i]
 
 
 @compiled
@@ -292,11 +297,11 @@ def last_pose(g: Graph, m: int, pose: Array, cov: Array) -> None:
 @compiled
 def last_three(F: Array, m: int, off: Array, cov: Array) -> None:
     """The last three of `m` scalars, off (3,), and their covariance (3, 3), from [R d]."""
-    w = m + 1
-    o = (m - 3) * w + m - 3
-    a, b, c, d = F[o], F[o + 1], F[o + 2], F[o + 3]
-    e, f, h = F[o + w + 1], F[o + w + 2], F[o + w + 3]
-    k, n = F[o + 2 * w + 2], F[o + 2 * w + 3]
+    w = row_of(m)
+    o, right = (m - 3) * w + m - 3, (m - 2) * w - 1
+    a, b, c, d = F[o], F[o + 1], F[o + 2], F[right]
+    e, f, h = F[o + w + 1], F[o + w + 2], F[right + w]
+    k, n = F[o + 2 * w + 2], F[right + 2 * w]
     y2 = n / k
     y1 = (h - f * y2) / e
     y0 = (d - b * y1 - c * y2) / a

@@ -42,7 +42,7 @@ graph = at(Graph)
 
 # state
 VARIABLES, SIGHTINGS, LINKS, STEPS, CLIQUES, SPARE, INTS, REALS, STAMP, ROOT, NEAR, FAR, LAST = range(13)
-TODO, RESUM, FAILED, WORK, FULL, WIDEST, GIVEN, GIVEN_INTS, GIVEN_REALS, DSYRK, FIXED, STATE = range(13, 25)
+TODO, RESUM, FAILED, WORK, FULL, WIDEST, GIVEN, GIVEN_INTS, GIVEN_REALS, FIXED, STATE = range(13, 24)
 # variables; CLIQUE is 0 in the root, SLOT -1 outside it; SUBMAP is 0, or where that of the pose begins in `submaps`
 WIDTH, CLIQUE, SLOT, MARK, PLACE, FIRST, END, LINK, STEP, SUBMAP = range(10)
 # sightings; without landmark: held back; PART says what a row is

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ...core.kernels._cholesky import row_of
 from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
@@ -61,7 +62,7 @@ def offsets(g: Graph, order: Ints, out: Array) -> None:
     """Offsets of all variables from their linearisation points, (V, 3); `order` has parents before their children."""
     m = 2 * g.state[ROOT] + 3
     y = np.empty(len(g.spots) + 3)
-    solve_rows(g.work, 0, m, m, y)
+    solve_rows(g.work, 0, row_of(m), m, m, y)
     for t in range(g.state[ROOT]):
         out[g.root[t], 0], out[g.root[t], 1] = y[2 * t], y[2 * t + 1]
     for i in range(3):
@@ -76,7 +77,8 @@ def offsets(g: Graph, order: Ints, out: Array) -> None:
             for i in range(g.variables[v, WIDTH]):
                 y[k] = out[v, i]
                 k += 1
-        solve_rows(g.reals, g.cliques[c, FACTOR], g.cliques[c, FRONT], g.cliques[c, SIZE], y)
+        size = g.cliques[c, SIZE]
+        solve_rows(g.reals, g.cliques[c, FACTOR], size + 1, g.cliques[c, FRONT], size, y)
         k = 0
         for t in range(start, start + frontals):
             v = g.ints[t]
@@ -89,8 +91,9 @@ def offsets(g: Graph, order: Ints, out: Array) -> None:
 def predicted_fall(g: Graph, order: Ints) -> float:
     """The decrease of J by all offsets if its residuals were linear: the sum of squares of d in all [R d]."""
     m, total = 2 * int(g.state[ROOT]) + 3, 0.0
+    w = row_of(m)
     for i in range(m):
-        total += float(g.work[i * (m + 1) + m]) ** 2
+        total += float(g.work[i * w + w - 1]) ** 2
     for c in order:
         if g.cliques[c, FRONTALS] > 0:
             size, at = g.cliques[c, SIZE], g.cliques[c, FACTOR]

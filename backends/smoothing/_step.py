@@ -5,6 +5,7 @@ And, in another one, the question which sightings are expected at it.
 
 import numpy as np
 
+from ...core.kernels._cholesky import row_of
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from .._expected_arrays import expected_at
@@ -122,7 +123,7 @@ def root_offset(address: int) -> float:
     g = graph(address)
     m = 2 * g.state[ROOT] + 3
     y, most = np.empty(m), 0.0
-    solve_rows(g.work, 0, m, m, y)
+    solve_rows(g.work, 0, row_of(m), m, m, y)
     for i in range(m):
         most = max(most, abs(y[i]))
     return most

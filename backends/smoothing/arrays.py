@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 
 from ...core.factors import RangeBearing
-from ...core.kernels._blas import routine
+from ...core.kernels._cholesky import row_of
+from ...core.kernels._lanes import LANES
 from ...core.se2 import Array
-from ._graph import CLASSES, CLIQUES, DSYRK, RESUM, STATE, Graph
+from ._graph import CLASSES, CLIQUES, RESUM, STATE, Graph
 
 TOGETHER = {
     "variables": ("variables", "values"),
@@ -48,7 +49,7 @@ def made(loss: int, scale: float, enough: float = 0.0) -> Graph:
         spots=np.zeros(0, np.int64),
         settings=np.array((loss, scale, 0.0, 0.0, 0.0, 0.0, 0.0, enough, np.inf)),
     )
-    g.state[CLIQUES], g.state[DSYRK] = 1, routine("dsyrk")
+    g.state[CLIQUES] = 1
     return with_front(with_root(g, 32), 70)
 
 
@@ -75,7 +76,7 @@ def with_front(g: Graph, size: int) -> Graph:
     """`g` with room for a front of that many scalars."""
     if 2 * size <= len(g.spots):
         return g
-    return g.replaced(work=np.zeros(size * (size + 1) + 4 * size), spots=np.zeros(2 * size, np.int64))
+    return g.replaced(work=_aligned(size * row_of(size) + 4 * size), spots=np.zeros(2 * size, np.int64))
 
 
 def as_rows(sightings: RangeBearing, into: Array) -> Array:
@@ -86,6 +87,13 @@ def as_rows(sightings: RangeBearing, into: Array) -> Array:
     into[:n, :2] = sightings.z
     into[:n, 2:] = sightings.cov.reshape(n, 4)
     return into
+
+
+def _aligned(n: int) -> Array:
+    """Zeros that begin where a line of the cache does: eights of them (see `_lanes`) lie in one line each."""
+    whole = np.zeros(n + LANES)
+    first = -(whole.ctypes.data // whole.itemsize) % LANES
+    return whole[first : first + n]
 
 
 def _longer(array: Any, more: int) -> Any:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from ...core.kernels._cholesky import row_of
 from ...core.kernels.compile_ahead import compile_ahead
 from ...core.se2 import Array, Ints
 from ..api import Diverged
@@ -248,7 +249,7 @@ class Forest:
         seen = np.setdiff1d(_opening.sighted(self.g, last), landmarks)
         other.reorganise(last, np.concatenate((landmarks, seen)), everything=True)
         m = 2 * (len(landmarks) + len(seen)) + 3
-        inverse: Array = solve_triangular(other.g.work[: m * (m + 1)].reshape(m, m + 1)[:, :m], np.eye(m))
+        inverse: Array = solve_triangular(other.g.work[: m * row_of(m)].reshape(m, row_of(m))[:, :m], np.eye(m))
         rows = np.r_[: 2 * len(landmarks), m - 3 : m]
         return inverse[rows] @ inverse[rows].T
 

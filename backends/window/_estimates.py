@@ -6,13 +6,13 @@ that variable's stage on. The variable is then Y' d, and its covariance Y' Y.
 
 import numpy as np
 
-from ...core.kernels._cholesky import factor, unsigned
+from ...core.kernels._cholesky import factor, row_of, unsigned
 from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
 from ..smoothing._front import last_three, solve_rows
 from ._chain import DONE, INDEFINITE
-from ._window import AT, BEGIN, DSYRK, MANY, NAME, NOW, OWN, POSE, POSES, SLOTS, STAGES, Window, row
+from ._window import AT, BEGIN, MANY, NAME, NOW, OWN, POSE, POSES, SLOTS, STAGES, Window, row
 
 
 @compiled
@@ -20,19 +20,20 @@ def factor_front(w: Window) -> int:
     """Factors the front, its pose last, into [R d] in `work`."""
     n, r, F, T = 2 * w.state[SLOTS], row(w), w.front, w.work
     m = n + 3
-    c = m + 1
+    c = row_of(m)
+    T[: m * c] = 0.0
     for i in range(n):
         to, of = unsigned(i * c), unsigned((3 + i) * r + 3)
         for j in range(unsigned(i), unsigned(n)):
             T[to + j] = F[of + j]
         for j in range(3):
             T[i * c + n + j] = F[j * r + 3 + i]
-        T[i * c + m] = F[(3 + i) * r + r - 1]
+        T[i * c + c - 1] = F[(3 + i) * r + r - 1]
     for i in range(3):
         for j in range(i, 3):
             T[(n + i) * c + n + j] = F[i * r + j]
-        T[(n + i) * c + m] = F[i * r + r - 1]
-    return DONE if factor(T, m, m, w.state[DSYRK]) else INDEFINITE
+        T[(n + i) * c + c - 1] = F[i * r + r - 1]
+    return DONE if factor(T, m, m) else INDEFINITE
 
 
 @compiled
@@ -83,7 +84,8 @@ def through(w: Window, t: int, E: Array, mean: Array, cov: Array, y: Array) -> N
 @compiled
 def through_root(w: Window, i: int, m: int, E: Array, mean: Array, cov: Array) -> None:
     """Likewise through row `i` of the root, E being in its order."""
-    o = unsigned(i * (m + 1))
+    c = row_of(m)
+    o = unsigned(i * c)
     d = w.work[o + unsigned(i)]
     y0, y1, y2 = E[0, i] / d, E[1, i] / d, E[2, i] / d
     for j in range(unsigned(i + 1), unsigned(m)):
@@ -91,7 +93,7 @@ def through_root(w: Window, i: int, m: int, E: Array, mean: Array, cov: Array) -
         E[0, j] -= y0 * t
         E[1, j] -= y1 * t
         E[2, j] -= y2 * t
-    collect(y0, y1, y2, w.work[o + unsigned(m)], mean, cov)
+    collect(y0, y1, y2, w.work[o + unsigned(c - 1)], mean, cov)
 
 
 @compiled
@@ -146,7 +148,7 @@ def offsets(w: Window, poses: Array, places: Array) -> None:
     n = w.state[SLOTS]
     m = 2 * n + 3
     y, z = np.empty(m), np.empty(2 * len(w.slots) + 6)
-    solve_rows(w.work, 0, m, m, y)
+    solve_rows(w.work, 0, row_of(m), m, m, y)
     now = np.empty(2 * len(w.slots) + 3)  # in the front's order
     for k in range(n):
         v = w.slots[k, NOW]
@@ -162,7 +164,7 @@ def offsets(w: Window, poses: Array, places: Array) -> None:
             now[3 + 2 * k] = now[4 + 2 * k] = 0.0  # unused by the row, but possibly NaN
         for j in range(size):
             z[width + j] = now[j]
-        solve_rows(w.reals, w.stages[t, BEGIN], width, width + size, z)
+        solve_rows(w.reals, w.stages[t, BEGIN], width + size + 1, width, width + size, z)
         for a in range(width):
             if k == POSE:
                 poses[v, a] = now[a] = z[a]

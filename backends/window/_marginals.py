@@ -6,6 +6,7 @@ them that was eliminated; their covariance is Y' Y, and their offsets Y' d (see 
 
 import numpy as np
 
+from ...core.kernels._cholesky import row_of
 from ...core.kernels._planar import wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
@@ -83,13 +84,13 @@ def joint(w: Window, landmarks: Ints, pose: Array, at: Array, cov: Array) -> Non
         for i in range(3):
             T[2 * n + i, a] = E[a, i]
     for i in range(m):
-        o = i * (m + 1)
+        o = i * row_of(m)
         for a in range(columns):
             T[i, a] /= w.work[o + i]
         for j in range(i + 1, m):
             for a in range(columns):
                 T[j, a] -= w.work[o + j] * T[i, a]
-        d = float(w.work[o + m])
+        d = float(w.work[o + row_of(m) - 1])
         gather(T[i], d, mean, cov)
     for a in range(columns):
         for b in range(a):

@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 
 from ...core.factors import Prior
-from ...core.kernels._blas import routine
+from ...core.kernels._cholesky import row_of
 from ...core.se2 import Array
 from ..smoothing._graph import FIX
 from . import _estimates, _step
 from ._window import (
     BEFORE,
     BOTTOM,
-    DSYRK,
     FIRST,
     FIXED,
     FIXES,
@@ -64,7 +63,6 @@ def made(prior: Prior, loss: int, scale: float) -> Window:
         work=np.zeros(0),
         settings=np.array((loss, scale)),
     )
-    w.state[DSYRK] = routine("dsyrk")
     fixed = known is None or known.cov is None
     w = _with_rows(w, n + SPARE, SPARE if fixed else n + SPARE)
     front = _square(w.prior)
@@ -183,7 +181,7 @@ def _with_rows(w: Window, rows: int, slots: int) -> Window:
         slots=_longer(w.slots, slots - len(w.slots)),
         front=_wider(w.front, m),
         prior=_wider(w.prior, m),
-        work=_longer(w.work, m * (m + 1) - len(w.work)),
+        work=_longer(w.work, m * row_of(m) - len(w.work)),
     )
     w.marks[rows - more :] = FRESH, -1, FREE, 0
     return _with_stages(w)
