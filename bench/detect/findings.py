@@ -12,8 +12,8 @@ from ...core.factors import Dataset, Log, Truth
 from ...core.truth.doubts import judges
 from ...core.truth.errors import driven_errors
 from ...datasets.inertial.open import NOTE
+from ...frontend.inertial.tilts import LEVELS
 from ...frontend.inertial.words import about_levels
-from ...frontend.markers.pipeline import LEVELS
 from ..contradiction.remark import remarks
 from ..drawing.figure import ReportFigure
 from ..measure.stated_noise import TYPICAL, noise_check
@@ -50,7 +50,8 @@ class Findings(ABC):
         """Summarises in sentences: the headline, and the inertial readings where there are some."""
         notes, said = self.log.notes, self.headline()
         said += [f"IMU: {notes[NOTE]}."] if NOTE in notes else []
-        return said + ([f"Sightings are {about_levels(notes[LEVELS])}."] if LEVELS in notes else [])
+        levels = about_levels(notes[LEVELS]) if LEVELS in notes else ""
+        return said + ([f"{levels[0].upper()}{levels[1:]}."] if levels else [])
 
     @abstractmethod
     def refused(self) -> str:
