@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import gtsam
 
-from ...core.factors import Prior
 from ...core.options import option
 from ...core.se2 import Array
 from .. import common_options
@@ -33,7 +32,7 @@ class TreeOptions:
 
     relinearize_threshold: float = common_options.relinearize_threshold()
     relinearize_skip: int = option(
-        50, "steps between checks for variables to relinearize; each step with a gyro's bias in the state", minimum=1
+        50, "steps between checks for variables to relinearize; fewer with a gyro's bias in the state", minimum=1
     )
     partial_check: bool = option(False, "look for variables to relinearize from the root down, no further than needed")
     factorization: str = option(
@@ -48,10 +47,10 @@ class TreeOptions:
 class BayesTree:
     """The tree of all factors so far, and the marginals around the last pose that are carried along."""
 
-    def __init__(self, prior: Prior, options: TreeOptions) -> None:
+    def __init__(self, options: TreeOptions) -> None:
         self._options, self._factorization = options, "qr" if options.factorization == "qr" else "cholesky"
         self._updates = list[tuple[gtsam.NonlinearFactorGraph, gtsam.Values, bool]]()  # of the tree, until it fails
-        self._threshold, self._turns = options.relinearize_threshold, prior.gyro is not None
+        self._threshold = options.relinearize_threshold
         self.gave_way = ""  # where Cholesky failed
         self.done = 0  # updates of the tree
         self.steps = 0  # of the log, so far
@@ -205,7 +204,7 @@ class BayesTree:
     def _empty(self) -> gtsam.ISAM2:
         """An empty Bayes tree."""
         self.done = 0
-        return gtsam.ISAM2(parameters(self._options, self._threshold, self._factorization, turns=self._turns))
+        return gtsam.ISAM2(parameters(self._options, self._threshold, self._factorization))
 
     def _note(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, *, relinearize: bool) -> None:
         """Counts an update, and keeps it for when Cholesky fails."""
@@ -242,15 +241,11 @@ def damped(graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.Val
         raise Diverged(failure(error)) from None
 
 
-def parameters(options: TreeOptions, threshold: float, factorization: str, *, turns: bool = False) -> gtsam.ISAM2Params:
-    """GTSAM's parameters, with that relinearize threshold and factorization.
-
-    With a gyro's `turns` each step is a check: the bias moves all headings since the start. With one in 50 steps, one
-    drive in ten was lost on `circle` with a bias of a degree a second.
-    """
+def parameters(options: TreeOptions, threshold: float, factorization: str) -> gtsam.ISAM2Params:
+    """GTSAM's parameters, with that relinearize threshold and factorization."""
     params = gtsam.ISAM2Params()
     params.setRelinearizeThreshold(threshold)
-    params.relinearizeSkip = 1 if turns else options.relinearize_skip
+    params.relinearizeSkip = options.relinearize_skip
     params.enablePartialRelinearizationCheck = options.partial_check
     params.setFactorization(factorization.upper())
     # Always back-substitute in full: results then do not depend on earlier queries.

@@ -13,7 +13,7 @@ from ...core.factors import Systematic
 from ...core.fixes import Fixes, residual
 from ...core.gyro import Bias, Turn
 from ...core.partial import RANGE
-from ...core.se2 import Array, Ints, rotation, wrap
+from ...core.se2 import Array, Ints, rotation
 from ..api import Constant
 from ..constant_errors import stated
 from ..starting.late_places import Seen
@@ -26,6 +26,9 @@ HELD = 1e-6
 
 FIRST_ERRORS, HEADING, FIRST_BIAS = gtsam.symbol("e", 0), gtsam.symbol("h", 0), gtsam.symbol("g", 0)
 """Keys of the constant errors of ranges, (scale, offset), of that of a heading, and of a gyro's biases, (value, 0)."""
+
+BY_BEFORE, BY_AFTER = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]])
+"""A turn's derivatives by the poses before and after it, in their own frames."""
 
 Weighed = Callable[[gtsam.noiseModel.Base], gtsam.noiseModel.Base]
 
@@ -173,13 +176,15 @@ class GyroBiases:
 
 
 def _turn_factor(pose: int, bias: int, turn: Turn) -> gtsam.NonlinearFactor:
+    by_bias = np.array([[turn.dt, 0.0]])
+
     def off(this: gtsam.CustomFactor, values: gtsam.Values, jacobians: list[Array] | None) -> Array:
         del this
         before, after = values.atPose2(pose - 1).theta(), values.atPose2(pose).theta()
         if jacobians is not None:
-            jacobians[0], jacobians[1] = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]])
-            jacobians[2] = np.array([[turn.dt, 0.0]])
-        return wrap(np.array([after - before + turn.dt * values.atPoint2(bias)[0] - turn.turn]))
+            jacobians[0], jacobians[1], jacobians[2] = BY_BEFORE, BY_AFTER, by_bias
+        away = after - before + turn.dt * float(values.atPoint2(bias)[0]) - turn.turn
+        return np.array([math.remainder(away, math.tau)])
 
     model = gtsam.noiseModel.Isotropic.Sigma(1, math.sqrt(turn.var))
     return gtsam.CustomFactor(model, [pose - 1, pose, bias], off)

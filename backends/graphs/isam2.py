@@ -3,8 +3,9 @@
 Three differences from GTSAM's examples: the latest pose is taken from its marginal, which the top of the Bayes tree
 gives alone, as its last factors are there; asking for the estimate would back-substitute through all changes at every
 step. Variables are checked for relinearization every 50 steps, which saves most of the checks' cost (the study
-`relinearisation`). And on logs of partial sightings `bayes_tree` looks at J where a landmark starts, where they move
-the newest pose far at once, before a check, and at the end.
+`relinearisation`); a gyro's bias moves all headings since the start, so that they are checked, too, once the newest
+ones were corrected by the threshold in all. And on logs of partial sightings `bayes_tree` looks at J where a landmark
+starts, where they move the newest pose far at once, before a check, and at the end.
 """
 
 import math
@@ -52,10 +53,11 @@ class Isam2:
     def __init__(self, prior: Prior, options: Options, rng: np.random.Generator) -> None:
         del rng
         self._options, self._prior = options, prior
-        self._tree = BayesTree(prior, options)
+        self._tree = BayesTree(options)
         self._factors = Factors(prior, options.loss, options.loss_scale)
         self._vicinity = Vicinity(follows=True)
         self._pose = pose2(prior.pose)
+        self._corrected = 0.0  # rad, by which newest headings were corrected since the last check for a gyro's bias
         self._tree.update(*self._factors.prior())
 
     def step(self, step: Step) -> Pose:
@@ -73,10 +75,14 @@ class Isam2:
             tree.start(graph, values)
             moved = True
         else:
-            moved = tree.update(graph, values) > 0
+            due = self._corrected > self._options.relinearize_threshold and not tree.stays
+            moved = tree.update(graph, values, relinearize=due) > 0
+            self._corrected = 0.0 if due else self._corrected
         if self._vicinity.used:
             tree.around.fold(graph, values, self._factors.keys.pose(k), moved=moved)
         self._pose = self._latest(guess)
+        if step.gyro is not None:
+            self._corrected += abs(math.remainder(self._pose.theta() - guess.theta(), math.tau))
         if len(step.partial.ids) and (tree.stays or self._jumped(guess)):
             tree.look()
             self._pose = self._latest(guess)
@@ -112,8 +118,8 @@ class Isam2:
             return self._prior.gyro
         marginal = self._tree.marginal(key)
         at = float(self._tree.isam.getLinearizationPoint().atPoint2(key)[0])
-        R = marginal.R()
-        return Bias(at + float(marginal.solve(NOTHING).at(key)[0]), float(np.linalg.norm(np.linalg.inv(R)[0])))
+        (a, b), (_, c) = marginal.R().tolist()
+        return Bias(at + float(marginal.solve(NOTHING).at(key)[0]), math.hypot(1 / a, b / (a * c)))
 
     def map(self) -> Map:
         """Landmarks at the current estimate with, up to `joint_up_to` of them, their joint covariance."""

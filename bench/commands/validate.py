@@ -12,8 +12,8 @@ from ...core.factors import UNKNOWN, Dataset
 from ...core.scan import Scan, attempted
 from ...datasets.formats import log_folder
 from ...datasets.inertial.open import NOTE
+from ...frontend.inertial.tilts import LEVELS
 from ...frontend.inertial.words import about_levels, about_turns
-from ...frontend.markers.pipeline import LEVELS
 from ..contradiction.remark import explained, remarks
 from ..plan.load import made
 from ..plan.spec import dataset_variants
@@ -98,7 +98,7 @@ def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argpars
     for turns in about_turns(dataset.log.notes):
         print(f"{place}: {turns}.")
     if (levels := dataset.log.notes.get(LEVELS)) is not None:
-        print(f"{place}: sightings are {about_levels(levels)}.")
+        print(f"{place}: {about_levels(levels)}.")
     return 0
 
 

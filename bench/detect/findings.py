@@ -12,8 +12,8 @@ from ...core.factors import Dataset, Log, Truth
 from ...core.truth.doubts import judges
 from ...core.truth.errors import driven_errors
 from ...datasets.inertial.open import NOTE
+from ...frontend.inertial.tilts import LEVELS
 from ...frontend.inertial.words import about_levels, about_turns
-from ...frontend.markers.pipeline import LEVELS
 from ..contradiction.remark import remarks
 from ..drawing.figure import ReportFigure
 from ..measure.stated_noise import TYPICAL, noise_check
@@ -51,7 +51,8 @@ class Findings(ABC):
         notes, said = self.log.notes, self.headline()
         said += [f"IMU: {notes[NOTE]}."] if NOTE in notes else []
         said += [f"T{turns.removeprefix('t')}." for turns in about_turns(notes)]
-        return said + ([f"Sightings are {about_levels(notes[LEVELS])}."] if LEVELS in notes else [])
+        levels = about_levels(notes[LEVELS]) if LEVELS in notes else ""
+        return said + ([f"{levels[0].upper()}{levels[1:]}."] if levels else [])
 
     @abstractmethod
     def refused(self) -> str:

@@ -16,6 +16,7 @@ from ...core.se2 import Array
 from ...core.toml.table import TomlTable
 from ...frontend.depth.recording import DepthRecording
 from ...frontend.depth.settings import Settings as DepthSettings
+from ...frontend.laser.tilted import levelled
 from ...frontend.several.log import Several, build_log
 from ...frontend.several.wheels_path import walked
 from ...frontend.wheels.motion import Drift, Motion
@@ -26,7 +27,7 @@ from ..robot_files import ROBOT, is_settings, robot_beside
 from ..scans.odometry import UNMOVED
 from ..scans.open import OpenedScans, ScanTopics, read_source, source_of
 from ..scans.robot import LaserRobot
-from ..scans.tilted import levelled, levels_of
+from ..scans.tilted import levels_of
 from ..truth import with_truth
 from .open import is_live
 from .recording import Opened, open_recording
@@ -155,9 +156,9 @@ def _scans(path: Path, robot: Robot, laser: LaserRobot, frames: Opened) -> Opene
             f"{last:.10g} s, and are left out"
         )
     recording = recording.taken(here)
-    if laser.max_tilt is not None:
+    if laser.leans:
         by = frames.recording.tilts or levels_of(str(found), frames.inertial, motion, remarks)
-        recording = levelled(recording, by, laser.max_tilt, remarks)
+        recording = levelled(recording, by, laser.leaning, remarks)
     odometry = None if laser.odometry == "none" else _walked(found, motion, recording.t, laser, remarks)
     prior = frames.recording.prior
     recording = replace(recording, name=robot.name, odometry=odometry, prior=prior)

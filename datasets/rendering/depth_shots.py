@@ -16,9 +16,10 @@ from ...core.se2 import Array
 from ...frontend.depth.recording import DepthFrame
 from ...frontend.markers.aruco import Image
 from ...frontend.markers.pipeline import Frame
+from ..on_demand.rocking import Rocking
 from .boxes import Box
 from .depth import NOISE_SD, kinect, true_depth
-from .disturbances import Rocking, raised, rocked
+from .disturbances import raised, rocked
 from .lens import Singles
 from .render import Renderer
 

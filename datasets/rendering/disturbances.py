@@ -8,6 +8,7 @@ import numpy as np
 
 from ...core.se2 import Array
 from ...frontend.markers.pipeline import Frame
+from ..on_demand.rocking import Rocking
 from ._casting import cast
 from .lens import Singles
 from .people import People, nobody
@@ -22,9 +23,6 @@ DUSK = 45.0  # px, over which half of a shadow's edge falls
 BEATS = np.array([3.1, 5.3, 8.9, 15.7])  # s, periods of the brightness drift's components
 
 
-RATES, WAVES = (0.5, 1.5), 6  # Hz, between which a body rocks, and the number of waves of its pitch and of its roll
-
-
 @dataclass(frozen=True)
 class Disturbances:
     """Differences between frames and those of a still camera in even light."""
@@ -33,32 +31,6 @@ class Disturbances:
     gain_drift: float = 0.0  # standard deviation over time of the logarithm of the brightness
     shadow: float = 0.0  # share of the light that the darker side of each frame lacks
     occlusion: float = 0.0  # share of the frames in which the view is partly covered
-
-
-@dataclass(frozen=True, eq=False)
-class Rocking:
-    """Pitch and roll of a body that rocks smoothly, as its frames and its inertial readings both see.
-
-    They are sums of oscillations, as of a body on springs, whose frequencies and phases are drawn.
-    """
-
-    size: float  # rad, of each wave
-    frequency: Array  # (2, w) rad/s
-    phase: Array  # (2, w) rad
-
-    @classmethod
-    def drawn(cls, sway: float, rng: np.random.Generator) -> "Rocking":
-        """A body whose pitch and roll have the standard deviation `sway`, rad, over time."""
-        frequency, phase = rng.uniform(*RATES, (2, WAVES)), rng.uniform(0, 2 * np.pi, (2, WAVES))
-        return cls(sway * np.sqrt(2 / WAVES), 2 * np.pi * frequency, phase)
-
-    def at(self, t: Array) -> Array:
-        """(n, 2) rad, pitch and roll at `t` (n,), s."""
-        return self.size * np.sin(self.frequency * t[:, None, None] + self.phase).sum(axis=-1)
-
-    def rates(self, t: Array) -> Array:
-        """(n, 2) rad/s, how fast they change."""
-        return self.size * (self.frequency * np.cos(self.frequency * t[:, None, None] + self.phase)).sum(axis=-1)
 
 
 def take(

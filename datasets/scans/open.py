@@ -12,6 +12,7 @@ from ...core.files import check_regular
 from ...frontend.laser.log import first_scan
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.settings import Settings
+from ...frontend.laser.tilted import levelled
 from ...frontend.wheels.track import Poses, Track, TrackNoise
 from ..bags.bag import Bag, is_bag, is_whole
 from ..bags.siblings import read_alone
@@ -27,7 +28,7 @@ from .bag_scans import read_bag
 from .robot import LaserRobot, read_laser_robot
 from .scan_messages import ECHOES, SCAN
 from .scans_csv import SCANS, read_scans_csv
-from .tilted import levelled, levels_of
+from .tilted import levels_of
 
 _KINDS = f"a ROS bag (.bag, .mcap, or a folder with metadata.yaml), a CARMEN log (.clf) or {SCANS}"
 
@@ -90,9 +91,9 @@ def open_scans(path: Path, robot_file: Path | None = None, topics: ScanTopics | 
     motion = None if wheels is None else Track(recording.t, wheels, TrackNoise())
     world = open_world(found, home, robot.world, felt, motion, notes, remarks, start_given=given)
     recording = replace(recording, notes=notes)
-    if robot.max_tilt is not None:
+    if robot.leans:
         by = levels_of(str(found), inertial, motion, remarks)
-        recording = levelled(recording, by, robot.max_tilt, remarks)
+        recording = levelled(recording, by, robot.leaning, remarks)
     return OpenedScans(recording, robot.settings, truth, found, remarks, given, inertial, world)
 
 

@@ -2,7 +2,7 @@
 
     name = "my robot"
     [laser]      topic, source, pose, min_range, max_range, odometry, max_gap, odom_frame, time_offset, max_tilt,
-                 step, turn, cell, loops, loop_every       as the options of the datasets carmen and laser-floor
+                 height, step, turn, cell, loops, loop_every       as the options of the datasets carmen and laser-floor
     [topics]     odometry
     [prior]      pose, sd
     [imu]        as `inertial.robot` reads it
@@ -22,6 +22,7 @@ from ...core.se2 import Array
 from ...core.toml.table import TomlTable
 from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
+from ...frontend.laser.tilted import Leaning
 from ..fixes.robot import WorldTables, world_in
 from ..inertial.robot import ImuTable, imu_in
 from ..prior import read_prior
@@ -41,6 +42,7 @@ _OWN = (
     "odom_frame",
     "time_offset",
     "max_tilt",
+    "height",
 )
 
 
@@ -59,19 +61,25 @@ class LaserRobot:
     max_gap: float = 1.0  # s between two readings of odometry that a scan's is interpolated from
     odom_frame: str = "odom"  # tf's frame of the odometry, where no topic has it
     time_offset: float = 0.0  # s, added to the times of scans to get those of the odometry
-    max_tilt: float | None = None  # rad, by which the robot may lean at a scan; None: scans are taken to be level
+    leaning: Leaning = field(default_factory=Leaning)  # by default scans are taken to be level
     settings: Settings = field(default_factory=Settings)
     prior: Prior | None = None  # None: the first pose of the odometry
     imu: ImuTable | None = None
     world: WorldTables = field(default_factory=WorldTables)
 
     @property
+    def leans(self) -> bool:
+        """True where scans are levelled."""
+        return self.leaning != Leaning()
+
+    @property
     def words(self) -> dict[str, Any]:
         """The table [laser], beside others: the scanner's place, and what is not by default."""
         given = {
             name: getattr(self, name)
-            for name in ("topic", "source", "min_range", "max_range", "odometry", "time_offset", "max_tilt")
+            for name in ("topic", "source", "min_range", "max_range", "odometry", "time_offset")
         }
+        given |= {"max_tilt": self.leaning.most, "height": self.leaning.height}
         given |= {name: getattr(self.settings, name) for name in names_of(Settings)}
         default = {
             name: getattr(LaserRobot, name) for name in ("min_range", "max_range", "odometry", "time_offset")
@@ -116,7 +124,7 @@ def laser_robot_in(file: TomlTable) -> LaserRobot:
         odometry=laser.choice("odometry", "auto", ("auto", "wheels", "none")),
         max_gap=laser.number("max_gap", LaserRobot.max_gap, above=0),
         odom_frame=laser.text_or_none("odom_frame") or LaserRobot.odom_frame,
-        max_tilt=laser.number("max_tilt", above=0) if laser.has("max_tilt") else None,
+        leaning=Leaning(*(laser.number(name, above=0) if laser.has(name) else None for name in ("max_tilt", "height"))),
         time_offset=laser.number("time_offset", 0.0),
         settings=settings_in(laser, Settings, Path(laser.file).parent),
         prior=read_prior(file.table("prior")) if file.has("prior") else None,

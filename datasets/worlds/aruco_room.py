@@ -38,13 +38,14 @@ from ..on_demand.fixes import WorldFixes
 from ..on_demand.gyro import WorldGyro
 from ..on_demand.imu import Drive, imu_of
 from ..on_demand.parts import Parts
+from ..on_demand.rocking import Rocking
 from ..on_demand.signatures import WorldSignatures
 from ..on_demand.slip import WorldSlip
 from ..on_map import OnMap
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
 from ..rendering.depth_shots import FrameDepths, RoomDepth
-from ..rendering.disturbances import Disturbances, Rocking, raised, take, tilts_in
+from ..rendering.disturbances import Disturbances, raised, take, tilts_in
 from ..rendering.render import Renderer
 from ..rendering.room_scans import RoomScans, scanned
 from ..rendering.sheet import scrambled

@@ -25,13 +25,13 @@ from ..on_demand.fixes import WorldFixes
 from ..on_demand.gyro import WorldGyro
 from ..on_demand.imu import imu_of
 from ..on_demand.parts import Parts
+from ..on_demand.rocking import Rocking
 from ..on_demand.signatures import WorldSignatures
 from ..on_demand.slip import WheelSlip, slipping_poses
 from ..registry import Source
 from ..rendering.cameras import CAMERAS
 from ..rendering.depth import NOISE_SD
 from ..rendering.depth_shots import DepthShots
-from ..rendering.disturbances import Rocking
 from ..rendering.posters import decorated
 from ..rendering.render import Renderer
 from ..rendering.room import Room, furnish_with_boxes

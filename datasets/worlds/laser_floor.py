@@ -3,22 +3,30 @@
 Scans are computed from walls and people, and go through the same front end as recorded ones.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from ...core.elementary import arctan2, hypot, sincos
-from ...core.factors import Dataset, Prior, Truth
+from ...core.factors import REMARKS, Dataset, Prior, Truth
 from ...core.options import option
 from ...core.se2 import Array, between, compose, wrap
+from ...frontend.inertial.imu import Imu
+from ...frontend.inertial.standing import standing
+from ...frontend.inertial.tilts import leaned, tilts
 from ...frontend.laser.log import build_log, first_scan
 from ...frontend.laser.recording import LaserRecording
 from ...frontend.laser.scanner import Scanner
 from ...frontend.laser.settings import Settings
+from ...frontend.laser.tilted import Leaning, levelled
+from ...frontend.wheels.track import Poses, Track, TrackNoise
 from ..false_loops import FalseLoops
 from ..grid_file import grid_files, localised
 from ..on_demand.fixes import WorldFixes
 from ..on_demand.gyro import WorldGyro
+from ..on_demand.imu import imu_of
+from ..on_demand.rocking import Rocking
 from ..on_demand.slip import WheelSlip, slipping_poses
 from ..registry import Source
 from ..rendering._casting import cast
@@ -29,8 +37,12 @@ SIZE, DEPTH = (36.0, 22.0), 5.0  # m: the floor, and the rooms outside of the co
 TICK = 0.02  # s between positions of the drive
 ENOUGH = 0.15  # m from a way point at which the robot turns to the next one
 
-TURNING, FASTEST, STRAIGHT = 2.5, 1.0, 0.6
-"""1/s and rad/s of the steering; rad off its course at which the robot stands still to turn."""
+TURNING, FASTEST, STRAIGHT, LAG = 2.5, 1.0, 0.6, 0.2
+"""1/s and rad/s of the steering; rad off its course at which the robot stands still to turn; s in which the motors of a
+robot with inertia follow."""
+
+SPEED, CREEP, PUSH = 0.5, 0.1, 0.5  # m/s, m/s at way points, and m/s^2 of a robot that rocks
+GYRO = 0.01  # degrees/s per root Hz, of the unit of option imu where option gyro says nothing
 
 VISITED = 0.25  # share of the rooms that the robot looks into, each lap
 
@@ -59,6 +71,20 @@ class Options(FalseLoops, WorldFixes, WorldGyro, WheelSlip, WheelFaults, Setting
     range_sd: float = option(0.015, "noise of a range, m", minimum=0.0, maximum=0.5)
     scan_rate: float = option(5.0, "scans per second", minimum=1.0, maximum=50.0)
     slip: float = option(1.0, "noise of the wheels, 1 being 3 cm and 1 degree in a metre", minimum=0.0, maximum=20.0)
+    sway: float = option(
+        0.0, "rocking of the body, standard deviation of pitch and roll, rad; 0: its floor is even",
+        minimum=0.0, maximum=0.2,
+    )  # fmt: skip
+    scanner_height: float = option(
+        0.3, "height of the scanner over the floor, m", minimum=0.02, maximum=3.0, beside="sway"
+    )
+    imu: bool = option(
+        False, "an inertial measurement unit, by whose gravity scans are levelled, and returns of the floor left out",
+        beside="sway",
+    )  # fmt: skip
+    max_tilt: float | None = option(
+        None, "lean, rad, beyond which scans are left out, too; none: no scan", minimum=0.001, maximum=1.5, beside="imu"
+    )
 
 
 def laser_floor(options: Options, rng: np.random.Generator) -> Dataset:
@@ -77,16 +103,27 @@ def record(options: Options, rng: np.random.Generator) -> tuple[LaserRecording, 
     for _ in range(options.drive):
         way, walking, seeing, rolling = rng.spawn(4)
         ring = np.roll(ring[::-1], -1, axis=0)
-    path = _drive(way_points(plan, ring, options.laps, way))
+    points, body, imu = way_points(plan, ring, options.laps, way), None, None
     every = max(1, round(1 / (options.scan_rate * TICK)))
-    poses = path[::every]
+    if options.sway:
+        driven = steered(points, SPEED, PUSH)
+        poses = driven.poses[::every]
+        body, imu = _felt(options, driven, rng)
+    else:
+        poses = _drive(points)[::every]
     t = TICK * every * np.arange(len(poses), dtype=np.float64)
     angles = np.linspace(-np.pi / 2, np.pi / 2, options.beams)
     people = passers_by(plan, options.people, walking)
+    leans = np.zeros((len(t), 2)) if body is None else body.at(t)
     ranges = np.empty((len(t), len(angles)))
     for k, (x, y, heading) in enumerate(poses.tolist()):
-        s, c = sincos(heading + angles)
-        ranges[k] = cast(plan.walls, legs(plan, people, float(t[k]), x, y), x, y, np.stack((c, s), -1), FURTHEST)
+        around = legs(plan, people, float(t[k]), x, y)
+        if body is None:
+            s, c = sincos(heading + angles)
+            ranges[k] = cast(plan.walls, around, x, y, np.stack((c, s), -1), FURTHEST)
+            continue
+        ahead, flat, floor = _leaning(heading, angles, leans[k], options.scanner_height)
+        ranges[k] = np.minimum(cast(plan.walls, around, x, y, ahead, FURTHEST) / flat, floor)
     missing = (ranges >= FURTHEST) | (seeing.random(ranges.shape) < LOST)
     ranges += options.range_sd * seeing.standard_normal(ranges.shape)
     ranges = np.where(missing, NO_RETURN, RESOLUTION * np.round(ranges / RESOLUTION))
@@ -96,7 +133,47 @@ def record(options: Options, rng: np.random.Generator) -> tuple[LaserRecording, 
     odd, stamped, slipping = rolling.spawn(3)
     odometry = slipping_poses(odometry, options, slipping)
     odometry, t = faulty_poses(odometry, t, options, odd), faulty_clock(t, options, stamped)
-    return LaserRecording("laser-floor", scanner, t, ranges, odometry, prior), Truth(t, poses)
+    recording = LaserRecording("laser-floor", scanner, t, ranges, odometry, prior)
+    if imu is None:
+        return recording, Truth(t, poses)
+    recording = _by_gravity(recording, options, imu)
+    kept = np.isin(t, recording.t)
+    return recording, Truth(t[kept], poses[kept])
+
+
+def _felt(options: Options, driven: "Steered", rng: np.random.Generator) -> tuple[Rocking, Imu | None]:
+    """The rocking body, and the readings of its inertial measurement unit; None without one."""
+    (felt,) = rng.spawn(1)
+    rocking, readings = felt.spawn(2)
+    body = Rocking.drawn(options.sway, rocking)
+    if not options.imu:
+        return body, None
+    given = options if options.gyro else replace(options, gyro=GYRO)
+    return body, imu_of(given, driven.at, TICK * (len(driven.poses) - 1), readings, body)
+
+
+def _leaning(heading: float, angles: Array, lean: Array, height: float) -> tuple[Array, Array, Array]:
+    """The beams (b, 2) of a scanner that leans by pitch and roll, `lean` (2,), as unit vectors on the floor.
+
+    With the metres along the floor of a metre of each beam, (b,), and the range of the floor, (b,), m.
+    """
+    s, c = sincos(angles)
+    x, y, z = leaned(*lean) @ np.stack((c, s, np.zeros_like(c)))
+    flat = hypot(x, y)
+    turned, ahead = sincos(heading)
+    floor = np.full(len(angles), np.inf)
+    floor[z < 0] = height / -z[z < 0]
+    return np.stack((ahead * x - turned * y, turned * x + ahead * y), -1) / flat[:, None], flat, floor
+
+
+def _by_gravity(recording: LaserRecording, options: Options, imu: Imu) -> LaserRecording:
+    """The scans levelled by the unit's accelerometer, and by the wheels' speed."""
+    assert recording.odometry is not None
+    motion, remarks = Track(recording.t, recording.odometry, TrackNoise()), list[str]()
+    by = tilts(imu, standing(imu, Poses(recording.t, recording.odometry)), motion, remarks)
+    if by is not None:
+        recording = levelled(recording, by, Leaning(options.max_tilt, options.scanner_height), remarks)
+    return replace(recording, notes={**recording.notes, REMARKS: remarks} if remarks else recording.notes)
 
 
 def way_points(plan: Plan, ring: Array, laps: float, rng: np.random.Generator) -> Array:
@@ -130,10 +207,54 @@ def _drive(way: Array) -> Array:
             if hypot(*off) < ENOUGH:
                 break
             turn = float(wrap(arctan2(off[1], off[0]) - pose[2]))
-            speed = 0.5 * max(0.0, 1 - abs(turn) / STRAIGHT)
+            speed = SPEED * max(0.0, 1 - abs(turn) / STRAIGHT)
             pose = compose(pose, TICK * np.array([speed, 0.0, np.clip(TURNING * turn, -FASTEST, FASTEST)]))
             path.append(pose)
     return np.array(path)
+
+
+class Steered(NamedTuple):
+    """A drive from way point to way point."""
+
+    poses: Array  # (n + 1, 3) TICK apart
+    motions: Array  # (n, 3) from one to the next
+    way: Array  # (n + 1,) m
+
+    def at(self, t: Array) -> tuple[Array, Array]:
+        """The true poses (n, 3) at `t` (n,), s, and the way driven, (n,) m; it stands before and after."""
+        ticks = np.clip(t / TICK, 0.0, len(self.motions))
+        k = np.minimum(ticks.astype(np.int64), len(self.motions) - 1)
+        share = ticks - k
+        poses = compose(self.poses[k], share[:, None] * self.motions[k])
+        return poses, self.way[k] + share * (self.way[k + 1] - self.way[k])
+
+
+def steered(points: Array, speed: float, most: float = np.inf) -> Steered:
+    """Steers along way points (w, 2), m, at most at `speed`, m/s, from rest at the first one, with heading 0.
+
+    It speeds up and brakes by at most `most`, m/s^2: where that is finite, it brakes in front of way points, and at the
+    end to a stand.
+    """
+    pose, forward, turning = np.array([*points[0], 0.0]), 0.0, 0.0
+    poses, motions = [pose], list[Array]()
+    for target in points[1:]:
+        while hypot(*(off := target - pose[:2])) >= ENOUGH:
+            turn = float(wrap(arctan2(off[1], off[0]) - pose[2]))
+            wanted = speed * max(0.0, 1 - abs(turn) / STRAIGHT)
+            if np.isfinite(most):
+                wanted = min(wanted, float(np.sqrt(CREEP**2 + 2 * most * float(hypot(*off)))))
+            forward += min(max(TICK / LAG * (wanted - forward), -TICK * most), TICK * most)
+            turning += TICK / LAG * (float(np.clip(TURNING * turn, -FASTEST, FASTEST)) - turning)
+            motions.append(TICK * np.array([forward, 0.0, turning]))
+            pose = compose(pose, motions[-1])
+            poses.append(pose)
+    while np.isfinite(most) and forward > 0:
+        forward, turning = max(forward - TICK * most, 0.0), (1 - TICK / LAG) * turning
+        motions.append(TICK * np.array([forward, 0.0, turning]))
+        pose = compose(pose, motions[-1])
+        poses.append(pose)
+    made = np.array(motions)
+    return Steered(np.array(poses), made, np.concatenate(([0.0], np.cumsum(made[:, 0]))))
 
 
 def passers_by(plan: Plan, count: int, rng: np.random.Generator) -> Array:

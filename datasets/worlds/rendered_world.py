@@ -10,15 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.elementary import arctan2, hypot
+from ...core.elementary import hypot
 from ...core.errors import InputError
 from ...core.options import option
-from ...core.se2 import Array, compose, wrap
+from ...core.se2 import Array
 from ..on_demand.imu import Drive
 from ..rendering.people import NOBODY, People, nobody, upright
 from ..rendering.room import Room, furnish, furnish_along, furnish_with_boxes
 from .floor_plan import CORRIDOR, floor_plan
-from .laser_floor import legs, passers_by, way_points
+from .laser_floor import legs, passers_by, steered, way_points
 from .wheeled_robot import ClosedPath, drive
 
 ROOM = (6.0, 5.0, 2.5)  # m
@@ -27,11 +27,6 @@ BERTH = 0.3  # m, least distance of the robot's middle from a box
 
 FLOOR, DEPTH = (20.0, 18.0, 2.5), 3.5  # m, of the building, and of its outer rooms
 PEOPLE = 4
-TICK = 0.02  # s between positions of the drive through it
-ENOUGH = 0.15  # m from a way point at which the robot turns to the next one
-TURNING, FASTEST, STRAIGHT, LAG = 2.5, 1.0, 0.6, 0.2
-"""1/s and rad/s of the steering; rad off its course at which the robot stands still; s in which its motors follow."""
-
 LOOP = ClosedPath(
     cos=np.array([[1.4, 0.0], [0.0, 0.0], [0.25, 0.0]]),
     sin=np.array([[0.0, 0.0], [0.0, 1.0], [0.0, 0.0]]),
@@ -90,45 +85,13 @@ def _building(options: WorldOptions, seconds: float, rng: np.random.Generator) -
     room = furnish_along(bare, centred.ring, options.markers, CORRIDOR / 2 + 0.1, rng)
     around = float(hypot(*(np.roll(centred.ring, -1, axis=0) - centred.ring).T).sum())
     laps = 0.25 + options.speed * seconds / around  # more than can be driven
-    steered = _steered(way_points(centred, centred.ring, laps, rng), options.speed)
+    driven = steered(way_points(centred, centred.ring, laps, rng), options.speed)
     walkers = passers_by(centred, PEOPLE if options.people is None else options.people, rng)
 
     def people(t: float) -> Array:
-        x, y, _ = steered.at(np.array([t]))[0][0].tolist()
+        x, y, _ = driven.at(np.array([t]))[0][0].tolist()
         there = [legs(centred, walkers[k : k + 1], t, x, y) for k in range(len(walkers))]
         near = [k for k, one in enumerate(there) if len(one)]
         return upright(np.concatenate([there[k] for k in near]), np.array(near)) if near else NOBODY
 
-    return World(room, steered.at, people)
-
-
-class _Steered(NamedTuple):
-    """A drive from way point to way point."""
-
-    poses: Array  # (n + 1, 3) TICK apart
-    motions: Array  # (n, 3) from one to the next
-    way: Array  # (n + 1,) m
-
-    def at(self, t: Array) -> tuple[Array, Array]:
-        """The true poses (n, 3) at `t` (n,), s, and the way driven, (n,) m; it stands before and after."""
-        ticks = np.clip(t / TICK, 0.0, len(self.motions))
-        k = np.minimum(ticks.astype(np.int64), len(self.motions) - 1)
-        share = ticks - k
-        poses = compose(self.poses[k], share[:, None] * self.motions[k])
-        return poses, self.way[k] + share * (self.way[k + 1] - self.way[k])
-
-
-def _steered(points: Array, speed: float) -> _Steered:
-    """Steers along way points (w, 2), m, at most at `speed`, m/s, from rest at the first one, with heading 0."""
-    pose, forward, turning = np.array([*points[0], 0.0]), 0.0, 0.0
-    poses, motions = [pose], list[Array]()
-    for target in points[1:]:
-        while hypot(*(off := target - pose[:2])) >= ENOUGH:
-            turn = float(wrap(arctan2(off[1], off[0]) - pose[2]))
-            forward += TICK / LAG * (speed * max(0.0, 1 - abs(turn) / STRAIGHT) - forward)
-            turning += TICK / LAG * (float(np.clip(TURNING * turn, -FASTEST, FASTEST)) - turning)
-            motions.append(TICK * np.array([forward, 0.0, turning]))
-            pose = compose(pose, motions[-1])
-            poses.append(pose)
-    made = np.array(motions)
-    return _Steered(np.array(poses), made, np.concatenate(([0.0], np.cumsum(made[:, 0]))))
+    return World(room, driven.at, people)

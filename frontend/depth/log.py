@@ -9,13 +9,12 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Log
 from ...core.factors.check import check
+from ..inertial.tilts import LEVELS
 from ..pauses import longest_pause
 from ..wheels.holes import outside
 from .front_end import BY_GRAVITY, DENIED, FrontEnd
 from .recording import DepthRecording
 from .settings import Settings
-
-LEVELS = "levels"  # by gravity, among a log's notes
 
 OFF, BEYOND = 4.0, 2.0
 """A median depth of less than `near` over the first, or more than `far` times the second, is in another unit."""

@@ -19,6 +19,8 @@ from .imu import GRAVITY, Imu
 from .levels import OFFSET, Levels, levels
 from .standing import Standing
 
+LEVELS = "levels"  # by gravity, among a log's notes
+
 STEEP = np.deg2rad(20.0)  # mean tilt beyond which the axes are others than stated, and levels mean nothing
 BLOCKS = 8  # parts of a drive whose means scatter by how unsure the mean of all is
 SPAN, GRID = 1.0, 0.05  # s over which the wheels' speed is a mean, and between the motions that it is made of

@@ -49,11 +49,11 @@ def about_turns(notes: Mapping[str, Any]) -> list[str]:
 
 
 def about_levels(told: Mapping[str, Any]) -> str:
-    """The levels of sightings in a sentence, by the entry of `Tilts` in a log's notes."""
+    """What is levelled and how, in a sentence without its end, by the entry of `Tilts` in a log's notes."""
     pitch, roll = told["own_tilt"]
     ahead, aside = told["rocking"]
     return (
-        f"levelled by gravity: pitch and roll are known to {told['sd']:.2g} degrees (median), with a push of "
-        f"{told['push']:.2g} m/s^2; the body rocks by {ahead:.2g} and {aside:.2g} degrees, and the unit's own pitch of "
-        f"{pitch:.2g} and roll of {roll:.2g} degrees are taken off"
+        f"{told.get('of', 'sightings')} are levelled by gravity: pitch and roll are known to {told['sd']:.2g} degrees "
+        f"(median), with a push of {told['push']:.2g} m/s^2; the body rocks by {ahead:.2g} and {aside:.2g} degrees, "
+        f"and the unit's own pitch of {pitch:.2g} and roll of {roll:.2g} degrees are taken off"
     )

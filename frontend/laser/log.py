@@ -97,7 +97,7 @@ def log_of(recording: LaserRecording, front_end: FrontEnd) -> Log:
                 "settings": {name: value for name, value in asdict(front_end.settings).items() if value is not None},
                 **({} if localiser is None else _told(localiser)),
             },
-            **({REMARKS: found.remarks} if found.remarks else {}),
+            **({REMARKS: said} if (said := [*recording.notes.get(REMARKS, ()), *found.remarks]) else {}),
         },
     )
     return replace(log, scans=scans_of(recording, front_end))

@@ -16,7 +16,7 @@ from ...core.se2 import Array
 from ..camera.camera import Camera
 from ..camera.lens_misfit import Misfit
 from ..camera.shutter import CameraMotion, carried
-from ..inertial.tilts import Tilts
+from ..inertial.tilts import LEVELS, Tilts
 from ..pauses import longest_pause
 from ..wheels.holes import outside
 from ..wheels.motion import Motion
@@ -30,7 +30,6 @@ In the time of a frame's rows alone, some hundredths of a second, coarse wheels 
 makes the mean differ from the velocity in the middle by 8 mm/s.
 """
 
-LEVELS = "levels"  # by gravity, among a log's notes
 
 MOST_NAMED = 5  # ids in a remark
 

@@ -41,7 +41,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
         "markers": {TOP, "wheels", "inertial", "camera"},
         "boards": {TOP, "camera", "markers"},
         "maps": {TOP, "camera"},
-        "laser": {TOP, "maps"},
+        "laser": {TOP, "inertial", "maps"},
         "several": {TOP, "wheels", "inertial", "markers", "laser", "depth"},
         "world": {TOP, "wheels", "inertial"},
         "depth": {TOP, "wheels", "inertial", "camera", "maps"},
@@ -65,7 +65,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
     },
     "datasets": {
         TOP: set(),
-        "rendering": {TOP},
+        "rendering": {TOP, "on_demand"},
         "on_demand": {TOP},
         "worlds": {TOP, "rendering", "on_demand"},
         "formats": {TOP},

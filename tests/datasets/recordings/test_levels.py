@@ -20,7 +20,7 @@ from slamduel.datasets.recordings.recording import build, open_recording, withou
 from slamduel.datasets.recordings.write import write
 from slamduel.datasets.worlds.aruco_room import Options, recorded
 from slamduel.frontend.inertial.imu import GRAVITY
-from slamduel.frontend.markers.pipeline import LEVELS
+from slamduel.frontend.inertial.tilts import LEVELS
 
 OPTIONS = Options(seconds=3.0, frame_rate=2.0, gyro=0.02)
 KINDS = ("ros1", "ros2", "mcap")

@@ -14,10 +14,10 @@ from slamduel.core.factors import Dataset, Log, Truth
 from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.cache import generator
 from slamduel.datasets.worlds.aruco_room import LEVELLED, PROPORTIONAL, Options, aruco_room, record
-from slamduel.frontend.inertial.tilts import Tilts
+from slamduel.frontend.inertial.tilts import LEVELS, Tilts
 from slamduel.frontend.markers.noise import Noise, PropagatedNoise
 from slamduel.frontend.markers.noise_fit import squares
-from slamduel.frontend.markers.pipeline import LEVELS, Recording, build_log
+from slamduel.frontend.markers.pipeline import Recording, build_log
 from tiers import first_quick
 
 OPTIONS = Options(seconds=15.0, imu=True)

@@ -10,7 +10,8 @@ from slamduel.core.se2 import Array, wrap
 from slamduel.datasets.cache import generator
 from slamduel.datasets.rendering._casting import cast
 from slamduel.datasets.worlds.aruco_room import Options, aruco_room, matching, recorded
-from slamduel.datasets.worlds.rendered_world import TICK, World, world
+from slamduel.datasets.worlds.laser_floor import TICK
+from slamduel.datasets.worlds.rendered_world import World, world
 from slamduel.frontend.laser.log import build_log
 from slamduel.frontend.laser.recording import matched
 from slamduel.frontend.several.scan_motions import scan_motions

@@ -11,7 +11,8 @@ from inertial_drives import attitude
 from slamduel.core.se2 import Array
 from slamduel.datasets.on_demand.gyro import WorldGyro
 from slamduel.datasets.on_demand.imu import imu_of
-from slamduel.datasets.rendering.disturbances import Rocking, rocked
+from slamduel.datasets.on_demand.rocking import Rocking
+from slamduel.datasets.rendering.disturbances import rocked
 from slamduel.datasets.worlds.aruco_room import ENCODER
 from slamduel.datasets.worlds.rendered_world import LOOP
 from slamduel.datasets.worlds.wheeled_robot import count, drive

@@ -6,7 +6,8 @@ import pytest
 from slamduel.core.se2 import Array
 from slamduel.datasets.on_demand.gyro import WorldGyro
 from slamduel.datasets.on_demand.imu import SHAKES, imu_of
-from slamduel.datasets.rendering.disturbances import RATES, Disturbances, Rocking, raised, rocked, take
+from slamduel.datasets.on_demand.rocking import RATES, Rocking
+from slamduel.datasets.rendering.disturbances import Disturbances, raised, rocked, take
 from slamduel.datasets.worlds.aruco_room import Options, recorded
 from slamduel.datasets.worlds.rendered_world import LOOP
 from slamduel.datasets.worlds.wheeled_robot import drive
