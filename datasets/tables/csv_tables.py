@@ -35,6 +35,7 @@ from ...frontend.wheels.units import fast_turns, in_degrees
 from ..formats.columns import in_order, read_columns
 from ..inertial.open import beside, open_imu_csv
 from ..registry import Source
+from ..remarks import DETECTED
 from ..truth import other_clock, sample, start
 from .csv_fixes import World, world
 from .csv_options import Options
@@ -260,5 +261,6 @@ def _notes(options: Options, seen: Detections, parts: Alone, fixes: World) -> di
         "files": files,
         "noise": {name: getattr(options, name) for name in noise},
         "dropped": dropped,
+        **({DETECTED: ",".join(seen.columns)} if seen.columns else {}),
         **fixes.notes,
     }

@@ -1,6 +1,7 @@
 import os
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from slamduel.core.check import problems
 from slamduel.core.factors import Dataset
 from slamduel.core.se2 import Array, between, compose, wrap
 from slamduel.core.truth.tum import write_tum
+from slamduel.datasets.formats import log_folder
 from slamduel.datasets.remarks import remarks
 from slamduel.datasets.tables import csv_sightings, csv_tables
 
@@ -156,6 +158,28 @@ def test_noise_of_x_and_y_is_that_of_places_around_the_point(times: float) -> No
     drawn = (np.hypot(*places.T) - times) ** 2, np.arctan2(places[:, 1], places[:, 0]) ** 2
     assert along[0] == pytest.approx(0.005**2 * drawn[0].mean(), rel=0.05)
     assert across[0] == pytest.approx(drawn[1].mean(), rel=0.05)
+
+
+def test_the_remark_on_near_sightings_names_what_the_log_has(files: dict[str, Any], tmp_path: Path) -> None:
+    """A landmark is seen from 0.03 m: xy_sd is no option of ranges and bearings, nor of a folder."""
+    rows = np.loadtxt(files["detections"], delimiter=",", skiprows=1)
+    rows[7, 2] = 0.03
+    seen = files | {"detections": csv(tmp_path / "near.csv", "t,id,range,bearing", rows)}
+
+    def advice(dataset: Dataset) -> str:
+        (said,) = (one for one in remarks(dataset) if "from within 3 standard deviations" in one)
+        return said.rpartition("; ")[2]
+
+    assert (
+        advice(made(seen)) == "option bearing_sd is the same at all ranges: t,id,x,y with option xy_sd has that of each"
+    )
+    places = points(seen, tmp_path / "points.csv")
+    assert advice(made(places)) == "option xy_sd states that of x and y, in place of range_sd and bearing_sd"
+    assert not [one for one in remarks(made(places | {"xy_sd": 0.05})) if "standard deviations of the range" in one]
+    log, truth = made(seen)
+    log_folder.write(tmp_path / "log", replace(log, notes={}), truth)
+    assert advice(log_folder.read(tmp_path / "log")) == "column cbb of sightings.csv states each bearing's variance"
+    assert advice(Dataset(replace(log, notes={}, lines={}), truth)).startswith("a bearing's variance is at least")
 
 
 def test_noise_of_x_and_y_is_of_points_only(files: dict[str, Any]) -> None:
