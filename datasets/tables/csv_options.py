@@ -6,7 +6,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.mounting import Mounting
-from ...core.options import option
+from ...core.options import option, parts
 from ...core.se2 import Array, wrap
 from ..registry import Named
 
@@ -29,8 +29,10 @@ class Options(Named):
     imu: str | None = option(None, "CSV file with t,gyro_x,gyro_y,gyro_z, whose turns are beside the odometry")
     truth: str | None = option(None, "CSV file with t,x,y,heading, or a TUM file")
     landmarks: str | None = option(None, "CSV file with the landmarks' true positions: id,x,y")
-    ignore: str = option("", "ids to leave out, such as those of moving objects: 5;14;23")
-    angles: str = option("radians", "unit of all angles, radians or degrees, or the files with degrees: odometry;truth")
+    ignore: str = option("", "ids to leave out, such as those of moving objects: 5,14,23", parted=";")
+    angles: str = option(
+        "radians", "unit of all angles, radians or degrees, or the files with degrees: odometry,truth", parted=";"
+    )
     range_sd: float = option(0.1, "standard deviation of a range, m", minimum=1e-6, maximum=1e3)
     range_share: float = option(0.0, "growth of that with the range, as a share of the range", minimum=0.0, maximum=1.0)
     bearing_sd: float = option(0.02, "standard deviation of a bearing, rad", minimum=1e-6, maximum=3.0)
@@ -87,7 +89,7 @@ class Options(Named):
     start_y: float | None = option(None, "initial y, m")
     start_heading: float | None = option(None, "initial heading, rad", minimum=-np.pi, maximum=np.pi)
     start_sd: float | tuple[float, float] = option(
-        1e-3, "standard deviation of the initial pose: of m and rad alike, or of m;rad", minimum=1e-9, maximum=1e3
+        1e-3, "standard deviation of the initial pose: of m and rad alike, or of m,rad", minimum=1e-9, maximum=1e3
     )
 
     @property
@@ -99,12 +101,12 @@ class Options(Named):
         """Parses the files whose angles are in degrees, of ANGLED."""
         if self.angles in ("radians", "degrees"):
             return ANGLED if self.angles == "degrees" else ()
-        names = [name.strip() for name in self.angles.split(";")]
+        names = parts(self.angles)
         for name in names:
             if name not in ANGLED:
                 raise InputError(
                     f"option angles={self.angles} of dataset csv: found {name!r}, expected radians, degrees, or the "
-                    f"files whose angles are in degrees, of {';'.join(ANGLED)}."
+                    f"files whose angles are in degrees, of {', '.join(ANGLED)}."
                 )
         return tuple(name for name in ANGLED if name in names)
 
@@ -115,7 +117,7 @@ class Options(Named):
     def with_degrees(self, file: str) -> str:
         """The option that reads the angles of `file` as degrees, too, and all others as now."""
         names = {*self.in_degrees(), file}
-        return f"angles={';'.join(name for name in ANGLED if name in names)}"
+        return f"angles={','.join(name for name in ANGLED if name in names)}"
 
     @property
     def largest_bearing(self) -> float:

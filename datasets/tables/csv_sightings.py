@@ -17,6 +17,7 @@ from ...core.elementary import arctan2, hypot
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN
 from ...core.mounting import NONE, from_body
+from ...core.options import parts
 from ...core.se2 import Array, Ints
 from ...core.table import MOST, Lines, Table, text
 from ...frontend.wheels.holes import other_unit, outside
@@ -123,11 +124,11 @@ def _read(path: Path, options: Options, remarks: list[str]) -> tuple[Table, Arra
 
 def _ignored(options: Options) -> list[int]:
     """Parses the ids to leave out."""
-    names = [name.strip() for name in options.ignore.split(";") if name.strip()]
+    names = [name for name in parts(options.ignore) if name]
     for name in names:
         if not (name.isascii() and name.removeprefix("-").isdigit()):
             raise InputError(
-                f"option ignore={options.ignore} of dataset csv: found {name!r}, expected ids as in 5;14;23."
+                f"option ignore={options.ignore} of dataset csv: found {name!r}, expected ids as in 5,14,23."
             )
     return [int(name) for name in names]
 

@@ -87,7 +87,7 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         )
     if not isinstance(options.start_sd, tuple) and options.start_sd > np.pi:
         sd = f"start_sd={options.start_sd:g}"
-        remarks.append(f"option {sd} is of the heading in rad, too: {sd};0.1 says that it is known to 0.1 rad")
+        remarks.append(f"option {sd} is of the heading in rad, too: {sd},0.1 says that it is known to 0.1 rad")
     told = dict[str, Any]()
     inertial = None
     if options.imu is not None:

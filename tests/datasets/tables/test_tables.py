@@ -226,7 +226,7 @@ def test_position_and_heading_of_the_start_may_be_known_apart(files: dict[str, A
     assert made(files | {"start_sd": (100.0, 0.05)}).log.remarks == []
     (remark,) = made(files | {"start_sd": 100.0}).log.remarks
     assert (
-        remark == "option start_sd=100 is of the heading in rad, too: start_sd=100;0.1 says that it is known to 0.1 rad"
+        remark == "option start_sd=100 is of the heading in rad, too: start_sd=100,0.1 says that it is known to 0.1 rad"
     )
 
 
@@ -406,7 +406,7 @@ def test_degrees_may_be_in_some_of_the_files(files: dict[str, Any], tmp_path: Pa
     )
     first, *_ = made(files | {"angles": "detections"}).log.remarks
     assert first.startswith(files["truth"])
-    assert "option angles=detections;truth reads the headings of this file as degrees" in first
+    assert "option angles=detections,truth reads the headings of this file as degrees" in first
     found = made(files | {"angles": "truth;detections"})
     assert found.log.remarks == []
     np.testing.assert_allclose(found.log.z, expected.log.z, atol=1e-12)
