@@ -16,6 +16,7 @@ from slamduel.core.factors import Dataset
 from slamduel.core.se2 import Array, between, compose, wrap
 from slamduel.core.truth.tum import write_tum
 from slamduel.datasets.formats import log_folder
+from slamduel.datasets.inertial.open import NOTE as IMU_NOTE
 from slamduel.datasets.remarks import remarks
 from slamduel.datasets.tables import csv_sightings, csv_tables
 
@@ -476,3 +477,47 @@ def test_detections_of_a_sensor_elsewhere_are_those_of_the_robot(files: dict[str
     assert log.z[:, 0] == pytest.approx(straight.z[:, 0], abs=1e-12)
     assert wrap(log.z[:, 1] - straight.z[:, 1]) == pytest.approx(0, abs=1e-12)
     assert log.delta[1:] == pytest.approx(straight.delta[1:], abs=1e-12)
+
+
+def with_imu(files: dict[str, Any], at: Path, turn: Array, unit: float, late: float) -> dict[str, Any]:
+    """The options with readings of a gyro and an accelerometer at 50 Hz, in their axes and unit, `late` by a clock."""
+    t = np.arange(0.0, 29.9, 0.02)
+    rate = np.column_stack((0 * t, 0 * t, 0.41 + 0.1 * np.sin(t)))
+    up = np.broadcast_to([0.0, 0.0, 9.81], rate.shape)
+    rows = np.column_stack((t + late, (rate @ turn) * unit, up @ turn))
+    return files | {"imu": csv(at, "t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z", rows)}
+
+
+def test_options_say_how_a_gyro_is_mounted_its_unit_and_its_delay(files: dict[str, Any], tmp_path: Path) -> None:
+    expected = made(with_imu(files, tmp_path / "right.csv", np.eye(3), 1.0, 0.0)).log
+    c, s = np.cos(0.3), np.sin(0.3)
+    upside_down = np.diag([1.0, -1.0, -1.0])
+    aside = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]) @ upside_down  # of its axes on the robot's
+    given = with_imu(files, tmp_path / "other.csv", aside, 180 / np.pi, 0.25)
+    told = {"imu_roll": np.pi, "imu_yaw": 0.3, "imu_gyro": "deg/s", "imu_delay": 0.25}
+    log = made(given | told).log
+    assert log.gyro is not None
+    assert expected.gyro is not None
+    assert log.remarks == []
+    assert "mounted as option imu_roll, imu_pitch or imu_yaw says" in log.notes[IMU_NOTE]
+    np.testing.assert_allclose(log.gyro.turn, expected.gyro.turn, atol=1e-9)
+    np.testing.assert_allclose(log.gyro.dt, expected.gyro.dt, atol=1e-9)
+
+
+def test_an_even_turn_without_noise_is_neither_clipped_nor_of_another_unit(
+    files: dict[str, Any], tmp_path: Path
+) -> None:
+    t = np.arange(0.0, 30.0, 0.02)
+    rows = np.column_stack((t, 0 * t, 0 * t, np.full(len(t), 0.4)))
+    log = made(files | {"imu": csv(tmp_path / "even.csv", "t,gyro_x,gyro_y,gyro_z", rows)}).log
+    assert log.gyro is not None
+    assert len(log.gyro) == len(log) - 1
+    assert not [one for one in log.remarks if "range" in one or ("turns" in one and "rad for each" in one)]
+
+
+def test_what_nothing_says_of_a_gyro_is_a_remark_that_names_the_options(files: dict[str, Any], tmp_path: Path) -> None:
+    given = with_imu(files, tmp_path / "other.csv", np.diag([1.0, -1.0, -1.0]), 180 / np.pi, 0.0)
+    said = " ".join(made(given).log.remarks)
+    assert "taken to be upside down, and turned back; option imu_roll, imu_pitch or imu_yaw says" in said
+    assert "taken to be in degrees/s, and converted; option imu_gyro says" in said
+    assert "robot.toml" not in said
