@@ -29,7 +29,7 @@ def placed(
     remarks: list[str],
     says: Says = ROBOT_SAYS,
 ) -> Placed:
-    """The mounting (4, 4) that is `given`, as `says` names it, else that of tf's `frame`; without both the robot's axes.
+    """The mounting (4, 4) that is `given`, as `says` names it, else that of tf's `frame`; without both the robot axes.
 
     Where gravity, as the median of `accel` (n, 3) has it, says that z points elsewhere, a mounting that was given
     stays, and axes of which nothing was said are turned the shortest way. Both are a remark in `remarks`.
