@@ -32,6 +32,8 @@ TOO_SURE = 25.0  # noise along over that across, as stated of such a sighting: i
 NEAR_SHARE = 0.002  # of the sightings; fewer, all from beyond one standard deviation, are of a robot that brushes past
 UNKNOWN_HEADING = 1.0  # rad; a sine is 16 % off its slope there, so a linearised filter's covariance holds no more
 KIDNAPPED = "kidnapped at step"  # in a log's notes, under "faults"
+DETECTED = "columns of detections"  # the key of those that a log's sightings are of, among its notes
+POINTS = ("t", "id", "x", "y")  # of detections as places in the body frame
 NO_SIGHTING = "there is no sighting and no loop closure in it, so every backend gives dead reckoning"
 
 
@@ -212,8 +214,20 @@ def _near(log: Log) -> Iterator[str]:
             f"{_count(int(near.sum()), 'sighting')} of {len(r)} from within {TOO_NEAR:g} standard deviations of the "
             f"range, the nearest at {r[one]:.2g} m, stated to {sd[one]:.2g} m, with a bearing stated to "
             f"{turn[one]:.2g} rad: the noise across, which turns it, is hardly that much smaller than the one along; "
-            "csv[xy_sd=...] states that of x and y"
+            f"{_wider(log)}"
         )
+
+
+def _wider(log: Log) -> str:
+    """Names what states the noise of near sightings, by the columns that a log was made of."""
+    columns = log.notes.get(DETECTED)
+    if columns == ",".join(POINTS):
+        return "option xy_sd states that of x and y, in place of range_sd and bearing_sd"
+    if columns is not None:
+        return f"option bearing_sd is the same at all ranges: {','.join(POINTS)} with option xy_sd has that of each"
+    if "sightings" in log.lines:
+        return "column cbb of sightings.csv states each bearing's variance"
+    return "a bearing's variance is at least that across by the square of the range"
 
 
 def _landmarks(log: Log) -> Iterator[str]:

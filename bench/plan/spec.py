@@ -14,6 +14,7 @@ from ...backends.api import NoOptions
 from ...backends.association import options as association
 from ...core.csv_values import shortened
 from ...core.errors import InputError, nearest
+from ...core.options import parts
 from ...datasets import registry as datasets
 from ...datasets.bags.bag import is_bag
 from ...datasets.formats import file_kind
@@ -161,6 +162,11 @@ def read_values(cls: type[Any], given: Sequence[tuple[str, str]], where: str) ->
     known = {field.name: field for field in fields(cls)}
     values: dict[str, Any] = {}
     for name, text in given:
+        if isinstance(text, _Listed) and name in known and not _is_list(known[name]):
+            raise InputError(
+                f"{where}: found {text.second!r}, expected option=value; option {name} is no list, and a value with a "
+                "comma needs double quotes around it."
+            )
         if name not in known:
             has = nearest(name, known)
             raise InputError(f"{where}: there is no option {name!r}; {has}")
@@ -188,8 +194,10 @@ def _read(field: Field[Any], annotation: Any, text: str, where: str) -> Any:
     kinds = typing.get_args(annotation) if isinstance(annotation, types.UnionType) else (annotation,)
     if text == "none" and type(None) in kinds:
         return None
-    if _several(kinds) and PARTED in text:
+    if _several(kinds) and ("," in text or PARTED in text):
         return _parts(field, annotation, text, where)
+    if (parted := field.metadata.get("parted")) is not None:
+        text = parted.join(parts(text))  # as labels have it
     kind = next(k for k in kinds if k is not type(None))
     if str in kinds and text in (field.metadata.get("choices") or ()):
         return text
@@ -212,14 +220,33 @@ def _read(field: Field[Any], annotation: Any, text: str, where: str) -> Any:
 
 
 def _parts(field: Field[Any], annotation: Any, text: str, where: str) -> tuple[Any, ...]:
-    """The values of an option that may have several, parted by semicolons."""
-    count, parts = _several(typing.get_args(annotation)), text.split(PARTED)
-    if len(parts) != count:
+    """The values of an option that may have several numbers, parted by commas or semicolons."""
+    count, values = _several(typing.get_args(annotation)), text.replace(PARTED, ",").split(",")
+    if len(values) != count:
         kind = typing.get_args(annotation)[0]
         raise InputError(
-            f"{where}: option {field.name}={text}: found {len(parts)} values, expected {_expected(field, kind)}."
+            f"{where}: option {field.name}={text}: found {len(values)} values, expected {_expected(field, kind)}."
         )
-    return tuple(_read(field, float, part.strip(), where) for part in parts)
+    return tuple(_read(field, float, value.strip(), where) for value in values)
+
+
+class _Listed(str):
+    """A value of several pieces that were separated by commas, without quotes around them."""
+
+    __slots__ = ("second",)
+    second: str
+
+    @classmethod
+    def of(cls, text: str, piece: str) -> "_Listed":
+        """`text` and one `piece` more."""
+        made = cls(f"{text},{piece}")
+        made.second = text.second if isinstance(text, _Listed) else piece
+        return made
+
+
+def _is_list(field: Field[Any]) -> bool:
+    """True for an option that may have several values."""
+    return field.metadata.get("parted") is not None or _several(typing.get_args(field.type)) > 0
 
 
 def _several(kinds: Sequence[Any]) -> int:
@@ -237,7 +264,7 @@ _KINDS: dict[Any, tuple[Any, str]] = {
 
 def _expected(field: Field[Any], kind: Any) -> str:
     several = _several(typing.get_args(field.type))
-    return _one_expected(field, kind) + f", or {several} of them, {PARTED.join(_LETTERS[:several])}" * (several > 0)
+    return _one_expected(field, kind) + f", or {several} of them, {','.join(_LETTERS[:several])}" * (several > 0)
 
 
 def _one_expected(field: Field[Any], kind: Any) -> str:
@@ -271,6 +298,9 @@ def _split(text: str, flag: str) -> list[tuple[str, list[tuple[str, str]]]]:
         given: list[tuple[str, str]] = []
         for pair in pieces(inside[:-1], flag) if inside[:-1].strip() else []:
             option, equals, value = pair.partition("=")
+            if not equals and given and pair:
+                given[-1] = given[-1][0], _Listed.of(given[-1][1], _unquoted(pair, flag))
+                continue
             if not equals:
                 raise InputError(f"{flag} {part}: found {pair!r}, expected option=value.")
             given.append((option.strip(), _unquoted(value, flag)))

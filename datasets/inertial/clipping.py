@@ -7,6 +7,7 @@ from ...core.se2 import Array
 from ...frontend.inertial.imu import GRAVITY
 
 RUN = 3  # readings in a row with one value
+ALL = 0.99  # share of all readings beyond which one value is what there is to measure, without noise
 SELDOM = 0.01  # share of other readings in such runs: of more, a sensor repeats values anyway
 
 RATES = tuple(np.deg2rad((125.0, 250.0, 300.0, 450.0, 500.0, 1000.0, 2000.0)).tolist())
@@ -24,7 +25,7 @@ def clipped(values: Array, ranges: tuple[float, ...]) -> NDArray[np.bool_]:
         runs = _in_runs(axis)
         ends = runs & (np.abs(axis) >= most * (1 - 1e-9)) & (most > 0)
         usual = any(abs(most / one - 1) < NEAR for one in ranges)
-        if usual or (runs & ~ends).mean() < SELDOM:
+        if usual or ((runs & ~ends).mean() < SELDOM and ends.mean() < ALL):
             found |= ends
     return found
 

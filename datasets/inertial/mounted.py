@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.se2 import Array
+from .units import ROBOT_SAYS, Says
 
 TILTED = 20.0  # degrees from the robot's z axis beyond which gravity says that the axes are others
 ELSEWHERE = 5.0  # degrees by which tf and robot.toml may differ without a remark
@@ -20,16 +21,22 @@ class Placed(NamedTuple):
 
 
 def placed(
-    where: str, accel: Array | None, given: Array | None, by_tf: Array | None, frame: str, remarks: list[str]
+    where: str,
+    accel: Array | None,
+    given: Array | None,
+    by_tf: Array | None,
+    frame: str,
+    remarks: list[str],
+    says: Says = ROBOT_SAYS,
 ) -> Placed:
-    """The mounting (4, 4) `given` in robot.toml, else that of tf's `frame`; without both the axes are the robot's.
+    """The mounting (4, 4) that is `given`, as `says` names it, else that of tf's `frame`; without both the robot axes.
 
     Where gravity, as the median of `accel` (n, 3) has it, says that z points elsewhere, a mounting that was given
     stays, and axes of which nothing was said are turned the shortest way. Both are a remark in `remarks`.
     """
     pose, words = np.eye(4), "its axes are taken to be the robot's"
     if given is not None:
-        pose, words = given, "mounted as robot.toml says"
+        pose, words = given, f"mounted as {says.mounted} says"
         if by_tf is not None and (off := _angle(given[:3, :3].T @ by_tf[:3, :3])) > ELSEWHERE:
             remarks.append(
                 f"{where}: [imu] mounting, which is used, is turned by {off:.0f} degrees from where tf has {frame}"
@@ -57,8 +64,7 @@ def placed(
     taken = "upside down" if upside else "turned so"
     ahead = "" if upside else "; where it looks is not known, so that pitch and roll may be exchanged"
     remarks.append(
-        f"{found} and nothing says how it is mounted: taken to be {taken}, and turned back{ahead}; [imu] mounting in "
-        "robot.toml says"
+        f"{found} and nothing says how it is mounted: taken to be {taken}, and turned back{ahead}; {says.mounting} says"
     )
     words = "upside down by gravity" if upside else f"turned by {tilt:.0f} degrees by gravity"
     return Placed(_upwards(up), arm, words, told=False)

@@ -77,11 +77,13 @@ def open_imu(
     return _judged(imu, odometry, notes, remarks, said=said)
 
 
-def open_imu_csv(path: Path, odometry: Readings, notes: dict[str, Any], remarks: list[str]) -> OpenedImu:
+def open_imu_csv(
+    path: Path, table: ImuTable, odometry: Readings, notes: dict[str, Any], remarks: list[str]
+) -> OpenedImu:
     """The inertial readings of a CSV file, as those of `open_imu`; InputError for what cannot be used."""
-    raw = read_imu_csv(path)
-    imu = imu_of(str(path), raw, ImuTable(), None, [])
-    return _judged(imu, odometry, notes, remarks, said=raw.units.get("gyro") is not None)
+    raw = read_imu_csv(path, table.columns)
+    imu = imu_of(str(path), raw, table, None, [])
+    return _judged(imu, odometry, notes, remarks, said=_unit(raw, table, "gyro") is not None)
 
 
 def beside(log: Log, opened: OpenedImu | None, first: int = 0) -> Log:
@@ -147,16 +149,16 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
             f"{where}: the median time between readings is {usual:.4g} s, expected at most {SLOW:g}: perhaps it is in "
             "milliseconds; a header says so with t [ms]."
         )
-    gyro = rates(where, raw.gyro, _unit(raw, table, "gyro"), remarks)
+    gyro = rates(where, raw.gyro, _unit(raw, table, "gyro"), remarks, table.says.gyro)
     accel, mag = raw.accel, raw.mag
     if accel is not None:
-        accel = accelerations(where, accel, _unit(raw, table, "accelerometer"), remarks)
+        accel = accelerations(where, accel, _unit(raw, table, "accelerometer"), remarks, table.says.accelerometer)
     if mag is not None and np.isnan(mag).all():
         mag = None
     if mag is not None:
-        mag = fields(where, mag, _unit(raw, table, "magnetometer"), remarks)
+        mag = fields(where, mag, _unit(raw, table, "magnetometer"), remarks, table.says.magnetometer)
     ends, shaken = clipped(gyro, RATES), None if accel is None else clipped(accel, FORCES)
-    on = placed(where, accel, table.mounting, by_tf, raw.frame, remarks)
+    on = placed(where, accel, table.mounting, by_tf, raw.frame, remarks, table.says)
     imu = Imu(
         t=raw.t + table.time_offset,
         gyro=gyro @ on.turn.T,
@@ -168,6 +170,7 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
         mounting=on.words,
         placed=on.told,
         source=where,
+        unit_by=table.says.gyro,
     )
     return replace(imu, remarks=[*remarks, *_odd(imu)])
 

@@ -14,9 +14,10 @@ from typing import Any
 
 from ...core.se2 import Array
 from ...core.toml.table import TomlTable
+from ...frontend.camera.mounting import from_rpy
 from ...frontend.camera.mounting import mounting as ahead
 from ..robot_tables import pose_in
-from .units import UNITS
+from .units import ROBOT_SAYS, UNITS, Says
 
 KEYS = (
     "topic", "magnetometer_topic", "mounting", "gyro", "accelerometer", "magnetometer", "columns", "time_offset",
@@ -35,6 +36,7 @@ class ImuTable:
     magnetometer: str | None = None
     columns: tuple[str, ...] | None = None
     time_offset: float = 0.0  # s, added to its times to get those of the motion's readings
+    says: Says = ROBOT_SAYS
 
     @property
     def words(self) -> dict[str, Any]:
@@ -57,8 +59,15 @@ def imu_in(file: TomlTable) -> ImuTable | None:
         mounting=_mounting(table) if table.has("mounting") else None,
         columns=tuple(table.names("columns")) if table.has("columns") else None,
         time_offset=table.number("time_offset", 0.0),
-        **units,
+        gyro=units["gyro"],
+        accelerometer=units["accelerometer"],
+        magnetometer=units["magnetometer"],
     )
+
+
+def turned(roll: float, pitch: float, yaw: float) -> Array:
+    """(4, 4) T_robot_imu at the robot's origin, turned about its x axis first, then y, then z, rad."""
+    return from_rpy((0, 0, 0), (roll, pitch, yaw)) @ ahead(0, 0, 0, 0).T
 
 
 def _mounting(table: TomlTable) -> Array:

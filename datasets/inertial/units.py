@@ -5,6 +5,7 @@ tells its unit. A gyro whose robot turns by more than a turn a second is in degr
 """
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,20 @@ SPELT: Mapping[str, str] = {
 }  # fmt: skip
 """Other spellings, without blanks, underscores and carets, in lower case -> the unit."""
 
+
+class Says(NamedTuple):
+    """Names what can say how readings are to be taken, in remarks on what nothing says: each followed by "says"."""
+
+    gyro: str = "[imu] gyro in robot.toml"
+    accelerometer: str = "[imu] accelerometer in robot.toml"
+    magnetometer: str = "[imu] magnetometer in robot.toml"
+    mounting: str = "[imu] mounting in robot.toml"
+    mounted: str = "robot.toml"  # has said it
+
+
+ROBOT_SAYS = Says()
+
+
 TURN, OFTEN = 2 * np.pi, 0.99
 """rad/s, a turn a second, and the share of the time in which a robot on wheels turns less."""
 
@@ -46,7 +61,7 @@ def unit(sensor: str, given: str) -> str | None:
     return next((name for name in known if name.lower() == found.lower()), None)
 
 
-def rates(where: str, gyro: Array, said: str | None, remarks: list[str]) -> Array:
+def rates(where: str, gyro: Array, said: str | None, remarks: list[str], says: str = ROBOT_SAYS.gyro) -> Array:
     """`gyro` (n, 3) in rad/s; `remarks` grows where it was not said to be in degrees and is."""
     if said is not None:
         return gyro * UNITS["gyro"][said]
@@ -55,12 +70,14 @@ def rates(where: str, gyro: Array, said: str | None, remarks: list[str]) -> Arra
         return gyro
     remarks.append(
         f"{where}: the gyro's rates are up to {often:.3g} (in {100 * OFTEN:.0f} % of the time), expected at most "
-        f"{TURN:.3g} rad/s of a robot on wheels: taken to be in degrees/s, and converted; [imu] gyro in robot.toml says"
+        f"{TURN:.3g} rad/s of a robot on wheels: taken to be in degrees/s, and converted; {says} says"
     )
     return gyro * UNITS["gyro"]["deg/s"]
 
 
-def accelerations(where: str, accel: Array, said: str | None, remarks: list[str]) -> Array | None:
+def accelerations(
+    where: str, accel: Array, said: str | None, remarks: list[str], says: str = ROBOT_SAYS.accelerometer
+) -> Array | None:
     """`accel` (n, 3) in m/s^2; None where it is not with gravity. `remarks` grows by what is odd."""
     size = float(np.linalg.norm(np.median(accel, axis=0)))  # of what stays, and so without shaking
     units = UNITS["accelerometer"] if said is None else {said: UNITS["accelerometer"][said]}
@@ -76,14 +93,14 @@ def accelerations(where: str, accel: Array, said: str | None, remarks: list[str]
         return None
     mean = f"{where}: the accelerometer measures {size:.4g} on average (median), expected {GRAVITY:.3g} m/s^2"
     if said is None and found != "m/s^2":
-        remarks.append(f"{mean}: taken to be in {found}, and converted; [imu] accelerometer in robot.toml says")
+        remarks.append(f"{mean}: taken to be in {found}, and converted; {says} says")
     off = size * units[found] / GRAVITY - 1
     if abs(off) > EXACT:
         remarks.append(f"{mean}: in {found} its scale is {100 * off:+.0f} % off")
     return accel * units[found]
 
 
-def fields(where: str, mag: Array, said: str | None, remarks: list[str]) -> Array:
+def fields(where: str, mag: Array, said: str | None, remarks: list[str], says: str = ROBOT_SAYS.magnetometer) -> Array:
     """`mag` (n, 3) in T; `remarks` grows where the unit was found by the size of the Earth's field."""
     if said is not None:
         return mag * UNITS["magnetometer"][said]
@@ -93,6 +110,6 @@ def fields(where: str, mag: Array, said: str | None, remarks: list[str]) -> Arra
     if name != "T":
         remarks.append(
             f"{where}: the magnetometer measures {size:.3g} (median size), expected some 5e-05 T of the Earth's field: "
-            f"taken to be in {name}, and converted; [imu] magnetometer in robot.toml says"
+            f"taken to be in {name}, and converted; {says} says"
         )
     return mag * UNITS["magnetometer"][name]

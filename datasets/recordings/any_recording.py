@@ -34,7 +34,7 @@ class Options(Named):
     odometry: str | None = option(None, "topic of the odometry in a bag of laser scans with several")
     imu: bool = option(True, "the turns of the recording's gyro are in the log, and its gravity levels sightings")
     sensors: str = option(
-        ALL, f"those that the log is made of, joined by +: {', '.join(SENSORS)}; all: what the recording has"
+        ALL, f"those that the log is made of: {','.join(SENSORS)}; all: what the recording has", parted="+"
     )
 
 

@@ -38,6 +38,8 @@ def of_camera(path: Path, robot: Robot, streams: Streams, motion: Motion, name: 
 
     InputError for a camera that is unknown or of other images; for frames, as they are read.
     """
+    if robot.unmarked:
+        return CameraFrames((), Detector(robot.markers, robot.camera or Camera.unknown(robot.mounting)))
     where, table = called(str(path), name), table_of(name)
     if robot.lens is not None and streams.tags is None:
         (width, height), frames = _sized(streams.frames, path)

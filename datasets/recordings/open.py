@@ -30,9 +30,17 @@ def read_streams(path: Path, robot: Robot, seconds: float | None) -> dict[str, S
         return _of_several(path, robot)
     if is_live(path):
         return {"": _plain(live.read(str(path), seconds), None)}
+    if robot.unmarked and not _has_frames(path, robot):
+        return {"": _with_files(_plain((), None), path, robot)}
     found, home = _frames_of(path, robot.frames.source, "frames")
     streams = _read(found, home, robot)
     return {"": _with_files(streams, home, robot)}
+
+
+def _has_frames(path: Path, robot: Robot) -> bool:
+    """False for a folder that is no recording of frames, but has the files beside some."""
+    inside = path.iterdir() if path.is_dir() else ()
+    return robot.frames.source is not None or not path.is_dir() or is_bag(path) or any(map(is_bag, inside))
 
 
 def _of_several(path: Path, robot: Robot) -> dict[str, Streams]:
@@ -100,6 +108,8 @@ def _with_files(streams: Streams, home: Path, robot: Robot) -> Streams:
 
 def places(path: Path, robot: Robot) -> tuple[Path, Path]:
     """The bag, video or folder of the frames, of several cameras the first one's, and the folder of what is beside."""
+    if robot.unmarked and not _has_frames(path, robot):
+        return path, path
     if not robot.views:
         return _frames_of(path, robot.frames.source, "frames")
     name, view = next(iter(robot.views.items()))

@@ -105,6 +105,7 @@ class Robot:
     topics: Topics = field(default_factory=Topics)
     frames: FrameSource = field(default_factory=FrameSource)
     views: Mapping[str, "Robot"] = field(default_factory=dict[str, "Robot"])  # name of a camera -> with that one alone
+    unmarked: bool = False  # it has a scanner and a depth camera and no [markers]: no frame is looked at for these
     lens: Callable[[int, int], Camera] | None = None  # by the images' size, px, where the calibration lacks it
     # keys of [markers] that robot.toml lacks -> the sentence that asks for them where they are needed
     lacks: Mapping[str, str] = field(default_factory=dict[str, str])
@@ -130,9 +131,10 @@ def read_robot(path: Path) -> Robot:
         "compass",
     )
     file = TomlTable.read(path).only(("name", *tables, "laser", "depth"))
-    if file.has("laser") and not file.has("markers"):
+    unmarked = not file.has("markers") and file.has("laser") and file.has("depth")
+    if file.has("laser") and not file.has("markers") and not unmarked:
         raise file.refused("laser", "is of a robot with a scanner, expected [markers], for one with a camera.")
-    if file.has("depth") and not file.has("markers"):
+    if file.has("depth") and not file.has("markers") and not unmarked:
         raise file.refused("depth", "is of a robot with a depth camera, expected [markers], for one with a camera.")
     camera = file.table("camera")
     names = cameras_in(camera, CAMERA)
@@ -173,6 +175,7 @@ def read_robot(path: Path) -> Robot:
             if not markers.has(key)
         },
         assumed=_assumed(encoder, commands),
+        unmarked=unmarked,
         **({} if names else of_camera(camera)),
     )
     check_limits(file, names)

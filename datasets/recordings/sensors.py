@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from ...core.errors import InputError, nearest
+from ...core.options import parts
 from ..depth.open import OpenedDepth
 from ..fixes.open import OpenedWorld
 from ..scans.open import OpenedScans
@@ -20,11 +21,11 @@ SENSORS = (*SEEING, *BESIDE)
 
 
 def sensors_in(text: str, flag: str) -> tuple[str, ...]:
-    """The sensors that a `text` names, separated by commas or plus signs.
+    """The sensors that a `text` names, a list as `core.options.parts` reads it.
 
     InputError for one that there is not, that is twice, and for none that sees.
     """
-    names = [name.strip() for name in text.replace("+", ",").split(",")]
+    names = parts(text)
     for name in names:
         if name not in SENSORS:
             raise InputError(f"{flag} {text}: found {name!r}; {nearest(name, SENSORS)}")

@@ -1,4 +1,4 @@
-"""Opens a recording whose robot.toml has [markers] with [laser], [depth] or both: one log of all of them.
+"""Opens a recording whose robot.toml has two or all of [markers], [laser] and [depth]: one log of all of them.
 
 The scans are in the same bag as the images, or in another, a CARMEN log or scans.csv beside them. The wheels are those
 of the recording's motion, for all: the other front ends take them from there, and not from topics of their own. The
@@ -62,7 +62,7 @@ def open_several(
     sensors: Collection[str] | None = None,
     seconds: float | None = None,
 ) -> OpenedSeveral | Opened | OpenedScans | OpenedDepth | None:
-    """Opens the recording at `path` whose robot.toml has markers and other sensors that see, with all or `sensors`.
+    """Opens the recording at `path` whose robot.toml has several sensors that see, with all or `sensors` of them.
 
     None for a recording with another robot.toml, or without one, and no `sensors` named. InputError as of the readers
     of each, for sensors that robot.toml does not have, and for scans at other times than the motion.
@@ -81,7 +81,7 @@ def open_several(
         if name not in tables:
             where = path if file is None else file
             raise InputError(f"{where}: has no [{name}], expected it for the sensor {name} that is named.")
-    if file is None or len(there) < 2 or MARKERS not in there:
+    if file is None or len(there) < 2:
         return None
     robot, given = read_robot(file), topics or ScanTopics()
     robot = replace(robot, topics=robot.topics._replace(odometry=given.odometry or robot.topics.odometry))
@@ -95,7 +95,7 @@ def open_several(
     if LASER in used and (laser := robot.laser) is not None:
         scans = _scans(path, robot, replace(laser, topic=given.scan or laser.topic), frames)
     if DEPTH in used and robot.depth is not None:
-        depth, settings = _depth(path, file, robot.depth, frames)
+        depth, settings = _depth(path, file, robot.depth, frames, there[0])
     if MARKERS in used or (scans is not None and depth is not None):
         return OpenedSeveral(frames, scans, depth, settings, MARKERS in used)
     if scans is not None and depth is None:
@@ -118,13 +118,15 @@ def finished(opened: OpenedSeveral, log: Log) -> Log:
     return finished_frames(opened.frames, remarked(log, remarks))
 
 
-def _depth(path: Path, file: Path, robot: DepthRobot, frames: Opened) -> tuple[DepthRecording, DepthSettings]:
-    """The frames of the depth camera, and its front end's settings: without landmarks, whose ids the markers have."""
+def _depth(
+    path: Path, file: Path, robot: DepthRobot, frames: Opened, other: str
+) -> tuple[DepthRecording, DepthSettings]:
+    """The frames of the depth camera beside the sensor `other`, and its front end's settings: without landmarks."""
     table = TomlTable.read(file).table("depth")
     if table.has("landmarks") and robot.settings.landmarks:
         raise table.refused(
             "landmarks",
-            "is true beside [markers], expected false: features tell motions and loop closures there, and would count "
+            f"is true beside [{other}], expected false: features tell motions and loop closures there, and would count "
             "twice.",
         )
     motion = frames.recording.motion

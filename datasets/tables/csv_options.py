@@ -6,12 +6,22 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.mounting import Mounting
-from ...core.options import option
+from ...core.options import option, parts
 from ...core.se2 import Array, wrap
+from ..inertial.robot import ImuTable, turned
+from ..inertial.units import UNITS, Says
 from ..registry import Named
 
 BEYOND, NOISE, MOST_BEYOND = 0.1, 6.0, 0.5
 """rad, or standard deviations, by which noise may bring a bearing beyond half a turn, and rad at most."""
+
+IMU_SAYS = Says(
+    gyro="option imu_gyro",
+    accelerometer="option imu_accelerometer",
+    magnetometer="a header such as mag_x [uT]",
+    mounting="option imu_roll, imu_pitch or imu_yaw",
+    mounted="option imu_roll, imu_pitch or imu_yaw",
+)
 
 ANGLED = ("odometry", "detections", "bearings", "headings", "truth")  # files that have angles
 
@@ -27,10 +37,37 @@ class Options(Named):
     positions: str | None = option(None, "CSV file with t,x,y or, in degrees, t,lat,lon, and perhaps sd, m")
     headings: str | None = option(None, "CSV file with t,heading, of a compass, and perhaps sd, rad")
     imu: str | None = option(None, "CSV file with t,gyro_x,gyro_y,gyro_z, whose turns are beside the odometry")
+    imu_gyro: str | None = option(
+        None,
+        "unit of its rates, where its header says none; not given: as the readings show it",
+        choices=tuple(UNITS["gyro"]),
+        beside="imu",
+    )
+    imu_accelerometer: str | None = option(
+        None, "likewise of accelerations", choices=tuple(UNITS["accelerometer"]), beside="imu"
+    )
+    imu_roll: float | None = option(
+        None,
+        "turn of its axes on the robot's, about x first, rad; pi: upside down; not given: as gravity shows it",
+        minimum=-2 * np.pi,
+        maximum=2 * np.pi,
+        beside="imu",
+    )
+    imu_pitch: float | None = option(
+        None, "likewise, about y then, rad", minimum=-2 * np.pi, maximum=2 * np.pi, beside="imu"
+    )
+    imu_yaw: float | None = option(
+        None, "likewise, about z at last, rad", minimum=-2 * np.pi, maximum=2 * np.pi, beside="imu"
+    )
+    imu_delay: float = option(
+        0.0, "s by which its clock is later than the odometry's", minimum=-1e6, maximum=1e6, beside="imu"
+    )
     truth: str | None = option(None, "CSV file with t,x,y,heading, or a TUM file")
     landmarks: str | None = option(None, "CSV file with the landmarks' true positions: id,x,y")
-    ignore: str = option("", "ids to leave out, such as those of moving objects: 5;14;23")
-    angles: str = option("radians", "unit of all angles, radians or degrees, or the files with degrees: odometry;truth")
+    ignore: str = option("", "ids to leave out, such as those of moving objects: 5,14,23", parted=";")
+    angles: str = option(
+        "radians", "unit of all angles, radians or degrees, or the files with degrees: odometry,truth", parted=";"
+    )
     range_sd: float = option(0.1, "standard deviation of a range, m", minimum=1e-6, maximum=1e3)
     range_share: float = option(0.0, "growth of that with the range, as a share of the range", minimum=0.0, maximum=1.0)
     bearing_sd: float = option(0.02, "standard deviation of a bearing, rad", minimum=1e-6, maximum=3.0)
@@ -87,7 +124,7 @@ class Options(Named):
     start_y: float | None = option(None, "initial y, m")
     start_heading: float | None = option(None, "initial heading, rad", minimum=-np.pi, maximum=np.pi)
     start_sd: float | tuple[float, float] = option(
-        1e-3, "standard deviation of the initial pose: of m and rad alike, or of m;rad", minimum=1e-9, maximum=1e3
+        1e-3, "standard deviation of the initial pose: of m and rad alike, or of m,rad", minimum=1e-9, maximum=1e3
     )
 
     @property
@@ -95,16 +132,29 @@ class Options(Named):
         """The sensor's place, and how late it is."""
         return Mounting(self.sensor_x, self.sensor_y, self.sensor_yaw, self.sensor_delay)
 
+    @property
+    def imu_table(self) -> ImuTable:
+        """What the options say of the inertial readings."""
+        angles = self.imu_roll, self.imu_pitch, self.imu_yaw
+        told = any(angle is not None for angle in angles)
+        return ImuTable(
+            mounting=turned(*(angle or 0.0 for angle in angles)) if told else None,
+            gyro=self.imu_gyro,
+            accelerometer=self.imu_accelerometer,
+            time_offset=-self.imu_delay,
+            says=IMU_SAYS,
+        )
+
     def in_degrees(self) -> tuple[str, ...]:
         """Parses the files whose angles are in degrees, of ANGLED."""
         if self.angles in ("radians", "degrees"):
             return ANGLED if self.angles == "degrees" else ()
-        names = [name.strip() for name in self.angles.split(";")]
+        names = parts(self.angles)
         for name in names:
             if name not in ANGLED:
                 raise InputError(
                     f"option angles={self.angles} of dataset csv: found {name!r}, expected radians, degrees, or the "
-                    f"files whose angles are in degrees, of {';'.join(ANGLED)}."
+                    f"files whose angles are in degrees, of {', '.join(ANGLED)}."
                 )
         return tuple(name for name in ANGLED if name in names)
 
@@ -115,7 +165,7 @@ class Options(Named):
     def with_degrees(self, file: str) -> str:
         """The option that reads the angles of `file` as degrees, too, and all others as now."""
         names = {*self.in_degrees(), file}
-        return f"angles={';'.join(name for name in ANGLED if name in names)}"
+        return f"angles={','.join(name for name in ANGLED if name in names)}"
 
     @property
     def largest_bearing(self) -> float:

@@ -17,14 +17,15 @@ from ...core.elementary import arctan2, hypot
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN
 from ...core.mounting import NONE, from_body
+from ...core.options import parts
 from ...core.se2 import Array, Ints
 from ...core.table import MOST, Lines, Table, text
 from ...frontend.wheels.holes import other_unit, outside
 from ..formats.columns import in_order, read_columns
+from ..remarks import POINTS
 from .csv_options import Options, within_half
 
 SIGHTINGS = ("t", "id", "range", "bearing")
-POINTS = ("t", "id", "x", "y")
 SIGNATURE = ("signature",)
 
 FAR = 10.0  # standard deviations; ranges beyond it are taken as well beyond the noise: bearings are then 0.5 % better
@@ -50,6 +51,7 @@ class Detections(NamedTuple):
     ignored: int
     signature: Array | None = None  # (s,)
     lines: Lines | None = None
+    columns: tuple[str, ...] = ()  # of their file
 
 
 NO_DETECTIONS = Detections(np.zeros(0), np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros((0, 2, 2)), 0, 0)
@@ -106,7 +108,7 @@ def detections(path: Path, options: Options, start: float, end: float, remarks: 
         z, cov = from_body(z, cov, place.place)
     counts = int((~inside).sum()), int((inside & left_out).sum())
     signs = None if signature is None else signature[kept]
-    return Detections(t[kept], ids[kept], z, cov, *counts, signs, Lines.of(table, np.flatnonzero(kept)))
+    return Detections(t[kept], ids[kept], z, cov, *counts, signs, Lines.of(table, np.flatnonzero(kept)), table.columns)
 
 
 def _read(path: Path, options: Options, remarks: list[str]) -> tuple[Table, Array | None]:
@@ -122,11 +124,11 @@ def _read(path: Path, options: Options, remarks: list[str]) -> tuple[Table, Arra
 
 def _ignored(options: Options) -> list[int]:
     """Parses the ids to leave out."""
-    names = [name.strip() for name in options.ignore.split(";") if name.strip()]
+    names = [name for name in parts(options.ignore) if name]
     for name in names:
         if not (name.isascii() and name.removeprefix("-").isdigit()):
             raise InputError(
-                f"option ignore={options.ignore} of dataset csv: found {name!r}, expected ids as in 5;14;23."
+                f"option ignore={options.ignore} of dataset csv: found {name!r}, expected ids as in 5,14,23."
             )
     return [int(name) for name in names]
 

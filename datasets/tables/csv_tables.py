@@ -35,6 +35,7 @@ from ...frontend.wheels.units import fast_turns, in_degrees
 from ..formats.columns import in_order, read_columns
 from ..inertial.open import beside, open_imu_csv
 from ..registry import Source
+from ..remarks import DETECTED
 from ..truth import other_clock, sample, start
 from .csv_fixes import World, world
 from .csv_options import Options
@@ -86,11 +87,11 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         )
     if not isinstance(options.start_sd, tuple) and options.start_sd > np.pi:
         sd = f"start_sd={options.start_sd:g}"
-        remarks.append(f"option {sd} is of the heading in rad, too: {sd};0.1 says that it is known to 0.1 rad")
+        remarks.append(f"option {sd} is of the heading in rad, too: {sd},0.1 says that it is known to 0.1 rad")
     told = dict[str, Any]()
     inertial = None
     if options.imu is not None:
-        inertial = open_imu_csv(Path(options.imu), Poses(track.t, track.poses), told, remarks)
+        inertial = open_imu_csv(Path(options.imu), options.imu_table, Poses(track.t, track.poses), told, remarks)
     first = np.full((1, 3), np.nan)
     delta = np.concatenate((first, motions.delta))
     log = Log.from_arrays(
@@ -260,5 +261,6 @@ def _notes(options: Options, seen: Detections, parts: Alone, fixes: World) -> di
         "files": files,
         "noise": {name: getattr(options, name) for name in noise},
         "dropped": dropped,
+        **({DETECTED: ",".join(seen.columns)} if seen.columns else {}),
         **fixes.notes,
     }

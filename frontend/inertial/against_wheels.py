@@ -15,6 +15,9 @@ AGREE = 0.7  # correlation from which on both are of one drive
 ALIKE = 0.7, 1.4  # the gyro's turn for one of the wheels that wheels of a wrong size or slip explain
 DEGREES = 180 / np.pi
 
+EVENLY, MOST_BIAS = 0.1, 0.15
+"""rad in a piece: turns of the wheels from which on a drive that always turns alike tells, and the most by a bias."""
+
 SAME = 0.2
 """Of the gyro's white noise, by which the odometry's turns differ from its own: wheels cannot know it that well."""
 
@@ -27,16 +30,15 @@ def against_wheels(imu: Imu, odometry: Poses, *, said: bool) -> Imu:
     gyro, wheels = _turns(imu, odometry)
     if len(gyro) < FEW:
         return imu
-    off = wheels - wheels.mean()
-    if wheels.std() < TURNS or gyro.std() == 0 or abs(float(np.corrcoef(gyro, wheels)[0, 1])) < AGREE:
+    slope = _slope(gyro, wheels)
+    if slope is None:
         return imu
-    slope = float(gyro @ off / (off @ off))
     low, high = ALIKE
     found = f"{imu.source}: the gyro turns {slope:.3g} rad for each that the odometry turns, expected 1"
     if low < slope < high:
         return imu
     if low < slope / DEGREES < high and not said:
-        found += ": taken to be in degrees/s, and converted; [imu] gyro in robot.toml says"
+        found += f": taken to be in degrees/s, and converted; {imu.unit_by} says"
         return replace(imu, gyro=imu.gyro / DEGREES, remarks=[*imu.remarks, found])
     if low < -slope < high:
         found += ": its axes are turned, as upside down, or the odometry turns clockwise"
@@ -45,6 +47,20 @@ def against_wheels(imu: Imu, odometry: Poses, *, said: bool) -> Imu:
     else:
         found += ": perhaps its unit is another"
     return replace(imu, remarks=[*imu.remarks, found])
+
+
+def _slope(gyro: Array, wheels: Array) -> float | None:
+    """The turns (n,) of the gyro for each of the wheels; None where they cannot be compared.
+
+    Of a robot that always turns alike, their means tell, where no bias explains how they differ.
+    """
+    off = wheels - wheels.mean()
+    if wheels.std() < TURNS:
+        differ = abs(float(gyro.mean() - wheels.mean())) > MOST_BIAS
+        return float(gyro.mean() / wheels.mean()) if abs(wheels.mean()) > EVENLY and differ else None
+    if gyro.std() == 0 or abs(float(np.corrcoef(gyro, wheels)[0, 1])) < AGREE:
+        return None
+    return float(gyro @ off / (off @ off))
 
 
 def in_odometry(imu: Imu, odometry: Poses) -> bool:

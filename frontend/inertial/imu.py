@@ -30,6 +30,7 @@ class Imu:
     mounting: str = ""  # what says how it is mounted, in a sentence
     placed: bool = True  # something says so; False: where it looks is a guess
     source: str = "imu"  # name of the readings in messages
+    unit_by: str = "[imu] gyro in robot.toml"  # can say the gyro's unit
     remarks: Sequence[str] = ()  # what is legal yet odd, each without its full stop
 
     def __len__(self) -> int:

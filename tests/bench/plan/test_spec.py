@@ -14,6 +14,7 @@ from slamduel.bench.plan.plan import Plan
 from slamduel.bench.plan.spec import backend_variants, dataset_at, dataset_variants, describe, read_options
 from slamduel.core.errors import InputError
 from slamduel.core.options import option
+from slamduel.datasets.recordings.sensors import sensors_in
 from slamduel.datasets.scans.open import open_scans
 
 
@@ -60,9 +61,9 @@ def test_options_are_read_by_their_annotation(given: list[tuple[str, str]], expe
         ([("loud", "maybe")], "option loud=maybe: found 'maybe', expected true or false."),
         ([("shape", "oval")], "option shape=oval is not one of its values; expected one of round, square."),
         ([("path", "")], "option path is empty, expected text."),
-        ([("sizes", "3;x")], "option sizes=x: found 'x', expected a number from 0 to 9, or 2 of them, A;B."),
-        ([("sizes", "3;20")], "option sizes=20 is out of range; expected a number from 0 to 9, or 2 of them, A;B."),
-        ([("sizes", "3;2;1")], "option sizes=3;2;1: found 3 values, expected a number from 0 to 9, or 2 of them, A;B."),
+        ([("sizes", "3;x")], "option sizes=x: found 'x', expected a number from 0 to 9, or 2 of them, A,B."),
+        ([("sizes", "3;20")], "option sizes=20 is out of range; expected a number from 0 to 9, or 2 of them, A,B."),
+        ([("sizes", "3;2;1")], "option sizes=3;2;1: found 3 values, expected a number from 0 to 9, or 2 of them, A,B."),
         ([("count", "3"), ("count", "4")], "option count is given twice, expected once."),
     ],
 )
@@ -100,6 +101,31 @@ def test_options_of_moving_landmarks_are_refused_where_none_move(option: str) ->
         dataset_variants(f"circle[{option}]")
     (found,) = dataset_variants(f"circle[{option},moving=0.2]")
     assert found.options.moving == 0.2
+
+
+@pytest.mark.parametrize("separator", [",", ";", " , ", "; "])
+def test_a_list_in_an_option_is_read_with_commas_and_written_as_ever(separator: str) -> None:
+    """A label parts options with commas, so that of a list has another separator: the same log has the same label."""
+    given = separator.join(("5", "14", "23"))
+    (found,) = dataset_variants(f"csv[range_sd=0.1,ignore={given},start_sd={separator.join(('100', '0.1'))},every=2]")
+    assert found.label == "csv[ignore=5;14;23,every=2.0,start_sd=100.0;0.1]"
+    assert dataset_variants(found.label)[0].options == found.options
+
+
+@pytest.mark.parametrize("separator", [",", ";", "+"])
+def test_every_option_that_is_a_list_takes_every_separator(separator: str) -> None:
+    angles = dataset_variants(f"csv[angles={separator.join(('truth', 'odometry'))}]")[0].options
+    assert angles.in_degrees() == ("odometry", "truth")
+    (found,) = dataset_variants(f"recording[path=x,sensors={separator.join(('laser', 'depth'))},imu=false]")
+    assert found.options.sensors == "laser+depth"
+    assert sensors_in(separator.join(("laser", "depth")), "--sensors") == ("laser", "depth")
+
+
+@pytest.mark.parametrize("text", ["csv[odometry=a.csv,b.csv]", "csv[range_sd=0.1,b.csv]", "csv[imu=none,b.csv]"])
+def test_a_comma_in_a_value_that_is_no_list_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match=r"found 'b.csv', expected option=value; option .* is no list"):
+        dataset_variants(text)
+    assert dataset_variants('csv[odometry="a,b.csv"]')[0].options.odometry == "a,b.csv"
 
 
 def test_labels_are_what_the_command_line_takes() -> None:
@@ -251,4 +277,4 @@ def test_every_option_is_described_with_its_range() -> None:
     assert described["shape"] == ("round", "which (one of round, square)")
     assert described["names"] == ("all", "which, or how many (one of all, none, or a number from 0 to 1)")
     assert described["path"] == ("none", "where (text)")
-    assert described["sizes"] == ("0.1", "both sizes, or each (a number from 0 to 9, or 2 of them, A;B)")
+    assert described["sizes"] == ("0.1", "both sizes, or each (a number from 0 to 9, or 2 of them, A,B)")

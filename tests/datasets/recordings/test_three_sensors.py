@@ -1,5 +1,7 @@
 """A recording of markers, a laser scanner and a depth camera: the same factors in every kind of it."""
 
+import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -77,6 +79,27 @@ def test_sensors_alone_are_what_their_own_robots_give(folders: dict[str, Path], 
     assert len(depth) == log.notes["depth"]["steps"]
     laser = of(folders["frames"], sensors="laser")
     assert len(laser) + len(depth) + len(markers) >= len(log)
+
+
+def test_scans_and_depth_need_no_markers_in_the_description(drive: Path) -> None:
+    """Nor frames beside the depth camera's own, here in a folder; the log is the one with a description of markers."""
+    named = of(drive, sensors="laser+depth")
+    robot = drive / "robot.toml"
+    text = robot.read_text()
+    for table in ("markers", "noise"):
+        text = re.sub(rf"^\[{table}\]\n(?:[^\[\n].*\n|\n)*", "", text, flags=re.MULTILINE)
+    assert "[markers]" not in text
+    robot.write_text(text)
+    shutil.rmtree(drive / "frames")
+    (drive / "frames.csv").unlink()
+    log = of(drive)
+    assert not len(log.ids)
+    assert len(log.loop_to)
+    assert log.digest == named.digest
+    alone = of(drive, sensors="depth")
+    assert "laser" not in alone.notes
+    robot.write_text(text.replace("[depth]", "[depth]\nlandmarks = true"))
+    refused(r"landmarks.* is true beside \[laser\], expected false", open_several, drive)
 
 
 def test_without_wheels_frames_tell_the_motion(drive: Path) -> None:

@@ -1,6 +1,7 @@
 import os
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from slamduel.core.factors import Dataset
 from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array, between, compose, wrap
 from slamduel.core.truth.tum import write_tum
+from slamduel.datasets.formats import log_folder
+from slamduel.datasets.inertial.open import NOTE as IMU_NOTE
 from slamduel.datasets.remarks import remarks
 from slamduel.datasets.tables import csv_sightings, csv_tables
 
@@ -158,6 +161,28 @@ def test_noise_of_x_and_y_is_that_of_places_around_the_point(times: float) -> No
     assert across[0] == pytest.approx(drawn[1].mean(), rel=0.05)
 
 
+def test_the_remark_on_near_sightings_names_what_the_log_has(files: dict[str, Any], tmp_path: Path) -> None:
+    """A landmark is seen from 0.03 m: xy_sd is no option of ranges and bearings, nor of a folder."""
+    rows = np.loadtxt(files["detections"], delimiter=",", skiprows=1)
+    rows[7, 2] = 0.03
+    seen = files | {"detections": csv(tmp_path / "near.csv", "t,id,range,bearing", rows)}
+
+    def advice(dataset: Dataset) -> str:
+        (said,) = (one for one in remarks(dataset) if "from within 3 standard deviations" in one)
+        return said.rpartition("; ")[2]
+
+    assert (
+        advice(made(seen)) == "option bearing_sd is the same at all ranges: t,id,x,y with option xy_sd has that of each"
+    )
+    places = points(seen, tmp_path / "points.csv")
+    assert advice(made(places)) == "option xy_sd states that of x and y, in place of range_sd and bearing_sd"
+    assert not [one for one in remarks(made(places | {"xy_sd": 0.05})) if "standard deviations of the range" in one]
+    log, truth = made(seen)
+    log_folder.write(tmp_path / "log", replace(log, notes={}), truth)
+    assert advice(log_folder.read(tmp_path / "log")) == "column cbb of sightings.csv states each bearing's variance"
+    assert advice(Dataset(replace(log, notes={}, lines={}), truth)).startswith("a bearing's variance is at least")
+
+
 def test_noise_of_x_and_y_is_of_points_only(files: dict[str, Any]) -> None:
     refused(
         r"option xy_sd=0.05 of dataset csv: .*t,id,range,bearing, expected t,id,x,y, or", made, files | {"xy_sd": 0.05}
@@ -202,7 +227,7 @@ def test_position_and_heading_of_the_start_may_be_known_apart(files: dict[str, A
     assert made(files | {"start_sd": (100.0, 0.05)}).log.remarks == []
     (remark,) = made(files | {"start_sd": 100.0}).log.remarks
     assert (
-        remark == "option start_sd=100 is of the heading in rad, too: start_sd=100;0.1 says that it is known to 0.1 rad"
+        remark == "option start_sd=100 is of the heading in rad, too: start_sd=100,0.1 says that it is known to 0.1 rad"
     )
 
 
@@ -382,7 +407,7 @@ def test_degrees_may_be_in_some_of_the_files(files: dict[str, Any], tmp_path: Pa
     )
     first, *_ = made(files | {"angles": "detections"}).log.remarks
     assert first.startswith(files["truth"])
-    assert "option angles=detections;truth reads the headings of this file as degrees" in first
+    assert "option angles=detections,truth reads the headings of this file as degrees" in first
     found = made(files | {"angles": "truth;detections"})
     assert found.log.remarks == []
     np.testing.assert_allclose(found.log.z, expected.log.z, atol=1e-12)
@@ -452,3 +477,47 @@ def test_detections_of_a_sensor_elsewhere_are_those_of_the_robot(files: dict[str
     assert log.z[:, 0] == pytest.approx(straight.z[:, 0], abs=1e-12)
     assert wrap(log.z[:, 1] - straight.z[:, 1]) == pytest.approx(0, abs=1e-12)
     assert log.delta[1:] == pytest.approx(straight.delta[1:], abs=1e-12)
+
+
+def with_imu(files: dict[str, Any], at: Path, turn: Array, unit: float, late: float) -> dict[str, Any]:
+    """The options with readings of a gyro and an accelerometer at 50 Hz, in their axes and unit, `late` by a clock."""
+    t = np.arange(0.0, 29.9, 0.02)
+    rate = np.column_stack((0 * t, 0 * t, 0.41 + 0.1 * np.sin(t)))
+    up = np.broadcast_to([0.0, 0.0, 9.81], rate.shape)
+    rows = np.column_stack((t + late, (rate @ turn) * unit, up @ turn))
+    return files | {"imu": csv(at, "t,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z", rows)}
+
+
+def test_options_say_how_a_gyro_is_mounted_its_unit_and_its_delay(files: dict[str, Any], tmp_path: Path) -> None:
+    expected = made(with_imu(files, tmp_path / "right.csv", np.eye(3), 1.0, 0.0)).log
+    c, s = np.cos(0.3), np.sin(0.3)
+    upside_down = np.diag([1.0, -1.0, -1.0])
+    aside = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]]) @ upside_down  # of its axes on the robot's
+    given = with_imu(files, tmp_path / "other.csv", aside, 180 / np.pi, 0.25)
+    told = {"imu_roll": np.pi, "imu_yaw": 0.3, "imu_gyro": "deg/s", "imu_delay": 0.25}
+    log = made(given | told).log
+    assert log.gyro is not None
+    assert expected.gyro is not None
+    assert log.remarks == []
+    assert "mounted as option imu_roll, imu_pitch or imu_yaw says" in log.notes[IMU_NOTE]
+    np.testing.assert_allclose(log.gyro.turn, expected.gyro.turn, atol=1e-9)
+    np.testing.assert_allclose(log.gyro.dt, expected.gyro.dt, atol=1e-9)
+
+
+def test_an_even_turn_without_noise_is_neither_clipped_nor_of_another_unit(
+    files: dict[str, Any], tmp_path: Path
+) -> None:
+    t = np.arange(0.0, 30.0, 0.02)
+    rows = np.column_stack((t, 0 * t, 0 * t, np.full(len(t), 0.4)))
+    log = made(files | {"imu": csv(tmp_path / "even.csv", "t,gyro_x,gyro_y,gyro_z", rows)}).log
+    assert log.gyro is not None
+    assert len(log.gyro) == len(log) - 1
+    assert not [one for one in log.remarks if "range" in one or ("turns" in one and "rad for each" in one)]
+
+
+def test_what_nothing_says_of_a_gyro_is_a_remark_that_names_the_options(files: dict[str, Any], tmp_path: Path) -> None:
+    given = with_imu(files, tmp_path / "other.csv", np.diag([1.0, -1.0, -1.0]), 180 / np.pi, 0.0)
+    said = " ".join(made(given).log.remarks)
+    assert "taken to be upside down, and turned back; option imu_roll, imu_pitch or imu_yaw says" in said
+    assert "taken to be in degrees/s, and converted; option imu_gyro says" in said
+    assert "robot.toml" not in said
