@@ -1,11 +1,17 @@
 """Columns from whatever a user hands in: converted, checked for kind, and read-only."""
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, TypeVar
 
 import numpy as np
 
 from .errors import InputError
 from .se2 import Array, Ints
+
+Column = TypeVar("Column", Array, Ints)
+
+BLOCK = 1 << 18
+"""Rows that are worked on at once, where the arrays in between would take as much as a long log does."""
 
 ROUNDING = 1e-9
 """Largest relative asymmetry of a covariance that counts as rounding."""
@@ -39,7 +45,7 @@ def whole(name: str, values: Any) -> Ints:
         odd = np.flatnonzero(~((np.abs(found) < 2.0**63) & (found == np.rint(found))))
         if len(odd):
             raise InputError(f"{name}: row {odd[0]} is {found.flat[odd[0]]!s}, expected a whole number.")
-    return found.astype(np.int64)
+    return found.astype(np.int64, copy=False)
 
 
 def sorted_ids(name: str, values: Any) -> Ints:
@@ -57,7 +63,7 @@ def even(cov: Array) -> Array:
     if cov.ndim != 3 or cov.shape[1] != cov.shape[2]:
         return cov
     other = cov.swapaxes(1, 2)
-    if np.array_equal(cov, other, equal_nan=True):
+    if all(np.array_equal(cov[some], other[some], equal_nan=True) for some in slices(len(cov))):
         return cov
     variance = np.einsum("mii->mi", cov)
     with np.errstate(all="ignore"):
@@ -66,17 +72,40 @@ def even(cov: Array) -> Array:
 
 
 def frozen(values: Array) -> Array:
-    """A read-only copy of numbers."""
+    """A read-only copy of numbers; they themselves if they are `read_only` already."""
+    if _is_read_only(values, np.float64):
+        return values
     copy = np.array(values, np.float64)
     copy.flags.writeable = False
     return copy
 
 
 def frozen_ids(values: Ints) -> Ints:
-    """A read-only copy of integers."""
+    """A read-only copy of integers; they themselves if they are `read_only` already."""
+    if _is_read_only(values, np.int64):
+        return values
     copy = np.array(values, np.int64)
     copy.flags.writeable = False
     return copy
+
+
+def read_only(values: Column) -> Column:
+    """`values` themselves, an array that nobody else writes to, such that a log need not copy them."""
+    values.flags.writeable = False
+    return values
+
+
+def _is_read_only(values: Any, kind: Any) -> bool:
+    """True for an array of its own memory, of the type, that cannot be written to."""
+    return (
+        isinstance(values, np.ndarray) and values.base is None and values.dtype == kind and not values.flags.writeable
+    )
+
+
+def slices(rows: int) -> Iterator[slice]:
+    """Yields slices of so many rows, BLOCK at most in each."""
+    for first in range(0, rows, BLOCK):
+        yield slice(first, min(first + BLOCK, rows))
 
 
 def numbered(t: Array) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 from ..core.beside import KINDS, columns_of, names, restored
 from ..core.errors import InputError
 from ..core.factors import TABLES, Dataset, Log, Map, Prior, Systematic, Truth
-from ..core.files import write_whole
+from ..core.files import replaced
 from ..core.relations import as_rows, from_rows
 
 _LOG = tuple(
@@ -34,11 +34,19 @@ T = TypeVar("T")
 
 def save(path: Path, dataset: Dataset) -> None:
     """Writes `dataset` to `path` atomically. OSError if that fails."""
-    write_whole(path, packed(dataset))
+    with replaced(path) as part, part.open("wb") as file:
+        _pack(file, dataset)
 
 
 def packed(dataset: Dataset) -> bytes:
     """The content of the file that `save` writes; deterministic."""
+    content = BytesIO()
+    _pack(content, dataset)
+    return content.getvalue()
+
+
+def _pack(file: IO[bytes], dataset: Dataset) -> None:
+    """Writes the content to `file`, column by column."""
     log, truth = dataset
     members = {name: getattr(log, name) for name in _LOG}
     members |= {"prior.pose": log.prior.pose, "prior.cov": log.prior.cov} | _map_members("prior.map", log.prior.map)
@@ -57,9 +65,7 @@ def packed(dataset: Dataset) -> bytes:
     words |= {} if log.prior.start == "known" else {"start": log.prior.start}
     words |= {} if log.prior.systematic == Systematic() else {"systematic": log.prior.systematic}
     members["words"] = np.frombuffer(json.dumps(words).encode(), np.uint8)
-    content = BytesIO()
-    np.savez(content, allow_pickle=False, **members)
-    return content.getvalue()
+    np.savez(file, allow_pickle=False, **members)
 
 
 def unpacked(content: bytes) -> Dataset:

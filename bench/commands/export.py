@@ -10,6 +10,8 @@ from ..logs.export import FORMATS, export_log, formats_of
 from ..plan.load import made, one
 from ..plan.values import seed
 from ..record.table import export_cells, holds_cells
+from ..words.console import screen_console
+from ..words.stages import Stages
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,6 +40,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 DEFAULT = "g2o,tum,log"
+READING, WRITING = "reading or making the log", "writing {}"  # stages
 
 
 def main(namespace: argparse.Namespace) -> int:
@@ -63,7 +66,11 @@ def _log(namespace: argparse.Namespace) -> list[tuple[Path, str]]:
     variant = one(namespace.what, "bench export")
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"--out {out}: exists and is not an empty folder, expected a new one.")
-    return export_log(made(variant, namespace.seed or 0), formats, out)
+    console = screen_console(quiet=namespace.quiet, aside=True)
+    with Stages(console, {READING: 1.0, **{WRITING.format(name): 2.0 for name in formats}}) as stages:
+        stages.begin(READING)
+        dataset = made(variant, namespace.seed or 0)
+        return export_log(dataset, formats, out, lambda name: stages.begin(WRITING.format(name)))
 
 
 def _cells(namespace: argparse.Namespace) -> list[tuple[Path, str]]:

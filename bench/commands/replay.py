@@ -4,13 +4,19 @@ import argparse
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
 from ...core.errors import InputError
 from ..plan.values import check_file
 from ..record.store import Store
+from ..words.console import announced, screen_console
 from ..words.numerals import counted, listed
+from ..words.stages import clock
+
+if TYPE_CHECKING:
+    from ..replay.replay import ReplayRequest
 
 KINDS = (".html", ".gif", ".mp4", ".rrd")  # formats, by the ending of a replay's name
 
@@ -43,7 +49,8 @@ def main(namespace: argparse.Namespace) -> int:
         request = choose(store, namespace.dataset, namespace.backend, namespace.seed)
         default = f"replay-{request.cells[0].dataset.slug}-{request.seed}.html"
         out: list[Path] = namespace.out or [namespace.folder / default]
-        shown = replay(store, request, namespace.frames, os.cpu_count() or 1)
+        with announced(_work(request), screen_console(quiet=namespace.quiet, aside=True).print):
+            shown = replay(store, request, namespace.frames, os.cpu_count() or 1)
     console.print(
         f"{shown.dataset}, seed {shown.seed}: {counted(len(shown.parts), 'backend')}, "
         f"{len(shown.frames):,} of {counted(len(shown.log.log), 'step')} shown"
@@ -61,6 +68,14 @@ def main(namespace: argparse.Namespace) -> int:
         _writer(path)(path, seen)
         console.print(f"replay: {path}")
     return 0 if all(part.repeated for part in shown.parts) else 1
+
+
+def _work(request: "ReplayRequest") -> str:
+    """The work to be done, in words."""
+    rows = [request.rows[cell.key].columns for cell in request.cells if cell.key in request.rows]
+    spent = sum(row["cpu_s"] or 0.0 for row in rows)
+    took = f", which took {clock(spent)} of CPU time in the run" if spent else ""
+    return f"repeating {counted(len(request.cells), 'backend')}{took}"
 
 
 def _check(out: Sequence[Path], frames: int) -> None:

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +11,17 @@ from rich.table import Table
 from ...datasets.remarks import refuse
 from ..contradiction.remark import remarks
 from ..logs.facts import facts, headline, noted
-from ..logs.numbers import Subject, described
+from ..logs.numbers import STAGES, Subject, described
 from ..logs.shown_path import LARGEST
 from ..plan.load import made, one
 from ..plan.values import check_file, seed
 from ..plan.variant import DatasetVariant
-from ..words.console import announced, plain, screen_console, tell
+from ..words.console import plain, screen_console, tell
 from ..words.names import called, short
+from ..words.stages import Stages
 
 KINDS = (".png", ".svg", ".pdf", ".html")
+READING = "reading or making the log"  # a stage
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,18 +53,19 @@ def main(namespace: argparse.Namespace) -> int:
     )
     place = out.resolve() if out is not None and out.is_symlink() else out  # a link stays: its target is written
     check_file("--out", place, KINDS)
-    dataset = made(variant, namespace.seed)
-    if namespace.strict:
-        refuse(variant.label, remarks(dataset))
+    aside = screen_console(quiet=namespace.quiet or namespace.json, aside=True)
+    with Stages(aside, {READING: 6.0, **STAGES}) as stages:
+        stages.begin(READING)
+        dataset = made(variant, namespace.seed)
+        if namespace.strict:
+            refuse(variant.label, remarks(dataset))
+        label = _file(variant, namespace.log) or called([variant.label])[variant.label]
+        label += f", seed {namespace.seed}" if variant.numbered else ""
+        label += f", {short(name)}" if (name := variant.log(namespace.seed).name) else ""
+        subject = described(label, dataset, namespace.solve, stages.begin)
     console = screen_console(quiet=namespace.quiet or namespace.json)
     if namespace.seed and not variant.numbered:
         console.print(f"{variant.name} draws nothing at random: it is the same for every --seed", highlight=False)
-    label = _file(variant, namespace.log) or called([variant.label])[variant.label]
-    label += f", seed {namespace.seed}" if variant.numbered else ""
-    label += f", {short(name)}" if (name := variant.log(namespace.seed).name) else ""
-    aside = screen_console(quiet=namespace.quiet, aside=True)
-    with announced(f"measuring {label}", partial(tell, aside)):
-        subject = described(label, dataset, namespace.solve)
     if namespace.json:
         print(json.dumps(as_json(variant.label, namespace.seed, subject), indent=2, allow_nan=False))
     else:

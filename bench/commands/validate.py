@@ -1,8 +1,6 @@
 """`bench validate`: lists everything that is wrong with a log, and what is legal yet odd."""
 
 import argparse
-import sys
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,16 +12,18 @@ from ...datasets.formats import log_folder
 from ...datasets.inertial.open import NOTE
 from ...frontend.inertial.tilts import LEVELS
 from ...frontend.inertial.words import about_levels, about_turns
-from ..contradiction.remark import explained, remarks
+from ..contradiction.remark import STAGES, explained, remarks
 from ..plan.load import made
 from ..plan.spec import dataset_variants
 from ..plan.values import seed
 from ..plan.variant import DatasetVariant
-from ..words.console import announced
+from ..words.console import announced, screen_console
 from ..words.names import short
 from ..words.numerals import counted
+from ..words.stages import Stages
 
 SHOWN = 20  # problems of a log that are printed
+READING = 6.0  # share of the time, by the unit of STAGES; of a log's folder it is three times that
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,35 +64,28 @@ def _found_and_validated(text: str, seed: int, shown: float, wanted: argparse.Na
 def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argparse.Namespace) -> int:
     named = getattr(variant.options, "name", None)
     place = str(named or getattr(variant.options, "path", None) or short(variant.label))
-    scan, total = attempted(_scan(variant, seed)), 0
-    say = partial(print, file=sys.stderr, flush=True)
-    with announced(f"reading {place}", say):
-        while True:
-            try:
-                problem = next(scan)
-            except StopIteration as end:
-                dataset = end.value
-                break
-            total += 1
-            if total <= shown:
-                print(problem)
+    reading, counting = f"reading {place}", f"counting what is in {place}"
+    with Stages(screen_console(quiet=False, aside=True), {reading: READING, **STAGES, counting: 1.0}) as stages:
+        stages.begin(reading)
+        dataset, total = _printed(attempted(_scan(variant, seed)), shown, stages)
+        odd = [] if total or dataset is None else remarks(dataset, stages.begin)
+        stages.begin(counting)
+        counts = "" if total or dataset is None else _counts(dataset)
     if total or dataset is None:
         hidden = f", of which the first {shown} are shown; --all shows them all" if total > shown else ""
         print(f"{place}: {total} problem{'s' * (total > 1)}{hidden}.")
         return 2
-    with announced(f"looking for what is odd in {place}", say):
-        odd = remarks(dataset)
     for remark in odd:
         print(f"remark: {place}: {remark}.")
     if wanted.explain:
-        with announced(f"trying the usual mistakes on {place}", say):
+        with announced(f"trying the usual mistakes on {place}", screen_console(quiet=False, aside=True).print):
             said = explained(place, dataset)
         print(said)
     if odd and wanted.strict:
         print(f"{place}: {len(odd)} remark{'s' * (len(odd) > 1)}, which --strict refuses.")
         return 2
     found = f"can be read, with {counted(len(odd), 'remark')}" if odd else "good"
-    print(f"{place}: {found}; {_counts(dataset)}.")
+    print(f"{place}: {found}; {counts}.")
     if (inertial := dataset.log.notes.get(NOTE)) is not None:
         print(f"{place}: IMU: {inertial}.")
     for turns in about_turns(dataset.log.notes):
@@ -100,6 +93,20 @@ def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argpars
     if (levels := dataset.log.notes.get(LEVELS)) is not None:
         print(f"{place}: {about_levels(levels)}.")
     return 0
+
+
+def _printed(scan: Scan[Dataset | None], shown: float, stages: Stages) -> tuple[Dataset | None, int]:
+    """Prints problems, so many at most; returns the dataset and their number."""
+    total = 0
+    while True:
+        try:
+            problem = next(scan)
+        except StopIteration as end:
+            return end.value, total
+        total += 1
+        if total <= shown:
+            stages.stop()
+            print(problem)
 
 
 def _scan(variant: DatasetVariant, seed: int) -> Scan[Dataset | None]:

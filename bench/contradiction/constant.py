@@ -15,7 +15,7 @@ from ...core.se2 import Array, compose
 from ...core.truth.errors import named, rows_of, sighting_errors
 from ...datasets.noise.systematic import NAMES, SENSOR, Systematic, corrected
 from ..measure.landmark_places import comparable
-from ..measure.stated_noise import normalised, typical_scale
+from ..measure.stated_noise import squares_in, typical_scale
 from ..systematic.fit import CERTAIN, SystematicFit, fitted, of_estimate, of_truth
 from ..systematic.motions_along import SURE, ratio, unlike
 from ..systematic.places import places_of
@@ -127,7 +127,7 @@ class _Off(NamedTuple):
         found = list[_Off]()
         for one in [truth._replace(map=None)] + [truth] * (truth.map is not None):
             errors = sighting_errors(log, comparable(log, one._replace(assigned=None)))
-            squares = normalised(errors, log.z_cov[errors.row])
+            squares = squares_in(errors, log.z_cov)
             size = typical_scale(squares, 2) if len(squares) else 0.0
             far = float((squares > FAR * max(size, 1.0) ** 2).mean()) if len(squares) else 0.0
             found.append(cls(size, far, motions))

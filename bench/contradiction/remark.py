@@ -1,6 +1,6 @@
 """Remarks on a log: those on its columns, and on measurements or truth that contradict one another."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -42,14 +42,35 @@ class Remarks(NamedTuple):
         return list(dict.fromkeys((*self.columns, *self.contradictions, *self.outliers)))
 
 
-def remarked(dataset: Dataset, *, thorough: bool = True) -> Remarks:
+STAGES = {
+    "checking its columns": 6.0,
+    "checking if its measurements agree": 3.0,
+    "looking for errors that stay": 12.0,
+    "comparing it with its truth": 7.0,
+}
+"""Stages of `remarked`, each with its share of the time of a long log with a true path."""
+
+_COLUMNS, _AGREE, _STAY, _TRUTH = STAGES
+
+Began = Callable[[str], None]
+"""Takes the name of a stage that begins."""
+
+
+def silent(stage: str) -> None:
+    """Says nothing of a stage."""
+    del stage
+
+
+def remarked(dataset: Dataset, *, thorough: bool = True, began: Began = silent) -> Remarks:
     """Looks at the log's columns, and at how far its measurements and truth agree.
 
     Errors that stay are looked for, unless `thorough`, only by a true path from which the log is as far as with some.
+    `began` is told each of STAGES.
     """
+    began(_COLUMNS)
     columns = of_columns(dataset)
     with np.errstate(all="ignore"):  # what is beyond all numbers agrees with nothing
-        found, units = _of_measurements(dataset, thorough=thorough), list(wrong_units(*dataset))
+        found, units = _of_measurements(dataset, began, thorough=thorough), list(wrong_units(*dataset))
         units += [] if units else too_long(dataset)
         lone = [*far_start(dataset.log), *beyond_reach(*dataset)]
     return found._replace(
@@ -60,8 +81,9 @@ def remarked(dataset: Dataset, *, thorough: bool = True) -> Remarks:
     )
 
 
-def _of_measurements(dataset: Dataset, *, thorough: bool | None) -> Remarks:
+def _of_measurements(dataset: Dataset, began: Began, *, thorough: bool | None) -> Remarks:
     """All but those on the columns; None: errors that stay are not looked for."""
+    began(_AGREE)
     found = contradiction(named(*dataset))
     if found is None:
         return Remarks([], [], [], mistaken=False)
@@ -69,15 +91,17 @@ def _of_measurements(dataset: Dataset, *, thorough: bool | None) -> Remarks:
     if said and (found.named is not None or found.stuck):
         return Remarks([], [said], [], mistaken=True)
     places = elsewhere(*dataset)
+    began(_STAY)
     stays = None if thorough is None else constant(*dataset, places.fit, thorough=thorough)
     if stays is not None and stays.matter and not (stays.fit.by_truth or _agrees_better(stays.log, found)):
         stays = None
     if stays is not None and stays.matter:
-        rest = _of_measurements(dataset._replace(log=stays.log), thorough=None)
+        rest = _of_measurements(dataset._replace(log=stays.log), silent, thorough=None)
         return rest._replace(contradictions=[stays.sentence, *rest.contradictions], mistaken=True, constant=stays)
     if said:
         mistaken = not noisy(found) or bool(places.places)
         return Remarks([], [said, *places.places], places.twice, mistaken, stays)
+    began(_TRUTH)
     unfit = list(outliers(found.fits, places.ids))
     odd = [*places.twice, *unfit]
     wrong_truth = list(contradicting_truth(dataset, found.fits, places.places, agrees=not unfit))
@@ -90,9 +114,9 @@ def _agrees_better(log: Log, found: Contradiction) -> bool:
     return right is not None and right.found.bulk < found.found.bulk
 
 
-def remarks(dataset: Dataset) -> list[str]:
-    """Lists everything odd about the log: one sentence each, without its full stop."""
-    return remarked(dataset).all
+def remarks(dataset: Dataset, began: Began = silent) -> list[str]:
+    """Lists everything odd about the log: one sentence each, without its full stop; `began` as in `remarked`."""
+    return remarked(dataset, began=began).all
 
 
 def noisy(found: Contradiction) -> bool:

@@ -12,7 +12,7 @@ from ...core.se2 import Array, Ints, wrap
 from ...core.truth.doubts import judges
 from ...core.truth.errors import rows_of, sighting_errors, standing
 from ..measure.landmark_places import comparable, elsewhere, placed
-from ..measure.stated_noise import NAMED, normalised, typical_scale
+from ..measure.stated_noise import NAMED, squares_in, typical_scale
 from ..words.numerals import listed, number
 from .fit import FAR, Fitted
 from .mistakes import FACTORS, LENGTHS
@@ -161,7 +161,7 @@ def late(log: Log, truth: Truth, delays: Sequence[float]) -> Iterator[str]:
 def _from(log: Log, truth: Truth) -> float | None:
     """The typical error of sightings from a truth over what is stated; None of too few."""
     errors = sighting_errors(log, comparable(log, truth._replace(assigned=None)))
-    return typical_scale(normalised(errors, log.z_cov[errors.row]), 2) if len(errors.row) >= FEWEST else None
+    return typical_scale(squares_in(errors, log.z_cov), 2) if len(errors.row) >= FEWEST else None
 
 
 def of_sightings(log: Log, truth: Truth) -> Iterator[str]:
@@ -173,7 +173,7 @@ def of_sightings(log: Log, truth: Truth) -> Iterator[str]:
     errors = sighting_errors(log, right)
     if len(errors.row) < FEWEST:
         return
-    squares, ids = normalised(errors, log.z_cov[errors.row]), log.ids[errors.row]
+    squares, ids = squares_in(errors, log.z_cov), log.ids[errors.row]
     odd = _elsewhere(ids, squares > FAR) if right is given and truth.map is not None else ids[:0]
     if len(odd):
         names, one = listed([str(name) for name in odd.tolist()], NAMED), len(odd) == 1

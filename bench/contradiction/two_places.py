@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ...core.factors import UNKNOWN, Log
 from ...core.se2 import Array
-from ..measure.landmark_places import LEAST, Places, sighted
+from ..measure.landmark_places import LEAST, Places, sighted_along
 from ..measure.misplaced import across
 
 APART = 10.0  # distance of two places over the spread of sightings about them, and about landmarks in one place
@@ -28,12 +28,12 @@ class TwoPlaces(NamedTuple):
 
 def two_places(log: Log, path: Array, places: Places) -> list[TwoPlaces]:
     """Lists them by id; `path` (n, 3) has a pose for every step, or NaN, and `places` are the landmarks' by it."""
-    known = np.flatnonzero((log.ids != UNKNOWN) & np.isfinite(path[log.sighting_step]).all(axis=1))
+    known = np.flatnonzero((log.ids != UNKNOWN) & np.isfinite(path).all(axis=1)[log.sighting_step])
     of = np.searchsorted(places.ids, log.ids[known])
     often = places.sightings >= LEAST
     if not often.any():
         return []
-    points, sd = sighted(path[log.sighting_step[known]], log.z[known]), across(log)[known]
+    points, sd = sighted_along(log, path, np.arange(len(path)), known), across(log)[known]
     own = np.bincount(of, sd) / np.maximum(places.sightings, 1)
     scale = float(np.median(places.spread[often] / own[often]))
     usual = np.maximum(float(np.median(places.spread[often])), scale * own)

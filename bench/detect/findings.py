@@ -68,7 +68,7 @@ class Findings(ABC):
         if truth is None or len(truth.t) < FEWEST_POSES or not judges(self.log, truth):
             return []
         errors = driven_errors(self.log, truth)
-        found = noise_check(errors, self.log.delta_cov[errors.row])
+        found = noise_check(errors, self.log.delta_cov)
         if found is None or found.scale < TYPICAL:
             return []
         said = (

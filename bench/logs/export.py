@@ -17,12 +17,20 @@ from ...datasets.graphs.pyfg_write import write_pyfg
 from ..words.numerals import counted
 
 
-def export_log(dataset: Dataset, formats: Sequence[str], out: Path) -> list[tuple[Path, str]]:
-    """Writes each of the formats to the new folder `out`; returns the files with their content."""
+def export_log(
+    dataset: Dataset, formats: Sequence[str], out: Path, began: Callable[[str], None] = lambda _: None
+) -> list[tuple[Path, str]]:
+    """Writes each of the formats to the new folder `out`; returns the files with their content.
+
+    `began` is told each format before it is written.
+    """
     part = beside(out)
     try:
         part.mkdir(parents=True)
-        said = [sentence for name in formats for sentence in FORMATS[name](part, dataset)]
+        said = list[tuple[str, str]]()
+        for name in formats:
+            began(name)
+            said += FORMATS[name](part, dataset)
         os.replace(part, out)
     except InputError as error:  # of a file that is gone by the time it is read
         raise InputError(f"--out {str(error).replace(str(part), str(out))}") from None

@@ -15,7 +15,8 @@ from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import Errors, driven_errors, sighting_errors
 from ..contradiction.constant import LEFT, Constant
-from ..contradiction.remark import Remarks, remarked
+from ..contradiction.remark import STAGES as REMARKED
+from ..contradiction.remark import Began, Remarks, remarked, silent
 from ..measure.landmark_places import Places, Scattered, judge, placed, scattered_ids
 from ..measure.stated_noise import Measured, NoiseCheck, measured, noise_check
 from ..systematic.words import sentences
@@ -212,9 +213,18 @@ class Subject(NamedTuple):
     remarks: Remarks
 
 
-def described(label: str, dataset: Dataset, solve: bool | None) -> Subject:
-    """Describes a log; `solve` as in `shown`."""
-    drawn, found, odd = shown(dataset, solve), returns(dataset.log), remarked(dataset)
+STAGES = REMARKED | {"finding its path and landmarks": 4.0, "computing its numbers": 2.0}
+"""Stages of `described`, each with its share of the time of a long log with a true path."""
+
+_PATH, _NUMBERS = [*STAGES][-2:]
+
+
+def described(label: str, dataset: Dataset, solve: bool | None, began: Began = silent) -> Subject:
+    """Describes a log; `solve` as in `shown`. `began` is told each of STAGES."""
+    odd = remarked(dataset, began=began)  # before the others, which take as much memory as a third of a long log
+    began(_PATH)
+    drawn, found = shown(dataset, solve), returns(dataset.log)
+    began(_NUMBERS)
     return Subject(label, dataset, drawn, found, numbers(dataset, drawn, found, odd.constant), odd)
 
 
@@ -395,8 +405,8 @@ def _errors(log: Log, truth: Truth | None, places: Places | None) -> tuple[Error
 
 def _checks(log: Log, seen: Errors | None, driven: Errors | None) -> tuple[NoiseCheck | None, NoiseCheck | None]:
     return (
-        None if seen is None else noise_check(seen, log.z_cov[seen.row]),
-        None if driven is None else noise_check(driven, log.delta_cov[driven.row]),
+        None if seen is None else noise_check(seen, log.z_cov),
+        None if driven is None else noise_check(driven, log.delta_cov),
     )
 
 

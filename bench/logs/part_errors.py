@@ -59,7 +59,7 @@ def part_checks(log: Log, truth: Truth | None) -> tuple[PartCheck | None, PartCh
 def _check(table: PartialTable, found: PartErrors, kind: int) -> PartCheck | None:
     mine = table.kind[found.row] == kind
     row, values = found.row[mine], found.values[mine]
-    stated = noise_check(Errors(row, values[:, None]), table.var[row, None, None])
+    stated = noise_check(Errors(row, values[:, None]), table.var[:, None, None])
     if stated is None:
         return None
     middle = float(np.median(values))

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import slices
 from ...core.factors import UNKNOWN, Log, Map, Truth
 from ...core.se2 import Array, Ints, act
 from ...core.truth.doubts import judges
@@ -41,15 +42,30 @@ def placed(log: Log, poses: Array, pose_at: Ints, *, known: bool) -> Places:
     """Places ids from `poses` (m, 3), step k being row `pose_at[k]` or -1; none is scattered if not `known`."""
     row = np.flatnonzero((log.ids != UNKNOWN) & (pose_at[log.sighting_step] >= 0))
     ids, landmark = np.unique(log.ids[row], return_inverse=True)
-    points = sighted(poses[pose_at[log.sighting_step[row]]], log.z[row])
     count = np.bincount(landmark, minlength=len(ids))
-    xy = np.column_stack([_medians(landmark, count, points[:, i]) for i in (0, 1)])
-    spread = _medians(landmark, count, np.hypot(*(points - xy[landmark]).T))
-    sd = np.sqrt(log.z_cov[row, 0, 0] + log.z[row, 0] ** 2 * log.z_cov[row, 1, 1])
+    if len(ids) <= np.iinfo(np.uint16).max:  # a quarter of the memory, and NumPy sorts such integers in linear time
+        landmark = landmark.astype(np.uint16)
+    order = np.argsort(landmark, kind="stable")
+    points = sighted_along(log, poses, pose_at, row)
+    xy = np.column_stack([_medians(order, count, points[:, i]) for i in (0, 1)])
+    off, sd = np.empty(len(row)), np.empty(len(row))
+    for some in slices(len(row)):
+        off[some] = np.hypot(*(points[some] - xy[landmark[some]]).T)
+        mine = row[some]
+        sd[some] = np.sqrt(log.z_cov[mine, 0, 0] + log.z[mine, 0] ** 2 * log.z_cov[mine, 1, 1])
+    spread = _medians(order, count, off)
     judged = (count >= LEAST) & known
     typical = float(np.median(spread[judged])) if judged.any() else 0.0
-    scattered = judged & (spread > np.maximum(WIDE * typical, BEYOND * _medians(landmark, count, sd)))
+    scattered = judged & (spread > np.maximum(WIDE * typical, BEYOND * _medians(order, count, sd)))
     return Places(ids, xy, spread, count, scattered)
+
+
+def sighted_along(log: Log, poses: Array, pose_at: Ints, row: Ints) -> Array:
+    """Returns where (m, 2) in the world the sightings of the rows (m,) are; `poses` and `pose_at` as in `placed`."""
+    step, points = log.sighting_step, np.empty((len(row), 2))
+    for some in slices(len(row)):
+        points[some] = sighted(poses[pose_at[step[row[some]]]], log.z[row[some]])
+    return points
 
 
 def scattered_ids(places: Places | None) -> Scattered | None:
@@ -107,10 +123,9 @@ def sighted(poses: Array, z: Array) -> Array:
     return act(poses, z[:, :1] * np.column_stack((np.cos(z[:, 1]), np.sin(z[:, 1]))))
 
 
-def _medians(landmark: Ints, count: Ints, values: Array) -> Array:
-    """The median (l,) of each landmark's `values`; landmark k has `count[k]` of them, at least one."""
-    small = len(count) <= np.iinfo(np.uint16).max  # NumPy sorts such integers in linear time
-    ordered = values[np.argsort(landmark.astype(np.uint16) if small else landmark, kind="stable")]
+def _medians(order: Ints, count: Ints, values: Array) -> Array:
+    """The median (l,) of each landmark's `values`; the `count[k]`, at least one, of landmark k are next in `order`."""
+    ordered = values[order]
     first = np.cumsum(count) - count
     for begin, size in zip(first.tolist(), count.tolist(), strict=True):
         ordered[begin : begin + size].sort()

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.arrays import slices
 from ...core.factors import UNKNOWN, Log, Truth
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import Errors, difference, driven_errors, named, sighting_errors
@@ -43,18 +44,26 @@ class NoiseCheck(NamedTuple):
 
 
 def noise_check(errors: Errors, cov: Array) -> NoiseCheck | None:
-    """Compares `errors` with their stated covariances `cov` (m, k, k); None without any."""
+    """Compares `errors` with their stated covariances, whose rows are in `cov` (n, k, k); None without any."""
     if not len(errors.row):
         return None
-    k, squares = errors.values.shape[1], normalised(errors, cov)
+    k, squares = errors.values.shape[1], squares_in(errors, cov)
     far = float((squares > FAR[k]).mean())
     median = float(np.median(squares))
     return NoiseCheck(len(squares), float(squares.mean()) / k, median, far, typical_scale(squares, k))
 
 
-def normalised(errors: Errors, cov: Array) -> Array:
-    """The squares (m,) e' C^-1 e of `errors` with covariances `cov` (m, k, k)."""
-    return np.einsum("mi,mi->m", errors.values, np.linalg.solve(cov, errors.values[..., None])[..., 0])
+def squares_in(errors: Errors, cov: Array) -> Array:
+    """The squares (m,) e' C^-1 e of `errors`, whose covariances are rows of `cov` (n, k, k)."""
+    found = np.empty(len(errors.row))
+    for some in slices(len(found)):
+        found[some] = normalised(errors.values[some], cov[errors.row[some]])
+    return found
+
+
+def normalised(errors: Array, cov: Array) -> Array:
+    """The squares (m,) e' C^-1 e of `errors` (m, k) with covariances `cov` (m, k, k)."""
+    return np.einsum("mi,mi->m", errors, np.linalg.solve(cov, errors[..., None])[..., 0])
 
 
 def typical_scale(squares: Array, k: int) -> float:
@@ -137,7 +146,7 @@ class _Sizes(NamedTuple):
     @classmethod
     def of(cls, errors: Errors, cov: Array) -> "_Sizes | None":
         """Those of `errors`, whose rows are in `cov`; None without any."""
-        squares = normalised(errors, cov[errors.row])
+        squares = squares_in(errors, cov)
         return cls(squares, errors.values.shape[1]) if len(squares) else None
 
     @property
@@ -214,7 +223,7 @@ def _listed(names: list[int]) -> str:
 def _start(log: Log, truth: Truth) -> Iterator[str]:
     """Compares the prior's pose with the true one."""
     error = difference(log.prior.pose[None], truth.poses[:1])
-    distance = float(np.sqrt(normalised(Errors(np.zeros(1, np.int64), error), log.prior.cov[None])[0]))
+    distance = float(np.sqrt(normalised(error, log.prior.cov[None])[0]))
     if distance > GROSS:
         yield (
             f"the log's prior is {np.hypot(*error[0, :2]):.2g} m and {abs(error[0, 2]):.2g} rad off the true pose, "

@@ -92,12 +92,12 @@ def run(task: ReplayTask) -> Course:
         backend = make()
     except Exception as error:
         return course._replace(ended=_said(error))
-    way = _Way(task.frames)
+    way = _Way(task.frames, len(log))
     start = time.process_time()
     try:
         for step in log:
             way.go(backend, step)
-        if not way.path:
+        if not len(way.path):
             return _whole(backend, log, task.frames)
     except Exception as error:
         return way.course(_said(error))
@@ -108,9 +108,9 @@ def run(task: ReplayTask) -> Course:
 
 
 class _Way:
-    def __init__(self, frames: Ints) -> None:
+    def __init__(self, frames: Ints, steps: int) -> None:
         self.frames = frames
-        self.path: list[Array] = []
+        self._poses, self._posed = np.empty((steps, 3)), 0
         self._covs: list[Array] = []
         self._maps: list[Landmarks] = []
         self._asked, self._spent, self._steps = 0, 0.0, 0
@@ -124,7 +124,8 @@ class _Way:
         pose = np.array(pose, float)
         if not np.isfinite(pose).all():
             raise Diverged(f"step {self._steps - 1}: the pose is not finite")
-        self.path.append(pose)
+        self._poses[self._posed] = pose
+        self._posed += 1
         frame = len(self._covs)
         if self.frames[frame] == self._steps - 1:
             belief = backend.belief()
@@ -133,14 +134,18 @@ class _Way:
             self._covs.append(np.full((3, 3), np.nan) if cov is None else np.array(cov, float))
             self._maps.append(known)
 
+    @property
+    def path(self) -> Array:
+        """The poses (m, 3) so far."""
+        return self._poses[: self._posed]
+
     def spend(self, seconds: float) -> None:
         """Counts a map and its CPU time."""
         self._asked, self._spent = self._asked + 1, self._spent + seconds
 
     def course(self, ended: str) -> Course:
         """The course so far."""
-        path = np.array(self.path).reshape(-1, 3)
-        return Course(path, np.array(self._covs).reshape(-1, 3, 3), self._maps, self._asked, False, ended, [])
+        return Course(self.path, np.array(self._covs).reshape(-1, 3, 3), self._maps, self._asked, False, ended, [])
 
     def _due(self, frame: int) -> bool:
         """True for the first frame, the last, and as long as the time lasts, evenly spent."""

@@ -101,11 +101,11 @@ def replay(store: Store, request: ReplayRequest, frames: int, workers: int) -> R
     """Repeats the cells on their log, at most `frames` steps shown; InputError where the log has changed."""
     with tempfile.TemporaryDirectory(prefix="slamduel-") as scratch:
         path = Path(scratch) / "log.npz"
-        log = _log(store, request, path)
-        n = len(log.log)
+        n = _steps(store, request, path)
         shown = np.unique(np.linspace(0, n - 1, min(frames, n)).round().astype(np.int64))
         look = looks(cell.cell.backend.label for cell in request.work.cells)
         parts = list(_parts(store, request, path, shown, workers))
+        log = archive.load(path)  # not before: those who repeat it have it in memory, too
     labels = [cell.backend.label for cell in request.cells]
     named = [Part(name, look[name], *told) for name, told in zip(labels, parts, strict=True)]
     datasets = [cell.cell.dataset.label for cell in request.work.cells]
@@ -114,8 +114,8 @@ def replay(store: Store, request: ReplayRequest, frames: int, workers: int) -> R
     return Replay(name, request.seed, log, timed, shown, log.log.dead_reckoned(), named)
 
 
-def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
-    """Loads or makes the cells' log and archives it at `path`; InputError where it is not the recorded one."""
+def _steps(store: Store, request: ReplayRequest, path: Path) -> int:
+    """Archives the cells' log at `path`, read or made; returns its length. InputError if it is not the recorded one."""
     cell = request.cells[0]
     dataset, given = cell.dataset, request.work.map
     of = next((planned.log for planned in store.planned() if planned.key == cell.key), None)
@@ -137,7 +137,7 @@ def _log(store: Store, request: ReplayRequest, path: Path) -> Dataset:
             f"digest is {made.log.digest[:12]}, expected {before.digest[:12]}; run it into a new folder to replay it."
         )
     archive.save(path, made)
-    return made
+    return len(made.log)
 
 
 def _parts(

@@ -1,6 +1,7 @@
 """Shows a run's progress: tables that fill up and the time left; without a terminal, a line per cell."""
 
 import contextlib
+import threading
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -22,6 +23,7 @@ from ..verdict.summary import Line, lines
 from ..words.console import announced, plain, watched
 from ..words.names import called
 from ..words.numerals import counted
+from ..words.stages import clock, time_left
 from .terminal import STATUS_STYLE, tables
 
 Kind = tuple[str, str]  # a cell's dataset and backend, by their labels
@@ -79,16 +81,9 @@ def _guess(known: Mapping[Kind, float], kind: Kind) -> float:
     return fmean(told or alike or known.values())
 
 
-def words(seconds: float) -> str:
-    """Writes the time left, no finer than it is known."""
-    if seconds < 10:
-        return "some seconds left"
-    if seconds < 90:
-        return f"about {10 * round(seconds / 10)} s left"
-    return f"about {seconds / 60:.0f} min left" if seconds < 5400 else f"about {seconds / 3600:.1f} h left"
-
-
 AGAIN_S = 30.0  # s between two lines that report the time left
+SELDOM_S = 600.0  # s between them at most, where one cell takes that long
+RUNNING = "running cells"  # the stage
 REFRESHED = 1.0  # redraws per second: each takes some milliseconds of a core from what is measured
 ONLINE = ("ate_m", "relation_m")
 BAR = 24  # columns of the bar, where there is room
@@ -110,6 +105,7 @@ class Screen:
         self._told_of: set[tuple[str, str, str]] = set()
         self._told_of_logs: set[tuple[tuple[str, int], str]] = set()
         self._shown: Sequence[RenderableType] = ()
+        self._ended = threading.Event()
         self._live = Live(
             get_renderable=self._renderable, console=console, transient=True, refresh_per_second=REFRESHED
         )
@@ -118,6 +114,7 @@ class Screen:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._ended.set()
         self._announced.close()
         self._live.stop()
 
@@ -152,8 +149,10 @@ class Screen:
         self._planned.update((line.dataset, line.backend) for line in lines(self._rows) for _ in line.rows)
         self._names = called(list(dict.fromkeys(dataset for dataset, _ in self._planned)))
         self._pace = Pace((_kind(c.cell) for c in cells), slots)
-        self._stage, self._done, self._total = "running cells", 0, len(cells)
+        self._stage, self._done, self._total = RUNNING, 0, len(cells)
         self._latest = self._told = time.monotonic()
+        if not self._live.is_started and not self._console.quiet:
+            threading.Thread(target=self._tell_again, daemon=True).start()
         self._draw()
 
     def finished(self, cell: PlannedCell, row: Mapping[str, Any], seconds: float) -> None:
@@ -187,6 +186,19 @@ class Screen:
         """Announces the report."""
         self._stage, self._done, self._total = "writing the report", 0, 0
 
+    def _tell_again(self) -> None:
+        """Says where a run without a terminal is, if nothing was said for AGAIN_S, then twice that, and so on."""
+        patience = AGAIN_S
+        while not self._ended.wait(patience):
+            if self._stage != RUNNING or self._done == self._total:
+                return
+            now, left = time.monotonic(), self._left()
+            if now - max(self._latest, self._told) < patience / 2:
+                continue
+            said = f"{self._done} of {self._total} done after {clock(now - self._began)}"
+            self._told, patience = now, min(2 * patience, SELDOM_S)
+            self.say(said + ("" if left is None else f"; {left}"))
+
     def _once(self, cell: Cell, said: str) -> str:
         """Leaves out of the words on a cell the remarks that another cell of its log has had."""
         log, fresh = (cell.dataset.label, cell.seed), list[str]()
@@ -216,7 +228,7 @@ class Screen:
     def _left(self) -> str | None:
         """The time left, in words; None before the first cell has ended, and at the end."""
         left = self._pace.left(time.monotonic() - self._latest)
-        return None if left is None or self._done == self._total else words(left)
+        return None if left is None or self._done == self._total else time_left(left)
 
     def _draw(self) -> None:
         """Recomputes the tables; where they are too tall, one line per dataset, or none."""
@@ -251,8 +263,8 @@ class Screen:
         parts = [self._stage]
         if self._total:
             parts.append(f"{self._done} of {self._total}")
-        parts.append(_clock(time.monotonic() - self._began))
-        left = self._left() if self._stage == "running cells" else None
+        parts.append(clock(time.monotonic() - self._began))
+        left = self._left() if self._stage == RUNNING else None
         text = Text(" \N{MIDDLE DOT} ".join([*parts, *([] if left is None else [left])]), no_wrap=True)
         bar = min(BAR, self._console.width - text.cell_len - 2)
         foot = Table.grid(padding=(0, 2))
@@ -262,9 +274,3 @@ class Screen:
 
 def _kind(cell: Cell) -> tuple[str, str]:
     return cell.dataset.label, cell.backend.label
-
-
-def _clock(seconds: float) -> str:
-    minutes, seconds = divmod(int(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"

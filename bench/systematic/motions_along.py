@@ -6,7 +6,7 @@ import numpy as np
 
 from ...core.factors import Log
 from ...core.se2 import Array, Ints, between
-from ...core.truth.errors import Errors, difference
+from ...core.truth.errors import difference
 from ..measure.stated_noise import normalised, typical_scale
 from .windows import windows
 
@@ -31,7 +31,7 @@ def unlike(log: Log, path: Array, driven: Ints) -> Unlike:
         return Unlike(0.0, 0)
     off = difference(log.delta[driven], between(path[driven - 1], path[driven]))
     off, cov = (np.add.reduceat(one, first) for one in (off, log.delta_cov[driven]))
-    return Unlike(typical_scale(normalised(Errors(first, off), cov), 3), len(first))
+    return Unlike(typical_scale(normalised(off, cov), 3), len(first))
 
 
 def ratio(own: Unlike, other: Unlike) -> float:

@@ -5,6 +5,7 @@ import os
 import re
 import threading
 from collections.abc import Callable, Generator
+from functools import partial
 from typing import Any, Self
 
 from rich.cells import cell_len
@@ -56,19 +57,27 @@ COMPILING = "compiling inner loops, once: their machine code is kept on disk"
 @contextlib.contextmanager
 def announced(sentence: str, say: Callable[[str], None]) -> Generator[None]:
     """Says what is being done if that takes longer than PATIENCE_S, and if inner loops are compiled meanwhile."""
+    with watching(partial(say, sentence), say):
+        yield
+
+
+@contextlib.contextmanager
+def watching(show: Callable[[], None], say: Callable[[str], None]) -> Generator[None]:
+    """Calls `show` after PATIENCE_S, and from there on says once if inner loops are compiled."""
     over = threading.Event()
-    late = threading.Thread(target=_announce, args=(sentence, say, over), daemon=True)
+    late = threading.Thread(target=_watch, args=(show, say, over), daemon=True)
     late.start()
     try:
         yield
     finally:
         over.set()
+        late.join()  # so that nothing is said afterwards
 
 
-def _announce(sentence: str, say: Callable[[str], None], over: threading.Event) -> None:
+def _watch(show: Callable[[], None], say: Callable[[str], None], over: threading.Event) -> None:
     if over.wait(PATIENCE_S):
         return
-    say(sentence)
+    show()
     while not compiling():
         if over.wait(PATIENCE_S):
             return

@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ..arrays import ROUNDING
+from ..arrays import ROUNDING, slices
 from ..errors import InputError
 from ..fixes import FixTable
 from ..gyro import Gyro
@@ -261,6 +261,11 @@ def _angle(table: Table, name: str, angles: Array, first: int = 0) -> Iterator[P
 
 def _covariance(table: Table, cov: Array, name: str = "the covariance", first: int = 0) -> Iterator[Problem]:
     """Checks `cov` (m, k, k): finite, symmetric to rounding, and positive definite with some digits to spare."""
+    for some in slices(len(cov)):
+        yield from _covariance_block(table, cov[some], name, first + some.start)
+
+
+def _covariance_block(table: Table, cov: Array, name: str, first: int) -> Iterator[Problem]:
     k = cov.shape[-1]
     with np.errstate(all="ignore"):
         diagonal = np.einsum("mii->mi", cov)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..arrays import slices
 from ..elementary import arctan2, hypot
 from ..factors import UNKNOWN, Log, Map, Truth
 from ..partial import RANGE
@@ -31,9 +32,16 @@ def sighting_errors(log: Log, truth: Truth) -> Errors:
     known = standing(truth)
     if known is None:
         return Errors(np.zeros(0, np.int64), np.zeros((0, 2)))
-    pose, place = rows_of(truth.t, log.t[log.sighting_step]), rows_of(known.ids, ids)
-    row = np.flatnonzero((pose >= 0) & (place >= 0) & (ids != UNKNOWN))
-    return Errors(row, difference(log.z[row], sighted_from(truth.poses[pose[row]], known.xy[place[row]])))
+    pose, step, order = rows_of(truth.t, log.t), log.sighting_step, np.argsort(known.ids)
+    row, values, count = np.empty(len(ids), np.int64), np.empty((len(ids), 2)), 0
+    for some in slices(len(ids)):
+        at, place = pose[step[some]], _sorted_rows(known.ids, order, ids[some])
+        there = np.flatnonzero((at >= 0) & (place >= 0) & (ids[some] != UNKNOWN))
+        into = slice(count, count := count + len(there))
+        row[into] = some.start + there
+        right = sighted_from(truth.poses[at[there]], known.xy[place[there]])
+        values[into] = difference(log.z[row[into]], right)
+    return Errors(row[:count], values[:count])
 
 
 def partial_errors(log: Log, truth: Truth) -> Errors:
@@ -118,9 +126,13 @@ def difference(found: Array, right: Array) -> Array:
 
 def rows_of(known: Array | Ints, wanted: Array | Ints) -> Ints:
     """Index of each of `wanted` in `known`, whose entries are distinct; -1 where missing."""
+    return _sorted_rows(known, np.argsort(known), wanted)
+
+
+def _sorted_rows(known: Array | Ints, order: Ints, wanted: Array | Ints) -> Ints:
+    """As `rows_of`, of entries that are sorted in `order`."""
     if not len(known):
         return np.full(len(wanted), -1)
-    order = np.argsort(known)
     place = order[np.minimum(np.searchsorted(known, wanted, sorter=order), len(known) - 1)]
     return np.where(known[place] == wanted, place, -1)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...core.arrays import read_only
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Map, Truth
 from ...core.options import option
@@ -124,7 +125,9 @@ def _seen(
         (step, row, *sightings(drive.poses[step], xy[row], options.sighting, rng))
         for step, row in sighted(drive, around, xy, options.reach)
     ]
-    step, ids, z, cov = (np.concatenate(column) for column in zip(*blocks, strict=True))
+    columns = [list(column) for column in zip(*blocks, strict=True)]
+    del blocks
+    step, ids, z, cov = (read_only(np.concatenate(columns.pop(0))) for _ in range(4))  # each freed once it is joined
     return step, ids, z, cov
 
 

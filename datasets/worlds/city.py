@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...core.arrays import read_only, slices
 from ...core.elementary import arctan2, sin, sinc, sincos
 from ...core.factors import Dataset, Log, Map, Truth
 from ...core.options import option
@@ -63,13 +64,16 @@ def city(options: Options, rng: np.random.Generator) -> Dataset:
     rolling = np.stack((np.diff(way), turns), axis=-1)
     delta, delta_cov = odometry(poses, rolling, np.array([options.forward, options.turning]), moving)
     step, row = in_reach(poses, xy, LEAST_RANGE, options.reach)
-    z, z_cov = sightings(poses[step], xy[row], options.sighting, seeing)
+    z, z_cov = np.empty((len(row), 2)), np.empty((len(row), 2, 2))
+    for some in slices(len(row)):
+        z[some], z_cov[some] = sightings(poses[step[some]], xy[row[some]], options.sighting, seeing)
     t = way / options.speed
     ids = np.arange(len(xy))
     sighted = len(np.unique(row))
     notes = {"source": "slamduel's own city", "blocks along a side": blocks, "landmarks sighted": sighted}
     start = prior(poses[0], world)
-    log = Log.from_arrays("city", start, t, delta, delta_cov, step, ids[row], z, z_cov, notes=notes)
+    seen = read_only(ids[row]), read_only(z), read_only(z_cov)
+    log = Log.from_arrays("city", start, t, delta, delta_cov, step, *seen, notes=notes)
     return with_faults(Dataset(log, Truth(t, poses, Map(ids, xy, None), None, "truth")), options, rng)
 
 

@@ -1,9 +1,10 @@
 """Draws measurements from the noise they state, for the worlds without a camera."""
 
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
+from ...core.arrays import slices
 from ...core.elementary import hypot
 from ...core.factors import Prior
 from ...core.se2 import Array, Ints, between, wrap
@@ -61,11 +62,15 @@ def in_reach(poses: Array, xy: Array, nearest: float, farthest: float) -> tuple[
     """
     from scipy.spatial import KDTree
 
-    found = KDTree(xy).query_ball_point(poses[:, :2], farthest, return_sorted=True)
-    step = np.repeat(np.arange(len(poses)), [len(rows) for rows in found])
-    row = np.concatenate([np.asarray(rows, np.int64) for rows in found])
-    far_enough = hypot(*(xy[row] - poses[step, :2]).T) >= nearest
-    return step[far_enough], row[far_enough]
+    tree, steps, rows = KDTree(xy), list[Ints](), list[Ints]()
+    for some in slices(len(poses)):
+        found = tree.query_ball_point(poses[some, :2], farthest, return_sorted=True)
+        step = np.repeat(np.arange(some.start, some.stop), [len(one) for one in found])
+        row = np.fromiter(chain.from_iterable(found), np.int64, len(step))
+        far_enough = hypot(*(xy[row] - poses[step, :2]).T) >= nearest
+        steps.append(step[far_enough])
+        rows.append(row[far_enough])
+    return np.concatenate(steps), np.concatenate(rows)
 
 
 def sightings(poses: Array, xy: Array, sd: float, rng: np.random.Generator) -> tuple[Array, Array]:

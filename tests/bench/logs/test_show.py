@@ -176,7 +176,7 @@ def test_errors_are_measured_minus_true_where_the_truth_reaches() -> None:
     odometry = odometry_errors(log, truth)
     assert odometry.row.tolist() == [1]
     np.testing.assert_allclose(odometry.values, np.zeros((1, 3)), atol=1e-12)
-    judged = noise_check(found, log.z_cov[found.row])
+    judged = noise_check(found, log.z_cov)
     first = 0.2**2 / 0.04 + 0.1**2 / 0.01
     second = found.values[1] ** 2 @ (1 / 0.04, 1 / 0.01)
     assert judged.nees == pytest.approx((first + second) / 2 / 2)

@@ -8,6 +8,7 @@ import pty
 import re
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -20,16 +21,18 @@ from slamduel.bench.cli import main
 from slamduel.bench.plan.plan import Plan
 from slamduel.bench.plan.work import PlannedCell, work_of
 from slamduel.bench.record.schema import COLUMNS, MORE, Row
+from slamduel.bench.run import progress
 from slamduel.bench.run.benchmark import DEFAULTS
 from slamduel.bench.run.cell_remarks import cell_remarks
 from slamduel.bench.run.document import document
-from slamduel.bench.run.progress import Pace, Screen, words
+from slamduel.bench.run.progress import Pace, Screen
 from slamduel.bench.run.terminal import NONE, complain, conclude, status, tables, verdicts
 from slamduel.bench.verdict.statistics import FEWEST
 from slamduel.bench.verdict.summary import Line, lines
 from slamduel.bench.words.ascii import PLAIN, plain_where_needed
 from slamduel.bench.words.console import screen_console, watched, wrapped
 from slamduel.bench.words.names import called
+from slamduel.bench.words.stages import time_left
 
 LONG = "fastslam[particles=1000,version=2]"
 ESCAPE = "\x1b"
@@ -230,12 +233,28 @@ def test_time_left_neither_runs_out_nor_jumps_while_a_cell_is_late() -> None:
     pace.took(("city", "ekf"), 500.0)
     last = Pace([("city", "ekf")] * 2, 4)
     last.took(("city", "ekf"), 10.0)
-    assert words(last.left(0.0) or 0.0) == "about 10 s left"
-    assert words(last.left(300.0) or 0.0) == "about 70 s left"  # not "some seconds"
+    assert time_left(last.left(0.0) or 0.0) == "about 10 s left"
+    assert time_left(last.left(300.0) or 0.0) == "about 70 s left"  # not "some seconds"
+
+
+def test_a_run_without_a_terminal_tells_of_a_long_cell_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "AGAIN_S", 0.01)
+    heard = threading.Event()
+
+    class Heard(io.StringIO):
+        def write(self, text: str) -> int:
+            heard.set()
+            return super().write(text)
+
+    console = Console(file=(file := Heard()), width=100)
+    with Screen(console) as screen:
+        screen.running(plan(2), 0, 1, ())
+        assert heard.wait(60)
+    assert file.getvalue().startswith("0 of 8 done after 0:")
 
 
 def test_a_time_is_told_no_finer_than_it_is_known() -> None:
-    told = [words(seconds) for seconds in (0, 9, 44, 300, 9000)]
+    told = [time_left(seconds) for seconds in (0, 9, 44, 300, 9000)]
     assert told == ["some seconds left"] * 2 + ["about 40 s left", "about 5 min left", "about 2.5 h left"]
 
 
