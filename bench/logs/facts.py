@@ -8,8 +8,10 @@ from ...core.factors import REMARKS
 from ..measure.landmark_places import Scattered
 from ..measure.stated_noise import Measured, NoiseCheck
 from ..words.numerals import counted, listed, number, plain
+from .agreement import Known
 from .difficulty import Difficulty
-from .numbers import FixCount, Known, Noise, Numbers, Parts, Sd, Sensor, SightingCount, TurnCount
+from .measurements import FixCount, Noise, Parts, Sd, TurnCount
+from .numbers import Numbers, Sensor, SightingCount
 from .part_errors import PartCheck
 
 TRUE_ENOUGH = (0.8, 1.25)  # typical error over the stated one that counts as stated correctly
