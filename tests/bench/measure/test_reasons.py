@@ -1,0 +1,86 @@
+"""The reason of a cell says why a backend and a log do not go together, and what a backend was not given."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from slamduel.backends import registry as backends
+from slamduel.bench.measure.cell import Job, Result, run_on
+from slamduel.bench.plan.load import load
+from slamduel.core.factors import UNKNOWN, Log, Systematic
+
+WORLD = "circle[steps=60]"
+NOTHING = "no sighting of the log has an id"
+
+
+def cell(log: Log, name: str, **options: Any) -> Result:
+    found = backends.find(name).options(**options)
+    given = f"[{','.join(f'{key}={value}' for key, value in options.items())}]" if options else ""
+    return run_on(Job(f"{name}{given}", name, found, 0, 4000), lambda: log, lambda: None)
+
+
+def test_a_backend_that_could_associate_is_named_with_the_option() -> None:
+    hidden = load("circle[steps=60,ids=hidden]").log
+    found = cell(hidden, "ekf")
+    assert found.status == "skipped"
+    assert found.reason == f"{NOTHING}, and ekf does no data association; ekf[association=jcbb] does"
+    assert cell(hidden, "ekf", association="jcbb").status == "done"  # as it advises
+    found = cell(hidden, "smoother", loss="cauchy")
+    assert found.reason == (
+        f"{NOTHING}, and smoother[loss=cauchy] does no data association; smoother[association=jcbb] does"
+    )
+
+
+def test_of_a_backend_that_cannot_associate_another_is_named() -> None:
+    hidden = load("circle[steps=60,ids=hidden]").log
+    found = cell(hidden, "textbook-ekf")
+    assert found.status == "skipped"
+    assert found.reason == f"{NOTHING}: textbook-ekf takes no hidden ids; ekf[association=jcbb] does"
+    assert cell(hidden, "dead-reckoning").status == "done"  # uses none
+
+
+def test_a_log_with_ids_and_association_do_not_go_together() -> None:
+    found = cell(load(WORLD).log, "ekf", association="nn")
+    assert found.status == "skipped"
+    assert found.reason == (
+        "every sighting of the log has an id; DATASET[ids=hidden] hides those of a simulated or published log"
+    )
+    log = load(WORLD).log
+    one = log.ids.copy()
+    one[3] = UNKNOWN
+    assert cell(replace(log, ids=one), "ekf", association="nn").status == "done"
+
+
+@pytest.mark.parametrize(
+    ("world", "backend", "said"),
+    [
+        ("circle[steps=60,ranges_only=0.5]", "dead-reckoning", "{partial} partial sightings are left out"),
+        ("circle[steps=60,gps=20]", "dead-reckoning", "{fixes} fixes are left out"),
+    ],
+)
+def test_what_a_backend_was_not_given_is_said(world: str, backend: str, said: str) -> None:
+    log = load(world).log
+    found = cell(log, backend)
+    partial, fixes = (0 if table is None else len(table) for table in (log.partial, log.fixes))
+    assert found.status == "done"
+    assert said.format(partial=partial, fixes=fixes) in found.reason.split("; ")
+
+
+def test_one_measurement_that_is_left_out_is_one() -> None:
+    log = load("circle[steps=60,gps=20]").log
+    assert log.fixes is not None
+    one = replace(log, fixes=log.fixes.rows(np.array([0])))
+    assert "1 fix is left out" in cell(one, "dead-reckoning").reason.split("; ")
+
+
+def test_a_scale_of_the_wheels_that_is_not_estimated_is_said() -> None:
+    log = load(WORLD).log
+    unknown = replace(log, prior=log.prior._replace(systematic=Systematic(wheel_scale=0.05)))
+    said = "the wheels' scale, which is not known, is not estimated"
+    assert not backends.find("fastslam").wheel_scale
+    assert said in cell(unknown, "fastslam").reason.split("; ")
+    assert backends.find("ekf").wheel_scale
+    assert said not in cell(unknown, "ekf").reason
+    assert said not in cell(log, "fastslam").reason
