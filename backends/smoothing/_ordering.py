@@ -122,6 +122,7 @@ def plan(
         lent(owner.variables), lent(owner.elements), lent(owner.of), lent(owner.seen), lent(owner.heads)
     )  # counting references took a third of the time
     V, E, n = Q.variables, Q.elements, len(names)
+    turn, turns = np.arange(n) + 2 * n, 0  # when each is eliminated, the kept ones last
     near, gone, room = np.full(n, -1, np.int64), np.empty(len(E), np.int64), np.zeros(4, np.int64)
     out, at, made, least, left, rank = np.empty(16 * n + 64, np.int64), 0, 0, 0, n - kept, 0
     while left > 0:
@@ -146,10 +147,14 @@ def plan(
         room[3] += eliminated * size * size
         at = end
         rest = 0
+        turn[p] = turns
+        turns += 1
         for u in range(k):
             i = front[u]
             if V[i, LISTED] == MERGED:
                 left -= 1
+                turn[i] = turns
+                turns += 1
                 continue
             pool[top + rest] = i
             rest += 1
@@ -169,7 +174,28 @@ def plan(
         if owner.elements[e, ALIVE]:
             gone[lost] = owner.elements[e, NAMED]
             lost += 1
+    arrange(g, out, made, turn)
     return open_, out[:at], made, gone[:lost], room
+
+
+@compiled
+def arrange(g: Graph, out: Ints, made: int, turn: Ints) -> None:
+    """Sorts the separators of the `made` cliques by when they are eliminated, their `turn` (n,).
+
+    So the rows of an update matrix are in the order of its parent's front, and long runs of them are adjacent there.
+    """
+    at = 0
+    for _ in range(made):
+        members, first = out[at + 1], at + HEAD + out[at]
+        last = at + HEAD + members
+        for t in range(first + 1, last):
+            v = out[t]
+            when, u = turn[g.variables[v, _graph.PLACE]], t
+            while u > first and turn[g.variables[out[u - 1], _graph.PLACE]] > when:
+                out[u] = out[u - 1]
+                u -= 1
+            out[u] = v
+        at = last + out[at + 2] + out[at + 3]
 
 
 @compiled
