@@ -17,6 +17,7 @@ from ._graph import (
     BOUND,
     CHILD,
     DAMPING,
+    EFFORT,
     END,
     FACTOR,
     FAILED,
@@ -203,7 +204,7 @@ def eliminate(g: Graph, c: int) -> None:
         add_child(g, child, F, w)
         child = g.cliques[child, NEXT]
     damp(g, F, w, front)
-    g.state[WORK] += front * m * m
+    g.state[WORK] += q[EFFORT]
     if not factor(F, m, front):
         g.state[FAILED] = 1
         return

@@ -13,7 +13,8 @@ from ...core.kernels._arrays import lent
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from . import _graph
-from ._graph import STAMP, Graph, rounded, triangle
+from ._amalgamation import HEAD, amalgamated, room_of
+from ._graph import STAMP, Graph
 from ._opening import concerned, opened, staying
 from ._quotient import (
     ALIVE,
@@ -42,9 +43,6 @@ from ._quotient import (
     quotient,
     review,
 )  # fmt: skip
-
-HEAD = 6
-"""Numbers of a clique in a plan, before its lists."""
 
 SMALLEST = 200
 """Variables of a part that is not cut again."""
@@ -76,7 +74,7 @@ def write(Q: Quotient, p: int, front: Ints, gone: Ints, lost: int, out: Ints, at
         if E[gone[t], KIND] == BINDING:
             bound += 1
     out[at], out[at + 1], out[at + 2], out[at + 3] = frontals, 1 + len(front), bound, lost - bound
-    out[at + 4], out[at + 5] = eliminated, size
+    out[at + 4], out[at + 5], out[at + 6] = eliminated, size, eliminated * size * size
     at += HEAD
     out[at] = V[p, NAME]
     a, b = at + 1, at + frontals
@@ -141,9 +139,6 @@ def plan(
         lost = review(Q, p, front, near, kept, gone, lost)
         out = longer(out, at, HEAD + 1 + k + lost)
         end, eliminated, size = write(Q, p, front, gone, lost, out, at)
-        room[0] += rounded(out[at + 1] + out[at + 2])[1]
-        room[1] += rounded(eliminated * (size + 1))[1] + rounded(triangle(size - eliminated))[1]
-        room[2] = max(room[2], size)
         room[3] += eliminated * size * size
         at = end
         rest = 0
@@ -174,28 +169,9 @@ def plan(
         if owner.elements[e, ALIVE]:
             gone[lost] = owner.elements[e, NAMED]
             lost += 1
-    arrange(g, out, made, turn)
-    return open_, out[:at], made, gone[:lost], room
-
-
-@compiled
-def arrange(g: Graph, out: Ints, made: int, turn: Ints) -> None:
-    """Sorts the separators of the `made` cliques by when they are eliminated, their `turn` (n,).
-
-    So the rows of an update matrix are in the order of its parent's front, and long runs of them are adjacent there.
-    """
-    at = 0
-    for _ in range(made):
-        members, first = out[at + 1], at + HEAD + out[at]
-        last = at + HEAD + members
-        for t in range(first + 1, last):
-            v = out[t]
-            when, u = turn[g.variables[v, _graph.PLACE]], t
-            while u > first and turn[g.variables[out[u - 1], _graph.PLACE]] > when:
-                out[u] = out[u - 1]
-                u -= 1
-            out[u] = v
-        at = last + out[at + 2] + out[at + 3]
+    out, made = amalgamated(g, out, made, gone[:lost], x, turn)
+    room_of(out, made, room)
+    return open_, out, made, gone[:lost], room
 
 
 @compiled
