@@ -7,6 +7,7 @@ rows. The part of the root from cliques that do not contain the pose is stored s
 import numpy as np
 
 from ...core.kernels._cholesky import factor, row_of, unsigned
+from ...core.kernels._lanes import LANES, load, plus, put
 from ...core.kernels._planar import information, wrap
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array
@@ -16,6 +17,7 @@ from ._graph import (
     BOUND,
     CHILD,
     DAMPING,
+    EFFORT,
     END,
     FACTOR,
     FAILED,
@@ -81,18 +83,22 @@ def add_child(g: Graph, c: int, F: Array, w: int) -> None:
     spots, numbers = g.spots, g.reals
     for i in range(n):
         a = spots[i]
+        row = unsigned(a * w)
         j = i
         while j < n:
             b, end = spots[j], spots[half + j]
             if a <= b:
-                to, of = unsigned(a * w + b), unsigned(o)
-                for k in range(unsigned(end - j)):
-                    F[to + k] += numbers[of + k]
+                while j + LANES <= end:
+                    to, of = row + unsigned(spots[j]), unsigned(o)
+                    put(F, to, plus(load(F, to), load(numbers, of)))
+                    j, o = j + LANES, o + LANES
+                while j < end:  # by their places, as a loop for adjacent ones has a long beginning
+                    F[row + unsigned(spots[j])] += numbers[o]
+                    j, o = j + 1, o + 1
             else:
-                for k in range(end - j):
-                    F[(b + k) * w + a] += numbers[o + k]
-            o += end - j
-            j = end
+                while j < end:
+                    F[spots[j] * w + a] += numbers[o]
+                    j, o = j + 1, o + 1
         F[a * w + w - 1] += numbers[o]
         o += 1
 
@@ -198,7 +204,7 @@ def eliminate(g: Graph, c: int) -> None:
         add_child(g, child, F, w)
         child = g.cliques[child, NEXT]
     damp(g, F, w, front)
-    g.state[WORK] += front * m * m
+    g.state[WORK] += q[EFFORT]
     if not factor(F, m, front):
         g.state[FAILED] = 1
         return

@@ -25,7 +25,7 @@ class Graph(Arrays):
     linked: Table  # (K, 19)
     steps: Table  # (T, 12) odometry (3), its covariance (6), linearisation point (3)
     at: Integers  # (T,) the variable of a step's pose, or NO_VARIABLE minus the link containing it
-    cliques: IntegerTable  # (C, 12)
+    cliques: IntegerTable  # (C, 13)
     ints: Integers  # arena: variables and links of cliques
     reals: Numbers  # arena: [R d] and update matrices
     free: IntegerTable  # (2, CLASSES) heads of lists of free blocks, by size
@@ -66,8 +66,9 @@ NEAR_SDS = 3.0
 # steps; where the first number of NOISE is CUT, no motion leads to the step
 DELTA, NOISE, POINT = 0, 3, 9
 CUT = -1.0
-# cliques: MEMBERS variables, the first FRONTALS of them frontal; SIZE scalars, the first FRONT of them frontal
-PARENT, FRONTALS, MEMBERS, FRONT, SIZE, BOUND, LISTED, FACTOR, UPDATE, CHILD, NEXT, FLAG = range(12)
+# cliques: MEMBERS variables, the first FRONTALS of them frontal; SIZE scalars, the first FRONT of them frontal; EFFORT is the work of
+# eliminating it, or the cliques that it was joined of, which no threshold that counts work should know
+PARENT, FRONTALS, MEMBERS, FRONT, SIZE, BOUND, LISTED, FACTOR, UPDATE, CHILD, NEXT, FLAG, EFFORT = range(13)
 
 NO_VARIABLE = -1
 PENDING = -(2**62)

@@ -43,7 +43,7 @@ def about(g: Graph, x: int, radius: float, most: int, some: Ints) -> Ints:
         out[i] = some[i]
         g.variables[some[i], MARK] = stamp
     k = n
-    for v in range(g.state[VARIABLES]):
+    for v in range(g.state[VARIABLES] if radius > 0.0 else 0):
         if g.variables[v, WIDTH] == 2 and g.variables[v, MARK] != stamp:
             d = (g.values[v, 0] - g.values[x, 0]) ** 2 + (g.values[v, 1] - g.values[x, 1]) ** 2
             if d < radius * radius and (k < room or (n < room and d < far[k - 1])):

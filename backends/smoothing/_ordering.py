@@ -13,7 +13,8 @@ from ...core.kernels._arrays import lent
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from . import _graph
-from ._graph import STAMP, Graph, rounded, triangle
+from ._amalgamation import HEAD, amalgamated, room_of
+from ._graph import STAMP, Graph
 from ._opening import concerned, opened, staying
 from ._quotient import (
     ALIVE,
@@ -42,9 +43,6 @@ from ._quotient import (
     quotient,
     review,
 )  # fmt: skip
-
-HEAD = 6
-"""Numbers of a clique in a plan, before its lists."""
 
 SMALLEST = 200
 """Variables of a part that is not cut again."""
@@ -76,7 +74,7 @@ def write(Q: Quotient, p: int, front: Ints, gone: Ints, lost: int, out: Ints, at
         if E[gone[t], KIND] == BINDING:
             bound += 1
     out[at], out[at + 1], out[at + 2], out[at + 3] = frontals, 1 + len(front), bound, lost - bound
-    out[at + 4], out[at + 5] = eliminated, size
+    out[at + 4], out[at + 5], out[at + 6] = eliminated, size, eliminated * size * size
     at += HEAD
     out[at] = V[p, NAME]
     a, b = at + 1, at + frontals
@@ -122,6 +120,7 @@ def plan(
         lent(owner.variables), lent(owner.elements), lent(owner.of), lent(owner.seen), lent(owner.heads)
     )  # counting references took a third of the time
     V, E, n = Q.variables, Q.elements, len(names)
+    turn, turns = np.arange(n) + 2 * n, 0  # when each is eliminated, the kept ones last
     near, gone, room = np.full(n, -1, np.int64), np.empty(len(E), np.int64), np.zeros(4, np.int64)
     out, at, made, least, left, rank = np.empty(16 * n + 64, np.int64), 0, 0, 0, n - kept, 0
     while left > 0:
@@ -140,16 +139,17 @@ def plan(
         lost = review(Q, p, front, near, kept, gone, lost)
         out = longer(out, at, HEAD + 1 + k + lost)
         end, eliminated, size = write(Q, p, front, gone, lost, out, at)
-        room[0] += rounded(out[at + 1] + out[at + 2])[1]
-        room[1] += rounded(eliminated * (size + 1))[1] + rounded(triangle(size - eliminated))[1]
-        room[2] = max(room[2], size)
         room[3] += eliminated * size * size
         at = end
         rest = 0
+        turn[p] = turns
+        turns += 1
         for u in range(k):
             i = front[u]
             if V[i, LISTED] == MERGED:
                 left -= 1
+                turn[i] = turns
+                turns += 1
                 continue
             pool[top + rest] = i
             rest += 1
@@ -169,7 +169,9 @@ def plan(
         if owner.elements[e, ALIVE]:
             gone[lost] = owner.elements[e, NAMED]
             lost += 1
-    return open_, out[:at], made, gone[:lost], room
+    out, made = amalgamated(g, out, made, gone[:lost], x, turn)
+    room_of(out, made, room)
+    return open_, out, made, gone[:lost], room
 
 
 @compiled

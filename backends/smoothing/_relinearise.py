@@ -15,6 +15,7 @@ from ...core.se2 import Array, Ints
 from ._graph import (
     BOUND,
     CHILD,
+    EFFORT,
     END,
     ENOUGH,
     FIRST,
@@ -87,7 +88,7 @@ def settle(g: Graph, order: Ints, path: Array, values: Array) -> tuple[int, int]
     for t in range(len(order) - 1, -1, -1):
         c = order[t]
         q = g.cliques[c]
-        work = q[FRONT] * q[SIZE] * q[SIZE]
+        work = q[EFFORT]
         total += work
         if q[FLAG] == -1:
             q[FLAG] = 0

@@ -9,6 +9,7 @@ from ._graph import (
     CHILD,
     CLIQUE,
     CLIQUES,
+    EFFORT,
     END,
     FACTOR,
     FAR,
@@ -51,12 +52,12 @@ from ._graph import (
     reserve_reals,
     triangle,
 )  # fmt: skip
-from ._ordering import HEAD
+from ._amalgamation import HEAD, located
 
 
 @compiled
-def new_clique(g: Graph, frontals: int, members: int, bound: int, front: int, size: int) -> int:
-    """Creates a clique of that many variables, links and scalars, with empty lists."""
+def new_clique(g: Graph, frontals: int, members: int, bound: int, front: int, size: int, effort: int) -> int:
+    """Creates a clique of that many variables, links and scalars, and that work, with empty lists."""
     c = g.state[SPARE]
     if c > 0:
         g.state[SPARE] = g.cliques[c, NEXT]
@@ -65,7 +66,7 @@ def new_clique(g: Graph, frontals: int, members: int, bound: int, front: int, si
         g.state[CLIQUES] = c + 1
     q = g.cliques[c]
     q[PARENT], q[FRONTALS], q[MEMBERS], q[FRONT], q[SIZE], q[BOUND] = 0, frontals, members, front, size, bound
-    q[CHILD], q[NEXT], q[FLAG] = 0, 0, 0
+    q[CHILD], q[NEXT], q[FLAG], q[EFFORT] = 0, 0, 0, effort
     q[LISTED] = reserve_ints(g, members + bound)
     q[FACTOR] = reserve_reals(g, front * (size + 1))
     q[UPDATE] = reserve_reals(g, triangle(size - front))
@@ -122,7 +123,7 @@ def advance(g: Graph, x: int) -> None:
             n += 1
     k = g.variables[x, LINK]
     bound = 2 if g.links[k, LOOP] == TURN else 1  # a gyro's turn is linked after the motion
-    c = new_clique(g, 1, n + 2, bound, 3, 2 * n + 6)
+    c = new_clique(g, 1, n + 2, bound, 3, 2 * n + 6, 3 * (2 * n + 6) ** 2)
     g.state[WIDEST] = max(g.state[WIDEST], 2 * n + 6)
     q = g.cliques[c]
     o = q[LISTED]
@@ -182,7 +183,7 @@ def forget_dropped(g: Graph) -> None:
 
 @compiled
 def rebuild(g: Graph, x: int, wanted: Ints, opened: Ints, plan: Ints, count: int, left: Ints, everything: bool) -> None:
-    """Replaces the cliques `opened` by the `count` cliques of `plan`: see `_ordering.plan` for its format.
+    """Replaces the cliques `opened` by the `count` cliques of `plan`: see `_amalgamation` for its format.
 
     The root becomes pose `x` and the landmarks `wanted`, with the cliques `left` as its children.
     """
@@ -200,9 +201,9 @@ def rebuild(g: Graph, x: int, wanted: Ints, opened: Ints, plan: Ints, count: int
         i = order[n]
         at = int(begins[i])
         frontals, members, bound, children = plan[at], plan[at + 1], plan[at + 2], plan[at + 3]
-        front, size = plan[at + 4], plan[at + 5]
+        front, size, effort = plan[at + 4], plan[at + 5], plan[at + 6]
         at += HEAD
-        c = new_clique(g, frontals, members, bound, front, size)
+        c = new_clique(g, frontals, members, bound, front, size, effort)
         made[i] = c
         o = g.cliques[c, LISTED]
         for t in range(members + bound):
@@ -242,15 +243,7 @@ def neighbourly(plan: Ints, count: int) -> tuple[Ints, Ints]:
 
     Then what a substitution or an elimination passes one after the other is adjacent in memory.
     """
-    begins, parent = np.empty(count, np.int64), np.full(count, -1, np.int64)
-    at = 0
-    for i in range(count):
-        begins[i] = at
-        first = at + HEAD + plan[at + 1] + plan[at + 2]
-        at = first + plan[at + 3]
-        for t in range(first, at):
-            if plan[t] < 0:
-                parent[-1 - plan[t]] = i
+    begins, parent = located(plan, count)
     below, beside = np.full(count, -1, np.int64), np.empty(count, np.int64)
     order, waiting = np.empty(count, np.int64), np.empty(count, np.int64)
     m, n = 0, count

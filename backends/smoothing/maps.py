@@ -64,7 +64,7 @@ def _add(forest: Forest, variables: Ints, mean: Array, cov: Array) -> None:
     g = with_rows(with_front(g, n), "cliques", int(state[_graph.CLIQUES]) + 1)
     g = with_rows(with_rows(g, "ints", int(state[INTS]) + 2 * n + 16), "reals", int(state[REALS]) + n * (n + 6) + 32)
     forest.g = g
-    c = _tree.new_clique(g, 0, len(variables), 0, 0, n)
+    c = _tree.new_clique(g, 0, len(variables), 0, 0, n, 0)
     q = g.cliques[c]
     g.ints[q[LISTED] : q[LISTED] + len(variables)] = variables
     q[FACTOR] = _graph.reserve_reals(g, n)
