@@ -49,8 +49,8 @@ class Way:
         n = self._steps
         ends = np.concatenate((np.stack((np.arange(n - 1), np.arange(1, n)), axis=1), *self._ends))
         motions = np.concatenate((self._motions[1:n], *self._loops))
-        some = free[ends].any(axis=1)
-        ends, motions, loops = ends[some], motions[some], int(some[n - 1 :].sum())
+        some = np.asarray(free[ends[:, 0]] | free[ends[:, 1]])
+        ends, motions, loops = ends[some], motions[some], int(np.count_nonzero(some[n - 1 :]))
         a, b = np.ascontiguousarray(ends.T)
         e, g, W = np.empty((len(a), 3)), np.empty((len(a), 2)), np.empty((len(a), 6))
         out, x = path.copy(), np.zeros((n, 3))
