@@ -15,6 +15,9 @@ from ._located import own_covariances
 NOWHERE = -1
 """The anchor of a step that has none."""
 
+SURE = 0.3
+"""m, rad; largest standard deviation of an anchor given all around it: one landmark alone leaves a circle of places."""
+
 
 class Anchors(NamedTuple):
     """Poses that are never marginalised."""
@@ -38,7 +41,7 @@ def anchors_at(g: Graph, rows: Ints, steps: Ints, poses: Array) -> Anchors:
     covs, definite = np.zeros((len(rows), 3, 3)), np.zeros(len(rows), np.int64)
     variables = g.at[rows]
     own_covariances(g, variables, covs, definite)
-    some = definite == 1
+    some = (definite == 1) & (np.diagonal(covs, axis1=1, axis2=2) <= SURE**2).all(axis=1)
     return Anchors(steps[some], variables[some], poses[some], covs[some])
 
 
