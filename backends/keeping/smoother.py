@@ -77,7 +77,7 @@ class Keeping(Smoother):
         compile_ahead(f"{__package__}.kernels")
         self.submaps, self._left_out = list[Submap](), LeftOut()
         self._loops, self._anchored = prior.loops, Anchored()
-        self._way = Way()
+        self._way, self._rng = Way(), rng
         self._by_loops = list[Ints]()  # steps that are marginalised where loop closures alone locate the robot
         self._visits = Visits()
         self._numbers = np.zeros(0, np.int64)  # steps of the rows that were there when this was last looked at
@@ -265,10 +265,26 @@ class Keeping(Smoother):
             around = [row[of.landmarks] for of in self.submaps]
             self._left_out.fill(out, covs, values[landmarks, :2], around, path[at], shared, g.settings[FURTHEST])
         if self._by_loops:
-            free = np.full(self._steps, len(self._variable) == 0)  # without landmarks this is all of J
-            free[np.concatenate(self._by_loops)], free[0] = True, False
-            out = self._way.smoothed(out, free, g.settings)
+            self._smooth(out, covs)
         return out, covs
+
+    def _smooth(self, path: Array, covs: Array) -> None:
+        """Moves the poses of a path (n, 3) that loop closures alone locate to the minimum of J, the others given.
+
+        Without landmarks all are moved but the first, which is where the prior says, and their covariances (n, 3, 3)
+        are those at the minimum.
+        """
+        free = np.full(self._steps, len(self._variable) == 0)
+        free[np.concatenate(self._by_loops)], free[0] = True, False
+        factors = self._way.factors(free, self._forest.g.settings)
+        found = factors.smoothed(path)
+        if found is None:
+            return
+        path[:] = found
+        if len(self._variable) == 0:
+            G = np.tile(np.eye(3), (len(path), 1, 1))
+            G[:, 0, 2], G[:, 1, 2] = path[0, 1] - path[:, 1], path[:, 0] - path[0, 0]
+            covs[:] = factors.covariances(self._rng) + G @ self._prior.cov @ G.transpose(0, 2, 1)
 
 
 def make(prior: Prior, options: Options, rng: np.random.Generator) -> Smoother:

@@ -9,6 +9,7 @@ from driven import aligned_error, final, make, run
 from random_logs import random_covariance
 from slamduel.backends.keeping import _condensed, _gradients, _located
 from slamduel.backends.keeping import smoother as keeping
+from slamduel.backends.keeping import way as way_module
 from slamduel.backends.keeping.anchored import NOWHERE, Anchored, Anchors
 from slamduel.backends.keeping.way import Way
 from slamduel.backends.smoothing import _log
@@ -25,6 +26,10 @@ FACTORS = 1e-6
 
 STEP_LEFT = 1e-5
 """m, rad; of Gauss-Newton from where it ended: central differences of J's gradient are no better than this."""
+
+
+DRAWN = 40
+"""Times that covariances are drawn: the mean is off by less than five standard deviations of a mean of squares."""
 
 
 def a_patrol(seed: int, steps: int, landmarks: int) -> Dataset:
@@ -158,7 +163,10 @@ def test_conjugate_gradients_end_where_a_dense_solution_does(held: int, lost: fl
     m, of_loops = len(a), int(some[n - 1 :].sum())
     e, g, W, x = np.zeros((m, 3)), np.zeros((m, 2)), np.zeros((m, 6)), np.zeros((n, 3))
     assert _gradients.linearise(path, a, b, motions[some], of_loops, settings, e, g, W)
-    assert 0 < _gradients.offsets(a, b, e, g, W, free, 1000, 1e-24, x) < 200
+    D, E, r = np.zeros((n, 3, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3))
+    assert _gradients.chain(a, b, g, W, free, D, E)
+    _gradients.pulled(a, b, e, g, W, free, r)
+    assert 0 < _gradients.offsets(a, b, g, W, free, D, E, r, 1000, 1e-24, x) < 200
 
     A, y = np.zeros((3 * n, 3 * n)), np.zeros(3 * n)
     for k in range(m):
@@ -176,13 +184,21 @@ def test_conjugate_gradients_end_where_a_dense_solution_does(held: int, lost: fl
     exact = np.linalg.solve(A[np.ix_(rows, rows)], y[rows])
     assert np.abs(x[free].ravel() - exact).max() < 1e-7 * np.abs(exact).max()
     assert np.array_equal(x[~free], np.zeros((held, 3)))
+    whole = np.zeros((3 * n, 3 * n))
+    units = np.eye(3 * m)
+    for unit in units:  # draws are linear in the noise: the sum over all unit vectors is their covariance
+        _gradients.drawn(a, b, g, W, free, unit.reshape(m, 3), r)
+        whole += np.outer(r.ravel(), r.ravel())
+    assert np.abs(whole[np.ix_(rows, rows)] - A[np.ix_(rows, rows)]).max() < 1e-9 * np.abs(A).max()
 
     way = Way()
     for k in range(n):
         mine = ends[:, 1] == k
         odometry = Odometry(delta[k - 1], covs[k - 1]) if k else None
         way.add(odometry, RelativePoses(ends[mine, 0], loops[mine], loop_covs[mine]))
-    found = way.smoothed(path, free, settings)
+    factors = way.factors(free, settings)
+    found = factors.smoothed(path)
+    assert found is not None
 
     def at(v: Array) -> Array:
         moved = path.copy()
@@ -199,6 +215,15 @@ def test_conjugate_gradients_end_where_a_dense_solution_does(held: int, lost: fl
             weights[3 * k : 3 * k + 3] = 1 / (1 + r[3 * k : 3 * k + 3] @ r[3 * k : 3 * k + 3] / lost**2)
     step = np.linalg.solve(J.T @ (weights[:, None] * J), J.T @ (weights * r))
     assert np.abs(step).max() < STEP_LEFT
+    exact = np.linalg.inv(J.T @ (weights[:, None] * J)).diagonal()
+    draws = [factors.covariances(np.random.default_rng(seed)) for seed in range(DRAWN)]
+    ratio = (
+        np.mean(draws, axis=0)[free].diagonal(axis1=1, axis2=2).ravel()
+        / exact
+        * (way_module.DRAWS - 4)
+        / way_module.DRAWS
+    )
+    assert np.abs(ratio - 1).max() < 5 * np.sqrt(2 / (DRAWN * way_module.DRAWS))
     assert np.array_equal(found[~free], path[~free])
 
 
