@@ -97,9 +97,9 @@ def test_poses_given_what_loops_lead_to_are_a_schur_complement() -> None:
             (whitened(path[0], v, loops[0], loop_covs[0]), whitened(v, path[7], loops[2], loop_covs[2]))
         )
 
-    J, found = jacobian(own, path[4]), np.zeros((3, 3))
+    by_four, found = jacobian(own, path[4]), np.zeros((3, 3))
     assert _located.own_covariance(g, int(g.at[4]), found)
-    assert np.abs(found - np.linalg.inv(J.T @ J)).max() < 1e-5 * np.abs(found).max()
+    assert np.abs(found - np.linalg.inv(by_four.T @ by_four)).max() < 1e-5 * np.abs(found).max()
     assert not _located.own_covariance(g, int(g.at[2]), found)  # nothing but motions
 
 
@@ -137,12 +137,12 @@ def test_a_transferred_loop_closure_has_all_errors_once() -> None:
     def placed(v: Array) -> Array:
         return compose(v[:3], v[3:])
 
-    J = jacobian(placed, np.concatenate((anchor, between(anchor, pose))))
+    by_both = jacobian(placed, np.concatenate((anchor, between(anchor, pose))))
     relative = rotation(float(anchor[2])).T
     G = np.eye(3)
     G[:2, 2] = anchor[1] - pose[1], pose[0] - anchor[0]
     inside = relative @ (left + G @ own @ G.T) @ relative.T
-    wanted = J[:, :3] @ own @ J[:, :3].T + J[:, 3:] @ inside @ J[:, 3:].T
+    wanted = by_both[:, :3] @ own @ by_both[:, :3].T + by_both[:, 3:] @ inside @ by_both[:, 3:].T
     assert np.abs(covs[40] - wanted).max() < FACTORS * np.abs(wanted).max()
 
 
@@ -158,9 +158,9 @@ def test_conjugate_gradients_end_where_a_dense_solution_does(held: int, lost: fl
     pairs = np.concatenate((np.stack((np.arange(n - 1), np.arange(1, n)), axis=1), ends))
     deltas, all_covs = np.concatenate((delta, loops)), np.concatenate((covs, loop_covs))
     motions = np.column_stack((deltas, all_covs[:, *np.triu_indices(3)]))
-    some = free[pairs].any(axis=1)
+    some = np.asarray(free[pairs[:, 0]] | free[pairs[:, 1]])
     a, b = np.ascontiguousarray(pairs[some].T)
-    m, of_loops = len(a), int(some[n - 1 :].sum())
+    m, of_loops = len(a), int(np.count_nonzero(some[n - 1 :]))
     e, g, W, x = np.zeros((m, 3)), np.zeros((m, 2)), np.zeros((m, 6)), np.zeros((n, 3))
     assert _gradients.linearise(path, a, b, motions[some], of_loops, settings, e, g, W)
     D, E, r = np.zeros((n, 3, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3))
@@ -168,7 +168,7 @@ def test_conjugate_gradients_end_where_a_dense_solution_does(held: int, lost: fl
     _gradients.pulled(a, b, e, g, W, free, r)
     assert 0 < _gradients.offsets(a, b, g, W, free, D, E, r, 1000, 1e-24, x) < 200
 
-    A, y = np.zeros((3 * n, 3 * n)), np.zeros(3 * n)
+    dense, y = np.zeros((3 * n, 3 * n)), np.zeros(3 * n)
     for k in range(m):
         G, P, cov = np.eye(3), np.zeros((3, 3 * n)), all_covs[some][k]
         G[:2, 2] = path[a[k], 1] - path[b[k], 1], path[b[k], 0] - path[a[k], 0]
@@ -176,12 +176,12 @@ def test_conjugate_gradients_end_where_a_dense_solution_does(held: int, lost: fl
         T = rotation(float(path[a[k], 2]))
         off = compose(path[a[k]], deltas[some][k]) - path[b[k]]
         off[2] = wrap(off[2])
-        V = np.linalg.inv(T @ cov @ T.T)
-        if lost is not None and k >= m - of_loops:
-            V /= 1 + off @ V @ off / lost**2
-        A, y = A + P.T @ V @ P, y + P.T @ V @ off
+        info = np.linalg.inv(T @ cov @ T.T)
+        share = 1 + off @ info @ off / lost**2 if lost is not None and k >= m - of_loops else 1.0
+        dense += P.T @ info @ P / share
+        y += P.T @ info @ off / share
     rows = np.repeat(free, 3)
-    exact = np.linalg.solve(A[np.ix_(rows, rows)], y[rows])
+    exact = np.linalg.solve(dense[np.ix_(rows, rows)], y[rows])
     assert np.abs(x[free].ravel() - exact).max() < 1e-7 * np.abs(exact).max()
     assert np.array_equal(x[~free], np.zeros((held, 3)))
     whole = np.zeros((3 * n, 3 * n))
@@ -189,7 +189,7 @@ def test_conjugate_gradients_end_where_a_dense_solution_does(held: int, lost: fl
     for unit in units:  # draws are linear in the noise: the sum over all unit vectors is their covariance
         _gradients.drawn(a, b, g, W, free, unit.reshape(m, 3), r)
         whole += np.outer(r.ravel(), r.ravel())
-    assert np.abs(whole[np.ix_(rows, rows)] - A[np.ix_(rows, rows)]).max() < 1e-9 * np.abs(A).max()
+    assert np.abs((whole - dense)[np.ix_(rows, rows)]).max() < 1e-9 * np.abs(dense).max()
 
     way = Way()
     for k in range(n):
