@@ -4,6 +4,8 @@ Their preconditioner is what the motions say, a chain of blocks, with what loop 
 the other is known. Each product is linear in the length of the log, and so is all memory.
 """
 
+from math import sqrt
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,9 @@ from ..smoothing._factors import square_of, weight
 from ..smoothing._links import motion_offset
 
 Which = NDArray[np.bool]
+
+TINY = 1e-300
+"""In place of the information of a factor that a robust loss leaves out."""
 
 
 @compiled
@@ -141,18 +146,60 @@ def solved(D: Array, E: Array, free: Which, r: Array, z: Array) -> None:
 
 
 @compiled
-def offsets(a: Ints, b: Ints, e: Array, g: Array, W: Array, free: Which, most: int, enough: float, x: Array) -> int:
-    """Conjugate gradients for the offsets x (n, 3) of all steps; returns how many iterations, -1 where J is flat.
-
-    They end after `most`, or when what is left of J is that share of what there was.
-    """
-    n = len(x)
-    D, E = np.empty((n, 3, 3)), np.empty((n, 3, 3))
-    if not chain(a, b, g, W, free, D, E):
-        return -1
-    r, z, p, q = np.zeros((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+def pulled(a: Ints, b: Ints, e: Array, g: Array, W: Array, free: Which, r: Array) -> None:
+    """The right-hand side r (n, 3) of all factors."""
+    r[:] = 0.0
     for k in range(len(a)):
         add_to_ends(a[k], b[k], g[k, 0], g[k, 1], W, k, e[k, 0], e[k, 1], e[k, 2], free, r)
+
+
+@compiled
+def drawn(a: Ints, b: Ints, g: Array, W: Array, free: Which, noise: Array, r: Array) -> None:
+    """A random right-hand side r (n, 3), whose covariance is the information of all factors.
+
+    `noise` (m, 3) are standard normal numbers. Its solution has the covariance of the offsets.
+    """
+    r[:] = 0.0
+    for k in range(len(a)):
+        l00 = sqrt(max(W[k, 0], TINY))
+        l10, l20 = W[k, 1] / l00, W[k, 2] / l00
+        l11 = sqrt(max(W[k, 3] - l10 * l10, TINY))
+        l21 = (W[k, 4] - l20 * l10) / l11
+        l22 = sqrt(max(W[k, 5] - l20 * l20 - l21 * l21, 0.0))
+        u0 = l00 * noise[k, 0]
+        u1 = l10 * noise[k, 0] + l11 * noise[k, 1]
+        u2 = l20 * noise[k, 0] + l21 * noise[k, 1] + l22 * noise[k, 2]
+        i, j = a[k], b[k]
+        if free[j]:
+            r[j, 0] += u0
+            r[j, 1] += u1
+            r[j, 2] += u2
+        if free[i]:
+            r[i, 0] -= u0
+            r[i, 1] -= u1
+            r[i, 2] -= u2 + g[k, 0] * u0 + g[k, 1] * u1
+
+
+@compiled
+def add_squares(x: Array, covs: Array) -> None:
+    """Adds x x' to the covariance (3, 3) of each step."""
+    for k in range(len(x)):
+        for i in range(3):
+            for j in range(3):
+                covs[k, i, j] += x[k, i] * x[k, j]
+
+
+@compiled
+def offsets(
+    a: Ints, b: Ints, g: Array, W: Array, free: Which, D: Array, E: Array, r: Array, most: int, enough: float, x: Array
+) -> int:
+    """Conjugate gradients for the offsets x (n, 3) of all steps; returns how many iterations.
+
+    `r` (n, 3), the right-hand side, is what is left of it at the end. D and E are those of `chain`. They end after
+    `most`, or when what is left of J is that share of what there was.
+    """
+    n = len(x)
+    z, p, q = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
     solved(D, E, free, r, z)
     p[:] = z
     x[:] = 0.0

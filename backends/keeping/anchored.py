@@ -1,14 +1,22 @@
 """Poses of marginalised steps relative to anchors: kept poses nearby, to which loop closures are transferred."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from ...core.factors import RelativePoses
 from ...core.se2 import Array, Ints, between, compose, compose_jacobians, rotation
+from ..smoothing._graph import COVARIANCE, LINKS, LOOP, MOTION, STEP, A, B, Graph
+from ..smoothing._links import relink
+from ..smoothing._log import covariance_of
+from ._located import own_covariances
 
 NOWHERE = -1
 """The anchor of a step that has none."""
+
+SURE = 0.3
+"""m, rad; largest standard deviation of an anchor given all around it: one landmark alone leaves a circle of places."""
 
 
 class Anchors(NamedTuple):
@@ -17,7 +25,7 @@ class Anchors(NamedTuple):
     steps: Ints  # (a,)
     variables: Ints  # (a,)
     poses: Array  # (a, 3)
-    covs: Array  # (a, 3, 3) each given all around it: see `_anchors.own_covariance`
+    covs: Array  # (a, 3, 3) each given all around it: see `_located.own_covariance`
 
     def nearest(self, poses: Array, reach: float) -> Ints:
         """(n,) the row of the nearest anchor to each pose (n, 3), NOWHERE if none is within `reach` (m)."""
@@ -26,6 +34,15 @@ class Anchors(NamedTuple):
         away = np.hypot(*(poses[:, None, :2] - self.poses[None, :, :2]).transpose(2, 0, 1))
         best = away.argmin(axis=1)
         return np.where(away.min(axis=1) <= reach, best, NOWHERE)
+
+
+def anchors_at(g: Graph, rows: Ints, steps: Ints, poses: Array) -> Anchors:
+    """Of the poses in these rows (n,), of these steps (n,), those that landmarks or loop closures locate."""
+    covs, definite = np.zeros((len(rows), 3, 3)), np.zeros(len(rows), np.int64)
+    variables = g.at[rows]
+    own_covariances(g, variables, covs, definite)
+    some = (definite == 1) & (np.diagonal(covs, axis1=1, axis2=2) <= SURE**2).all(axis=1)
+    return Anchors(steps[some], variables[some], poses[some], covs[some])
 
 
 class Anchored:
@@ -79,6 +96,23 @@ class Anchored:
         return RelativePoses(
             to, np.array([one[1] for one in out]).reshape(-1, 3), np.array([one[2] for one in out]).reshape(-1, 3, 3)
         )
+
+    def redirect(self, g: Graph, steps: Ints, rows: Ints, row: Callable[[int], int]) -> None:
+        """Has loop closures from later steps to `steps`, in these adjacent rows, lead to their anchors.
+
+        Those to steps without an anchor stay; `row` has that of an anchor's step.
+        """
+        links = g.links[: g.state[LINKS]]
+        to, by = g.variables[links[:, A], STEP], g.variables[links[:, B], STEP]
+        for k in np.flatnonzero((links[:, LOOP] != 0) & (to >= rows[0]) & (to <= rows[-1]) & (by > rows[-1])).tolist():
+            step, L, cov = int(steps[to[k] - rows[0]]), g.linked[k], np.zeros((3, 3))
+            if self.anchor(step) == NOWHERE:
+                continue
+            covariance_of(L, COVARIANCE, cov)
+            L[MOTION : MOTION + 3], there = self.transferred(step, L[MOTION : MOTION + 3].copy(), cov)
+            L[COVARIANCE : COVARIANCE + 6] = there[np.triu_indices(3)]
+            g.links[k, A] = g.at[row(self.anchor(step))]
+            relink(g, k)
 
     def fill(self, steps: Ints, path: Array, covs: Array) -> None:
         """Fills the rows of `steps` of a path (n, 3) and of covariances (n, 3, 3), which have those of the anchors."""

@@ -22,5 +22,9 @@ def kernels() -> Kernels:
         (_following.follow, (table, table, table, table, ints, ints, ints, 0.0)),
         (_following.with_frames, (table, table, table, tables, ints, tables)),
         (_gradients.linearise, (table, ints, ints, table, 0, numbers, table, table, table)),
-        (_gradients.offsets, (ints, ints, table, table, table, some, 0, 0.0, table)),
+        (_gradients.chain, (ints, ints, table, table, some, tables, tables)),
+        (_gradients.pulled, (ints, ints, table, table, table, some, table)),
+        (_gradients.drawn, (ints, ints, table, table, some, table, table)),
+        (_gradients.offsets, (ints, ints, table, table, some, tables, tables, table, 0, 0.0, table)),
+        (_gradients.add_squares, (table, tables)),
     ]

@@ -24,32 +24,23 @@ from ..common_options import without_loss
 from ..incremental.smoother import Options, Smoother
 from ..smoothing import _log
 from ..smoothing._graph import (
-    COVARIANCE,
     FURTHEST,
     LAST,
-    LINKS,
-    LOOP,
-    MOTION,
-    POINT,
     ROOT,
     STEP,
     STEPS,
     VARIABLES,
     WIDTH,
-    A,
-    B,
     Graph,
-)
-from ..smoothing._links import relink
-from ..smoothing._log import covariance_of
+)  # fmt: skip
 from ..smoothing.forest import NOBODY
 from ._condensed import condense
-from ._located import own_covariances
 from ._stretches import ENOUGH, SHORT, nearest, seen_in, stretches
-from .anchored import NOWHERE, Anchored, Anchors
+from .anchored import NOWHERE, Anchored, Anchors, anchors_at
 from .compacted import Which, compacted
 from .left_out import LeftOut
 from .submaps import Condensed, Submap, begun
+from .visits import Visits
 from .way import Way
 
 NEWEST = 100  # steps at the end that stay as they are: what follows them still moves them
@@ -57,8 +48,7 @@ OFTEN = 1000
 """Steps between two looks for what can be marginalised: fewer than half of all that is kept would cost too much."""
 
 LONGEST = 1000  # steps of a stretch
-VISITS = 4  # stretches that stay at a place where loop closures alone locate the robot
-BESIDE = 1.0  # m, of a stretch that leads past a place
+VISITS = 4  # stretches that stay at a place where loop closures alone locate the robot: docs/settings.md
 NEAR = 0.5  # m for each of `keep`, between the middles of two stretches that have one submap
 
 
@@ -87,11 +77,9 @@ class Keeping(Smoother):
         compile_ahead(f"{__package__}.kernels")
         self.submaps, self._left_out = list[Submap](), LeftOut()
         self._loops, self._anchored = prior.loops, Anchored()
-        self._way = Way()
+        self._way, self._rng = Way(), rng
         self._by_loops = list[Ints]()  # steps that are marginalised where loop closures alone locate the robot
-        self._visits = list[
-            tuple[int, int]
-        ]()  # first and last step of each stretch that loop closures locate, and stays
+        self._visits = Visits()
         self._numbers = np.zeros(0, np.int64)  # steps of the rows that were there when this was last looked at
         self._known = np.zeros(0, np.bool_)  # variables of landmarks that have been seen in an earlier stretch
         self._begin = 1  # row of the first stretch that has not ended
@@ -161,20 +149,11 @@ class Keeping(Smoother):
         new = held or not self._known[seen].all()
         self._known[seen] = True
         if self._loops and len(seen) < ENOUGH:
-            new = new or self._visited(first, last) < VISITS
+            g = self._forest.g
+            new = new or self._visits.of(g, self._row, first, last) < VISITS
             if new:
-                self._visits.append((int(self._numbers[first]), int(self._numbers[last])))
+                self._visits.add(int(self._numbers[first]), int(self._numbers[last]))
         return new
-
-    def _visited(self, first: int, last: int) -> int:
-        """How many of the stretches that stay lead past the begin, the middle and the end of these rows."""
-        places, count = self._forest.g.steps[:, POINT : POINT + 2], 0
-        here = places[[first, (first + last) // 2, last]]
-        for begin, end in self._visits:
-            there = places[self._row(begin) : self._row(end) + 1]
-            away = np.hypot(*(here[:, None] - there[None]).transpose(2, 0, 1)).min(axis=1)
-            count += bool((away <= BESIDE).all())
-        return count
 
     def _marginalise(self, gone: list[tuple[int, int]]) -> None:
         """Marginalises stretches, first and last rows, at the present estimate."""
@@ -209,7 +188,7 @@ class Keeping(Smoother):
                 self._left_out.add(self._numbers[rows], index, path[rows], left[: len(rows)])
             if self._loops:
                 self._anchored.add(self._numbers[rows], anchors, near, path[rows], left[: len(rows)])
-                self._transfer(rows)
+                self._anchored.redirect(g, self._numbers[rows], rows, self._row)
             keeps[rows] = False
         for _, last in gone:
             if not keeps[last] and last + 1 < len(keeps) and keeps[last + 1]:
@@ -224,28 +203,7 @@ class Keeping(Smoother):
         for first, last in gone:
             stay[first : last + 1] = False
         rows = np.flatnonzero(stay & (g.at[: len(path)] >= 0)) if self._loops else NOBODY
-        covs, definite = np.zeros((len(rows), 3, 3)), np.zeros(len(rows), np.int64)
-        own_covariances(g, g.at[rows], covs, definite)
-        some = definite == 1
-        rows = rows[some]
-        return Anchors(self._numbers[rows], g.at[rows], path[rows], covs[some])
-
-    def _transfer(self, rows: Ints) -> None:
-        """Has loop closures to the steps of these rows lead to their anchors, as long as they stay."""
-        g = self._forest.g
-        links = g.links[: g.state[LINKS]]
-        step = g.variables[links[:, A], STEP]
-        after = g.variables[links[:, B], STEP] > rows[-1]
-        for k in np.flatnonzero((links[:, LOOP] != 0) & (step >= rows[0]) & (step <= rows[-1]) & after).tolist():
-            number = int(self._numbers[step[k]])
-            anchor = self._anchored.anchor(number)
-            if anchor != NOWHERE:
-                L, C = g.linked[k], np.zeros((3, 3))
-                covariance_of(L, COVARIANCE, C)
-                L[MOTION : MOTION + 3], C = self._anchored.transferred(number, L[MOTION : MOTION + 3].copy(), C)
-                L[COVARIANCE : COVARIANCE + 6] = C[np.triu_indices(3)]
-                g.links[k, A] = g.at[self._row(anchor)]
-                relink(g, k)
+        return anchors_at(g, rows, self._numbers[rows], path[rows])
 
     def _begin_at(self, row: int) -> None:
         """Makes the pose of a row, which no motion will lead to, a variable."""
@@ -307,10 +265,26 @@ class Keeping(Smoother):
             around = [row[of.landmarks] for of in self.submaps]
             self._left_out.fill(out, covs, values[landmarks, :2], around, path[at], shared, g.settings[FURTHEST])
         if self._by_loops:
-            free = np.full(self._steps, len(self._variable) == 0)  # without landmarks this is all of J
-            free[np.concatenate(self._by_loops)], free[0] = True, False
-            out = self._way.smoothed(out, free, g.settings)
+            self._smooth(out, covs)
         return out, covs
+
+    def _smooth(self, path: Array, covs: Array) -> None:
+        """Moves the poses of a path (n, 3) that loop closures alone locate to the minimum of J, the others given.
+
+        Without landmarks all are moved but the first, which is where the prior says, and their covariances (n, 3, 3)
+        are those at the minimum.
+        """
+        free = np.full(self._steps, len(self._variable) == 0)
+        free[np.concatenate(self._by_loops)], free[0] = True, False
+        factors = self._way.factors(free, self._forest.g.settings)
+        found = factors.smoothed(path)
+        if found is None:
+            return
+        path[:] = found
+        if len(self._variable) == 0:
+            G = np.tile(np.eye(3), (len(path), 1, 1))
+            G[:, 0, 2], G[:, 1, 2] = path[0, 1] - path[:, 1], path[:, 0] - path[0, 0]
+            covs[:] = factors.covariances(self._rng) + G @ self._prior.cov @ G.transpose(0, 2, 1)
 
 
 def make(prior: Prior, options: Options, rng: np.random.Generator) -> Smoother:

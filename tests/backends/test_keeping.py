@@ -17,12 +17,14 @@ from slamduel.backends.smoothing._graph import (
     END,
     FIRST,
     LANDMARK,
+    LOSS,
     MEMBER,
     NO_VARIABLE,
     PART,
     PLACE,
     POINT,
     POSE,
+    SCALE,
     SIGHTINGS,
     SUBMAP,
     Graph,
@@ -72,9 +74,9 @@ def a_stretch(rng: np.random.Generator, poses: int = 6, landmarks: int = 5) -> G
     return g
 
 
-def residuals(g: Graph, poses: Array, landmarks: dict[int, Array]) -> Array:
-    """The whitened residuals of the stretch from step 1 on, by the models as they are defined."""
-    out = list[Array]()
+def residuals(g: Graph, poses: Array, landmarks: dict[int, Array]) -> tuple[Array, list[slice]]:
+    """The whitened residuals of the stretch from step 1 on, by the models as they are defined; those of sightings."""
+    out, seen, at = list[Array](), list[slice](), 0
     for k in range(1, len(poses) + 1):
         x = poses[k - 1]
         if k > 1:
@@ -83,39 +85,56 @@ def residuals(g: Graph, poses: Array, landmarks: dict[int, Array]) -> Array:
             a = g.steps[k, 3:9]
             cov = np.array([[a[0], a[1], a[2]], [a[1], a[3], a[4]], [a[2], a[4], a[5]]])
             out.append(np.array(np.linalg.solve(np.linalg.cholesky(cov), e), np.float64))
+            at += 3
         pose = g.at[k]
         for s in range(g.variables[pose, FIRST], g.variables[pose, END]):
             d = landmarks[int(g.sightings[s, LANDMARK])] - x[:2]
             r, b, rr, rb, bb = g.seen[s]
             e = np.array([np.hypot(*d) - r, wrap(np.arctan2(d[1], d[0]) - x[2] - b)])
             out.append(np.linalg.cholesky(np.array([[rr, rb], [rb, bb]])).T @ e)
-    return np.concatenate(out)
+            seen.append(slice(at, at + 2))
+            at += 2
+    return np.concatenate(out), seen
 
 
-def dense(g: Graph, poses: int, variables: Ints) -> tuple[Array, Array, float]:
-    """Information, right-hand side and J of all poses, then all landmarks of a stretch, by central differences."""
+def dense(g: Graph, poses: int, variables: Ints, lost: float | None) -> tuple[Array, Array, float]:
+    """Information, right-hand side and J of all poses, then all landmarks of a stretch, by central differences.
+
+    With a scale `lost`, sightings have Cauchy's loss, and the weights of the linearisation point.
+    """
     start = np.concatenate((g.steps[1 : poses + 1, 9:12].ravel(), g.values[variables, :2].ravel()))
 
     def off(v: Array) -> Array:
         xy = v[3 * poses :].reshape(-1, 2)
-        return residuals(g, v[: 3 * poses].reshape(-1, 3), {int(i): xy[n] for n, i in enumerate(variables)})
+        return residuals(g, v[: 3 * poses].reshape(-1, 3), {int(i): xy[n] for n, i in enumerate(variables)})[0]
 
     h = 1e-6
     J = np.stack([(off(start + h * e) - off(start - h * e)) / (2 * h) for e in np.eye(len(start))], axis=1)
     e = off(start)
-    return J.T @ J, -J.T @ e, float(e @ e)
+    weights, total = np.ones(len(e)), float(e @ e)
+    if lost is not None:
+        poses_at = start[: 3 * poses].reshape(-1, 3)
+        _, seen = residuals(g, poses_at, {int(i): g.values[i, :2] for i in variables})
+        for rows in seen:
+            q = float(e[rows] @ e[rows])
+            weights[rows] = 1 / (1 + q / lost**2)
+            total += lost**2 * np.log1p(q / lost**2) - q
+    return J.T @ (weights[:, None] * J), -J.T @ (weights * e), total
 
 
 @pytest.mark.parametrize("frame", [False, True])
-def test_a_condensed_stretch_is_a_schur_complement(frame: bool) -> None:
+@pytest.mark.parametrize("lost", [None, 1.0])
+def test_a_condensed_stretch_is_a_schur_complement(frame: bool, lost: float | None) -> None:
     rng, poses = np.random.default_rng(5), 6
     g = a_stretch(rng, poses)
     variables, held = _stretches.seen_in(g, 1, poses)
     assert not held
-    H, b, total = dense(g, poses, variables)
+    H, b, total = dense(g, poses, variables, lost)
+    if lost is not None:
+        g.settings[[LOSS, SCALE]] = _factors.CAUCHY, lost
     m, n = 2 * len(variables), 3 * poses
     W, h, left = np.zeros((m, m)), np.zeros(m), np.zeros((poses, 3, 3))
-    constant = _condensed.condense(g, 1, poses, variables, frame, W, h, left)
+    constant = _condensed.condense(g, 1, poses, variables, frame, False, W, h, left)
     gone = np.arange(n - 3 if frame else n)
     rest = np.arange(n, n + m)
     gain = H[np.ix_(rest, gone)] @ np.linalg.inv(H[np.ix_(gone, gone)])
@@ -139,14 +158,14 @@ def test_a_submap_in_a_front_has_the_derivatives_of_its_part_of_the_cost() -> No
     variables, _ = _stretches.seen_in(g, 1, 6)
     m, pose = len(variables), int(g.at[6])
     W, h, left = np.zeros((2 * m, 2 * m)), np.zeros(2 * m), np.zeros((6, 3, 3))
-    told = Condensed(variables, W, h, _condensed.condense(g, 1, 6, variables, True, W, h, left))
+    told = Condensed(variables, W, h, _condensed.condense(g, 1, 6, variables, True, False, W, h, left))
     submap = begun(pose, told, g.values[pose], g.values, left[-1], g.values[pose, :2])
     with_more, other = np.zeros((2 * m - 2, 2 * m - 2)), np.zeros(2 * m - 2)
     some = variables[:-1]
     for k in range(1, 7):  # a second stretch over the same steps, which does not see the last landmark
         rows = slice(g.variables[g.at[k], FIRST], g.variables[g.at[k], END])
         g.sightings[rows, LANDMARK][g.sightings[rows, LANDMARK] == variables[-1]] = -1
-    constant = _condensed.condense(g, 1, 6, some, False, with_more, other, left)
+    constant = _condensed.condense(g, 1, 6, some, False, False, with_more, other, left)
     submap.add(Condensed(some, with_more, other, constant), g.values[pose], g.values)
     g = with_rows(g, "submaps", 1000)
     first = int(g.state[SIGHTINGS])
@@ -234,10 +253,10 @@ def test_stretches_end_where_another_submap_is_nearer(centres: int) -> None:
     places = g.steps[:700, POINT : POINT + 2]
     around = rng.uniform(places.min(axis=0), places.max(axis=0), (centres, 2))
     for length, longest in ((15.0, 1000), (8.0, 1000), (1e3, 30)):
-        found = _stretches.stretches(g, 0, 699, length, longest, around).tolist()
+        found = _stretches.stretches(g, 0, 699, length, longest, around, False).tolist()
         assert found == ends(g, 699, length, longest, around)
         assert len(found) > 5
-    alone = _stretches.stretches(g, 0, 699, 1e3, 1000, around)
+    alone = _stretches.stretches(g, 0, 699, 1e3, 1000, around, False)
     assert len(alone) == 0
 
 
@@ -334,11 +353,10 @@ def refused(prior: Prior, **options: Any) -> str:
 def test_what_it_does_not_take_is_said() -> None:
     log, truth = random_log(np.random.default_rng(0), 20, 5)
     assert truth is not None
-    assert refused(log.prior, loss="cauchy") == (
-        "keep=5 takes no robust loss, whose weights would stay as they are; keep=0 does, "
+    assert refused(log.prior._replace(fixes=True)) == (
+        "keep=5 takes no positions and headings measured in the world; keep=0 does, "
         "and so does fixed-lag, at a bounded cost"
     )
     assert "no given map" in refused(log.prior._replace(map=truth.map))
     assert "gyro=front" in refused(log.prior._replace(gyro=Bias(0.0, 0.1)))
-    for name, said in (("loops", "no loop closures"), ("partial", "no sightings that"), ("fixes", "no positions")):
-        assert said in refused(log.prior._replace(**{name: True}))
+    assert "no sightings that" in refused(log.prior._replace(partial=True))
