@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.se2 import Array, between, compose
+from ...core.se2 import Array, between, compose, wrap
 from ...core.small_matrices import inverse
 from ..maps._grid import known
 from ._matching import Hold, match
@@ -27,6 +27,11 @@ AT_FIRST, AGAIN = 6, 4
 """Cells around a point in which its wall is looked for at first: from a guess, and after a search."""
 
 ITERATIONS = 20
+
+TURNED = 0.03
+"""rad that a match turns a scan from which on it is matched again from there: walls far away, beyond the cells that are
+looked at from the guess and then from fewer and fewer, are found only now.
+"""
 
 REACH, FIELD_SD = 14.0, 0.08
 """m around the prediction in which a lost scan is searched for, and the width of the field."""
@@ -181,6 +186,8 @@ class Tracker:
             pose, information, explained = start, np.zeros((3, 3)), 0.0
             if matched:
                 pose, information, explained = match(grid, scan.few, start, hold, s.sd, reach, ITERATIONS)
+                if abs(wrap(pose[2] - start[2])) > TURNED:
+                    pose, information, explained = match(grid, scan.few, pose, hold, s.sd, reach, ITERATIONS)
                 explained += UNKNOWN * (1 - max(known(grid, pose, scan.few), explained))
             score, by = explained - COST * min(guess.surprise(last.pose, pose), JERK), hold if matched else None
             if motion is None:

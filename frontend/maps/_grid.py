@@ -124,13 +124,19 @@ def walls_within(cells: Cells, box: Box, share: float) -> Box:
 
 @compiled
 def thinned(points: Array, spacing: float) -> Mask:
-    """Which points of a scan (k, 2), in the order of its beams, to keep so that neighbours are `spacing` (m) apart."""
+    """Which points of a scan (k, 2), in the order of its beams, to keep so that neighbours are `spacing` (m) apart.
+
+    Kept is the first point, and the one after each that is so far from the last such one, so that its own noise has no
+    part in the choice. Noise that takes a point away from the last one would choose it more often: along the walls on
+    both sides of a corridor these are off to one side, and so is the place of a matched scan.
+    """
     keep = np.empty(len(points), np.bool_)
-    x, y = np.inf, np.inf
+    x, y, far = np.inf, np.inf, True
     for k in range(len(points)):
+        keep[k] = far
         dx, dy = points[k, 0] - x, points[k, 1] - y
-        keep[k] = not dx * dx + dy * dy < spacing * spacing
-        if keep[k]:
+        far = not dx * dx + dy * dy < spacing * spacing
+        if far:
             x, y = points[k, 0], points[k, 1]
     return keep
 

@@ -162,8 +162,34 @@ def test_a_scan_behind_walls_is_seen_through_them_and_one_in_the_open_ends_in_fr
     assert free > 0.8
 
 
+@pytest.mark.parametrize("beams", [201, 401, 801])
+@pytest.mark.parametrize("seed", range(8))
+def test_the_noise_of_a_point_has_no_part_in_its_choice(seed: int, beams: int) -> None:
+    """Of a corridor's walls, seen by a scanner between them, the points that are kept err to neither side.
+
+    Nor do those of the wall at its end.
+    """
+    rng = np.random.default_rng(seed)
+    angles = np.linspace(-1.57, 1.57, beams)
+    true = np.minimum(1.1 / np.maximum(np.abs(np.sin(angles)), 1e-9), 6.0 / np.cos(angles))
+    beside = true < 1.11 / np.abs(np.sin(angles))
+    beside &= true * np.cos(angles) < 5.99
+    off, ahead = list[float](), list[float]()
+    for _ in range(400):
+        noise = 0.015 * rng.standard_normal(len(true))
+        points = (true + noise)[:, None] * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+        kept = thinned(points, 0.04)
+        assert 0.15 * len(kept) < kept.sum() < 0.9 * len(kept)
+        off += (noise * np.sin(angles))[kept & beside].tolist()  # to the left, of either wall
+        ahead += noise[kept & ~beside].tolist()
+    for one in (off, ahead):
+        assert abs(np.mean(one)) < 5 * np.std(one) / np.sqrt(len(one))  # chosen by their own noise: more than 15
+
+
 def test_points_are_thinned() -> None:
     points = np.stack((np.arange(0, 1, 0.01), np.zeros(100)), axis=-1)
+    assert thinned(points, 0.04)[0]
+    assert not thinned(points[:0], 0.04).any()
     kept = points[thinned(points, 0.04)]
     assert np.diff(kept[:, 0]).min() >= 0.04 - 1e-12
     assert len(kept) >= 20

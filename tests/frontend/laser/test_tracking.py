@@ -34,6 +34,7 @@ def followed(seed: int, draw: int, **options: Any) -> tuple[np.ndarray, np.ndarr
 def test_no_step_is_wrong_where_the_wheels_are(fault: dict[str, Any], seed: int, draw: int) -> None:
     errors, nees = followed(seed, draw, **fault)
     assert np.hypot(errors[:, 0], errors[:, 1]).max() < 0.15
+    assert np.abs(errors[:, 2]).max() < 0.015  # 18 mrad where a scan that the wheels turn is matched once
     assert 0.5 < nees.mean() < 2
 
 
