@@ -20,7 +20,7 @@ from ..core.files import write_whole
 from ..core.relations import as_rows, from_rows
 
 _LOG = tuple(field.name for field in fields(Log) if field.name not in ("name", "prior", "notes", *TABLES, *KINDS))
-"""The columns."""
+"""The columns that every log has."""
 
 _OF_TRUTH = ("assigned", "moving", "relations", "false_loops", "assigned_partial")
 """Columns that a truth may lack."""
@@ -61,7 +61,7 @@ def packed(dataset: Dataset) -> bytes:
 
 
 def unpacked(content: bytes) -> Dataset:
-    """Restores the log and ground truth that `packed` wrote."""
+    """Restores the log and ground truth that `packed` wrote; any exception at all where the content is damaged."""
     return _taken(BytesIO(content), _both)
 
 
