@@ -22,7 +22,7 @@ from ..core.relations import as_rows, from_rows
 _LOG = tuple(
     field.name for field in fields(Log) if field.name not in ("name", "prior", "notes", "lines", *TABLES, *KINDS)
 )
-"""The columns."""
+"""The columns that every log has."""
 
 _OF_TRUTH = ("assigned", "moving", "relations", "false_loops", "assigned_partial")
 """Columns that a truth may lack."""
@@ -69,7 +69,7 @@ def _pack(file: IO[bytes], dataset: Dataset) -> None:
 
 
 def unpacked(content: bytes) -> Dataset:
-    """Restores the log and ground truth that `packed` wrote."""
+    """Restores the log and ground truth that `packed` wrote; any exception at all where the content is damaged."""
     return _taken(BytesIO(content), _both)
 
 

@@ -83,6 +83,27 @@ def advance(w: Window, pose: Array, cov: Array) -> int:
 
 
 @compiled
+def turn_pose(w: Window, slope: Array, bias: int, start: Array, pose: Array) -> None:
+    """Has the last pose, whose motion began at `pose`, depend on a gyro's bias: see `turned_step`."""
+    i = w.state[POSES] - 1
+    p = w.poses[i]
+    p[0], p[1], p[2] = moved(pose[0], pose[1], pose[2], start[0], start[1], start[2])
+    for a in range(3):
+        p[SLOPE + a] = slope[a]
+    w.rows[i, BIAS] = bias + 1
+
+
+@compiled
+def measured(
+    w: Window, landmarks: Ints, seen: Array, of_parts: Ints, parts: Ints, part_seen: Array, pose: Array, cov: Array
+) -> int:
+    """Adds all that was measured at the last pose, as `add_sightings` and `add_parts` do; then as `advance`."""
+    add_sightings(w, landmarks, seen)
+    add_parts(w, of_parts, parts, part_seen)
+    return advance(w, pose, cov)
+
+
+@compiled
 def step(
     w: Window, first: int, path: Array, covs: Array, motion: Array, landmarks: Ints, seen: Array,
     pose: Array, cov: Array,
@@ -107,9 +128,7 @@ def parts_step(
     """The same with partial sightings, fixes and priors of constant errors, as `add_parts` has them."""
     look_at_poses(w, first, path, covs)
     add_pose(w, motion, pose)
-    add_sightings(w, landmarks, seen)
-    add_parts(w, of_parts, parts, part_seen)
-    return advance(w, pose, cov)
+    return measured(w, landmarks, seen, of_parts, parts, part_seen, pose, cov)
 
 
 # One by one, as they come from Python objects at every step.
@@ -124,12 +143,5 @@ def turned_step(
     """
     look_at_poses(w, first, path, covs)
     add_pose(w, motion, pose)
-    i = w.state[POSES] - 1
-    p = w.poses[i]
-    p[0], p[1], p[2] = moved(pose[0], pose[1], pose[2], start[0], start[1], start[2])
-    for a in range(3):
-        p[SLOPE + a] = slope[a]
-    w.rows[i, BIAS] = bias + 1
-    add_sightings(w, landmarks, seen)
-    add_parts(w, of_parts, parts, part_seen)
-    return advance(w, pose, cov)
+    turn_pose(w, slope, bias, start, pose)
+    return measured(w, landmarks, seen, of_parts, parts, part_seen, pose, cov)

@@ -25,13 +25,13 @@ from ...core.se2 import Array
 from .ink_strip import ink_strip
 from .sheets import EDGE, FOOT, PAGES, STRIP, Placed, check_fits
 
-BAR = 100.0  # length of the scale bar
+BAR = 100.0  # mm, length of the scale bar
 
-APART = 5.0  # between the scale bar and the strip beside it
+APART = 5.0  # mm, between the scale bar and the strip beside it
 
-TICK = 3.0
+TICK = 3.0  # mm, length of a cut mark
 
-POINT = 25.4 / 72  # mm
+POINT = 25.4 / 72  # mm, a point of a font's size
 
 _STYLE: dict[str, Any] = {"pdf.fonttype": 42, "text.parse_math": False, "font.size": 6, "patch.linewidth": 0.25}
 
@@ -154,6 +154,7 @@ def outlines(black: NDArray[np.bool_]) -> list[Array]:
 
 
 def _ticks(x: float, y: float, width: float, height: float) -> Path:
+    """Cut marks at the corners of a rectangle, inwards."""
     lines: list[tuple[float, float]] = []
     for corner_x, inwards in ((x, TICK), (x + width, -TICK)):
         for corner_y, upwards in ((y, TICK), (y + height, -TICK)):
@@ -167,5 +168,6 @@ def _rectangle(x: float, y: float, width: float, height: float) -> Array:
 
 
 def _fill(figure: Figure, scale: Transform, loops: Sequence[Array]) -> None:
+    """Fills what is within the outlines (n, 2), as one shape."""
     shape = Path.make_compound_path(*(Path([*loop, loop[0]], closed=True) for loop in loops))
     figure.add_artist(PathPatch(shape, transform=scale, facecolor="black", edgecolor="none", linewidth=0))

@@ -54,7 +54,7 @@ def carry_out(batch: Batch, wanted: Inventory, alone: bool) -> bytes:
     """Runs the batch on this worker; RuntimeError where the worker differs from the inventory."""
     if lacks := differences(wanted):
         raise RuntimeError(lacks)
-    with tempfile.NamedTemporaryFile(prefix="slamduel-", suffix=".npz") as here:
+    with tempfile.NamedTemporaryFile(prefix="slamduel-", suffix=".npz") as here:  # for a log that was sent along
         if batch.kept is not None:
             here.write(batch.kept.content)
             here.flush()

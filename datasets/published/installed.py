@@ -122,6 +122,7 @@ def _twin(name: str, digests: Mapping[str, str]) -> str:
 
 
 def _recorded(name: str) -> dict[str, str]:
+    """The sha256 of each file as it was installed, by the file's name; empty where none can be read."""
     with contextlib.suppress(OSError, UnicodeDecodeError):
         lines = (place(name) / SUMS).read_text(encoding="utf-8").splitlines()
         return {

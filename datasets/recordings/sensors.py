@@ -49,11 +49,11 @@ def beside_them(sensors: Collection[str] | None) -> tuple[str, ...]:
     return tuple(one for one in BESIDE if sensors is not None and one in sensors) or BESIDE
 
 
-_Any = TypeVar("_Any", Opened, OpenedScans, OpenedDepth)
+_Opened = TypeVar("_Opened", Opened, OpenedScans, OpenedDepth)
 
 
-def chosen(opened: _Any, sensors: Collection[str] | None) -> _Any:
-    """The recording of one front end with those beside it that are named; InputError without wheels it needs."""
+def chosen(opened: _Opened, sensors: Collection[str] | None) -> _Opened:
+    """The recording of one front end with those beside it that are named; InputError where it lacks wheels it needs."""
     if sensors is None:
         return opened
     kept = beside_them(sensors)

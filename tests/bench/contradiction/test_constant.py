@@ -17,6 +17,7 @@ from slamduel.bench.workers.batch import facts_of
 from slamduel.core.factors import Dataset, Map
 from slamduel.core.se2 import Array, compose
 from slamduel.datasets.noise.systematic import Systematic
+from tiers import first_quick
 
 CORRECTS = "and no noise; `bench noise LOG --apply FOLDER` corrects it"
 
@@ -42,13 +43,13 @@ def test_errors_as_large_as_the_noise_are_a_remark_and_no_noise(case: str, thoro
     assert found.mistaken
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", first_quick(range(8)))
 def test_errors_that_are_small_to_the_noise_or_none_are_no_remark(seed: int) -> None:
     for errors in (Systematic(), Systematic(x=0.02), Systematic(yaw=0.005, turn_scale=0.01)):
         assert remarked(drive(errors, seed)).all == []
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", first_quick(range(8)))
 def test_jitter_makes_no_difference(seed: int) -> None:
     """A sensor ahead by 2.1 times the noise, and one at its place."""
     for x, count in ((0.1, 1), (0.0, 0)):
@@ -67,7 +68,7 @@ def ahead(poses: Array) -> Array:
 
 
 @pytest.mark.parametrize("moved", [late, ahead])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", first_quick(range(3)))
 def test_a_truth_of_another_place_or_time_does_not_accuse_the_sensor(
     moved: Callable[[Array], Array], seed: int
 ) -> None:

