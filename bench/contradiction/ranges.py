@@ -1,6 +1,6 @@
 """Ranges alone that are all too long or short by the true path and places, and single ones beyond any reach."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -56,9 +56,9 @@ def too_long(dataset: Dataset) -> Iterator[str]:
     found = of_ranges([dataset])
     if found is None or not found.certain:
         return
-    size, left = _weight(log, truth, found)
     names = [name for name in found.certain if not _stated(log, name, getattr(found.errors, name))]
-    if size < AS_LARGE or left > LEFT or not names:
+    size, left = _weight(log, truth, found, names)
+    if size < AS_LARGE or left > LEFT:
         return
     said = listed([clause(found, name) for name in names])
     yield (
@@ -79,8 +79,8 @@ def _off(log: Log, truth: Truth) -> bool:
     return bool(mine.any()) and float(np.median(np.abs(error[mine]) / np.sqrt(table.var[row[mine]]))) > TYPICAL
 
 
-def _weight(log: Log, truth: Truth, found: SystematicFit) -> tuple[float, float]:
-    """Scale and offset over the stated noise, and the share of squared errors that is left without them; medians."""
+def _weight(log: Log, truth: Truth, found: SystematicFit, names: Sequence[str]) -> tuple[float, float]:
+    """What these errors make of ranges over the stated noise; and the share of squared errors without all; medians."""
     log = named(log, truth)
     row, error = partial_errors(log, truth)
     table = log.partial
@@ -88,9 +88,13 @@ def _weight(log: Log, truth: Truth, found: SystematicFit) -> tuple[float, float]
         return 0.0, 1.0
     mine = table.kind[row] == RANGE
     row, error = row[mine], error[mine]
-    longer = found.errors.range_scale * (table.z[row] - error) + found.errors.range_offset
-    before, after = np.median(error**2), np.median((error - longer) ** 2)
-    return float(np.median(np.abs(longer) / np.sqrt(table.var[row]))), float(after / before) if before > 0 else 1.0
+    longer = {
+        "range_scale": found.errors.range_scale * (table.z[row] - error),
+        "range_offset": np.full(len(row), found.errors.range_offset),
+    }
+    before, after = np.median(error**2), np.median((error - longer["range_scale"] - longer["range_offset"]) ** 2)
+    size = np.abs(np.sum([longer[name] for name in names], axis=0)) / np.sqrt(table.var[row])
+    return float(np.median(size)), float(after / before) if before > 0 else 1.0
 
 
 def _stated(log: Log, name: str, size: float) -> bool:

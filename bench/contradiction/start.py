@@ -6,6 +6,7 @@ import numpy as np
 
 from ...core.factors import Log
 from ...core.se2 import act
+from ..words.numerals import number
 
 FRAME, NOISE = 3.0, 5.0
 """Standard deviations of the first position from the start by odometry: where that position is the origin itself, the
@@ -37,7 +38,8 @@ def far_start(log: Log) -> Iterator[str]:
     origin = not log.fixes.z[row, :2].any()
     if sds > (FRAME if origin else NOISE):
         at = "the start" if not step else f"where the odometry leads from the start until {log.t[step]:.10g} s"
+        far = number(float(np.hypot(*off)))
         yield (
-            f"the first position is {np.hypot(*off):.2g} m from {at}, {sds:,.2g} standard deviations of both"
+            f"the first position is {far} m from {at}, {number(sds)} standard deviations of both"
             + ": it is the origin of the positions, and that of the start or the truth is another" * origin
         )

@@ -15,6 +15,7 @@ is linear in p, over that of p. Where the true path and the places are known, f 
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -42,6 +43,9 @@ APART = (1, 4, 16)
 
 STANDS = 1e-6
 """m, or any other unit: a robot that drives no further stands."""
+
+CLEARLY, TELL = 4.0, 30
+"""Factor of the squares left from which on a path is told from its mirror image, and positions that tell it."""
 
 ANGULAR = 1e-4
 """Of positions' factor: below, they are in degrees, one of latitude being 111 km."""
@@ -79,11 +83,16 @@ def wrong_units(log: Log, truth: Truth | None = None) -> Iterator[str]:
         yield f"ranges alone change by {number(factor)} times what the odometry moves by: {cause}"
     if _like_degrees(log, path):
         yield f"the positions in the world spread by less than {ANGULAR:g} of what the odometry does: {IN_DEGREES}"
-    elif (factor := _typical(list(_of_positions(log, path)))) is not None:
+    elif (factor := _typical([fit.factor for fit in _of_positions(log, path)])) is not None:
         cause = _unit(factor, "positions are")
         if factor < ANGULAR:
             cause = IN_DEGREES
         yield f"the way between positions in the world is {number(factor)} times the odometry's: {cause}"
+    elif _mirrored(log, path):
+        yield (
+            "the positions in the world turn to the other side than the odometry: latitude and longitude, or x and y, "
+            "are swapped, or one of them, or the odometry's turns, have the other sign"
+        )
     yield from _of_headings(log)
 
 
@@ -150,8 +159,17 @@ def _like_degrees(log: Log, path: Array) -> bool:
     return driven > MOVES and 0 < found < ANGULAR * driven
 
 
-def _of_positions(log: Log, path: Array) -> Iterator[float]:
-    """The factors of stretches of positions."""
+class _Fit(NamedTuple):
+    """Positions of a stretch as the robot's path by odometry, turned, and as its mirror image."""
+
+    length: int  # positions
+    factor: float  # of the better of both
+    left: float  # sum of squares that is left of the path
+    mirrored: float  # likewise of its mirror image
+
+
+def _of_positions(log: Log, path: Array) -> Iterator[_Fit]:
+    """Fits the stretches of positions; those whose factor is sure."""
     if log.fixes is None:
         return
     rows = np.flatnonzero(~np.isnan(log.fixes.z[:, :2]).any(axis=1))
@@ -167,7 +185,17 @@ def _of_positions(log: Log, path: Array) -> Iterator[float]:
         best = int(np.argmin(lefts))
         error = np.sqrt(lefts[best] / (2 * (len(p) - 2)) / total)
         if abs(fits[best]) > SURE * error:
-            yield float(abs(fits[best]))
+            yield _Fit(len(p), float(abs(fits[best])), *lefts)
+
+
+def _mirrored(log: Log, path: Array) -> bool:
+    """Tells if positions are the mirror image of the odometry's path, by the shortest stretches that tell, together."""
+    lefts = dict[int, list[tuple[float, float]]]()
+    for fit in _of_positions(log, path):
+        lefts.setdefault(fit.length, []).append((fit.left, fit.mirrored))
+    sums = [np.sum(some, axis=0) for length, some in lefts.items() if length * len(some) >= TELL]
+    told = (mirrored < left for left, mirrored in sums if max(left, mirrored) > CLEARLY * min(left, mirrored))
+    return bool(next(told, False))
 
 
 def _of_headings(log: Log) -> Iterator[str]:
@@ -190,7 +218,10 @@ def _of_headings(log: Log) -> Iterator[str]:
     left = b - slope * a
     error = float(np.sqrt(left @ left / (len(a) - 1) / (a @ a)))
     if slope < 0 and abs(slope + 1) < 0.5 and SURE * error < 1:
-        yield "headings in the world turn the other way round than the odometry: they are clockwise, as a compass's"
+        yield (
+            "headings in the world turn the other way round than the odometry: they are clockwise, as a compass's, "
+            "which dataset csv takes with headings_from=north"
+        )
     elif abs(slope) < OFF * DEGREE and SURE * error < 0.2:
         yield (
             f"headings in the world turn by {number(slope)} times what the odometry turns by: they stand still, or "

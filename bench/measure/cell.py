@@ -108,7 +108,7 @@ def _run(
         if job.missing:
             return Result("error", job.missing, row)
         builder = backends.find(job.name)
-        if why := _unfit(job, builder, log, unknown):
+        if why := _unfit(job, builder, log):
             return Result("skipped", why, row)
         if builder.associating(job.options):
             row["ignored"] = 0
@@ -142,17 +142,22 @@ def _run(
     return _scored(judged, outcome, used, row)
 
 
-def _unfit(job: Job, builder: Builder, log: Log, unknown: int) -> str:
+def _unfit(job: Job, builder: Builder, log: Log) -> str:
     """Says why a backend and a log with loop closures, or with or without ids, do not go together; "" if they do."""
     if why := refused(builder, log):
         return why
-    associates, sightings = builder.associating(job.options), len(log.ids)
-    if sightings and unknown == sightings and not associates and builder.sightings:
+    associates, whole = builder.associating(job.options), len(log.ids)
+    nothing = log.unknown == log.sighted > 0 and builder.sightings
+    if not whole:  # positions or loops are used without them
+        nothing = nothing and log.fixes is None and not len(log.loop_to)
+    if nothing and not whole and log.prior.map is None:
+        return "no range or bearing alone of the log has an id, and without one they start no landmark"
+    if nothing and not associates:
         if not builder.can_associate:
             return f"no sighting of the log has an id: {job.backend} takes no hidden ids; ekf[association=jcbb] does"
         fit = f"{job.name}[association=jcbb]"
         return f"no sighting of the log has an id, and {job.backend} does no data association; {fit} does"
-    if associates and not log.unknown and sightings and builder.can_associate:
+    if associates and not log.unknown and whole and builder.can_associate:
         return "every sighting of the log has an id; DATASET[ids=hidden] hides those of a simulated or published log"
     return ""
 

@@ -74,10 +74,11 @@ def _bad_ranges(table: Table) -> Iterator[Fault]:
 def _bad_bearings(table: Table, options: Options) -> Iterator[Fault]:
     """Those beyond half a turn by more than noise: a direction is as well one of a turn less, but degrees are none."""
     unit = options.unit("bearings")
+    hint = "" if unit != 1 else f"; bearings in degrees take option {options.with_degrees('bearings')}"
     for row in np.flatnonzero(np.abs(table.rows[:, 2] * unit) > options.largest_bearing):
         found, words = table.rows[row, 2], "degrees" if unit != 1 else "radians"
-        hint = "" if unit != 1 else f"; bearings in degrees take option {options.with_degrees('bearings')}"
         yield int(row), f"bearing is {found!s} {words}, expected at most half a turn: wrap it{hint}"
+        hint = ""  # once is enough
 
 
 def _bad_ids(table: Table) -> Iterator[Fault]:

@@ -52,6 +52,15 @@ def test_a_scale_as_large_as_the_noise_is_said_with_its_size_and_what_corrects_i
     assert list(too_long(longer._replace(log=replace(longer.log, prior=stated)))) == []
 
 
+def test_what_the_log_states_is_no_part_of_what_is_said() -> None:
+    """The offset of this drawn log is certain, a quarter of the noise; its scale of 5 % is stated."""
+    made = load("circle[ranges_only=1,range_scale=0.1,steps=800,odometry=0.01]", seed=1010)
+    assert list(too_long(made)) == []
+    both = made.log.prior._replace(systematic=Systematic())
+    (said,) = too_long(made._replace(log=replace(made.log, prior=both)))
+    assert "% too short" in said
+
+
 @pytest.mark.parametrize("seed", first_quick(range(8), 2))
 @pytest.mark.parametrize("name", GOOD)
 def test_right_ranges_have_no_remark(name: str, seed: int) -> None:

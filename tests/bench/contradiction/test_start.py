@@ -26,7 +26,7 @@ def test_an_origin_that_is_not_the_starts_is_said_with_its_distance() -> None:
     log = made((0.0, 0.0), (3.0, 2.0))
     (said,) = far_start(log)
     assert said.startswith(
-        "the first position is 3.6 m from the start, 3.6 standard deviations of both: it is the origin"
+        "the first position is 3.61 m from the start, 3.61 standard deviations of both: it is the origin"
     )
     assert said in remarks(Dataset(log, None))
 
@@ -47,7 +47,7 @@ def test_noise_and_an_unknown_start_are_none(log: Log) -> None:
 
 def test_another_frame_is_said_and_where_the_odometry_leads() -> None:
     assert list(far_start(made((6.0, 0.0), (0.0, 0.0)))) == [
-        "the first position is 6 m from the start, 6 standard deviations of both"
+        "the first position is 6.00 m from the start, 6.00 standard deviations of both"
     ]
     (said,) = far_start(made((60.0, 0.0), (0.0, 0.0), step=1))
     assert "from where the odometry leads from the start until" in said

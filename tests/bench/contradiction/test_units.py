@@ -45,9 +45,35 @@ WRONG: dict[str, tuple[Callable[[Array], Array], str]] = {
     "swapped degrees": (lambda z: z[:, [1, 0, 2]] * [*DEGREES[::-1], 1.0], "positions are in degrees of latitude"),
     "centimetres": (lambda z: z * [100.0, 100.0, 1.0], "positions are in centimetres"),
     "kilometres": (lambda z: z * [1e-3, 1e-3, 1.0], "the odometry is in millimetres"),
-    "clockwise": (lambda z: z * [1.0, 1.0, -1.0], "clockwise, as a compass's"),
+    "swapped": (lambda z: z[:, [1, 0, 2]], "latitude and longitude, or x and y, are swapped"),
+    "x to the west": (lambda z: z * [-1.0, 1.0, 1.0], "or one of them, or the odometry's turns, have the other sign"),
+    "clockwise": (lambda z: z * [1.0, 1.0, -1.0], "as a compass's, which dataset csv takes with headings_from=north"),
     "converted twice": (lambda z: z * [1.0, 1.0, np.pi / 180], "were converted from degrees twice"),
 }
+
+
+MIRRORS = ("circle[gps=5,steps=400]", "bailey[gps=5]", "city[gps=20]", "patrol[gps=10,steps=2000]")
+
+
+@pytest.mark.parametrize("seed", first_quick(range(8)))
+@pytest.mark.parametrize("world", MIRRORS)
+def test_odometry_that_turns_to_the_other_side_than_the_positions_is_told(world: str, seed: int) -> None:
+    log = made(world, seed)
+    assert list(wrong_units(log)) == []
+    delta = log.delta * [1.0, -1.0, -1.0]
+    (said,) = wrong_units(replace(log, delta=delta))
+    assert said.startswith("the positions in the world turn to the other side than the odometry")
+
+
+@pytest.mark.parametrize("seed", first_quick(range(8)))
+def test_a_straight_way_and_noise_alone_tell_no_side(seed: int) -> None:
+    log = made("circle[gps=5,steps=400]", seed)
+    rng = np.random.default_rng(seed)
+    assert log.fixes is not None
+    straight = replace(log, delta=log.delta * [1.0, 0.0, 0.0])
+    along = straight.dead_reckoned()[log.fixes.step]
+    noisy = with_fixes(straight, lambda z: along + rng.standard_normal(z.shape))
+    assert not [said for said in wrong_units(noisy) if "other side" in said]
 
 
 @pytest.mark.parametrize("seed", first_quick(range(8), 2))

@@ -84,3 +84,39 @@ def test_a_scale_of_the_wheels_that_is_not_estimated_is_said() -> None:
     assert backends.find("ekf").wheel_scale
     assert said not in cell(unknown, "ekf").reason
     assert said not in cell(log, "fastslam").reason
+
+
+PARTS = "no range or bearing alone of the log has an id, and without one they start no landmark"
+
+
+@pytest.mark.parametrize("backend", ["ekf", "smoother", "graph", "fastslam"])
+def test_ranges_alone_without_any_id_are_skipped(backend: str) -> None:
+    log = load("circle[steps=60,ranges_only=1,ids=hidden]").log
+    assert log.partial is not None
+    assert not len(log.ids)
+    assert log.unknown == log.sighted > 0
+    found = cell(log, backend)
+    assert (found.status, found.reason) == ("skipped", PARTS)
+    assert cell(log, "dead-reckoning").status == "done"
+    if backend == "ekf":
+        assert cell(log, backend, association="jcbb").reason == PARTS
+
+
+def test_parts_without_ids_beside_what_else_is_used_are_left_out_and_counted() -> None:
+    log = load("circle[steps=60,ranges_only=1,ids=hidden,gps=10]").log
+    assert log.partial is not None
+    found = cell(log, "ekf")
+    assert found.status == "done"
+    assert f"{len(log.partial)} partial sightings are left out" in found.reason.split("; ")
+    mixed = load("circle[steps=60,ranges_only=0.5]").log
+    assert mixed.partial is not None
+    blind = replace(mixed, ids=np.full_like(mixed.ids, UNKNOWN))
+    assert cell(blind, "ekf").status == "done"  # its ranges have ids
+    known = load("circle[steps=60,ranges_only=1,ids=hidden]")
+    assert known.truth is not None
+    assert known.truth.map is not None
+    n = 2 * len(known.truth.map.ids)
+    surveyed = known.truth.map._replace(cov=1e-4 * np.eye(n))
+    given = replace(known.log, prior=known.log.prior._replace(map=surveyed))
+    assert cell(given, "ekf").reason == f"{NOTHING}, and ekf does no data association; ekf[association=jcbb] does"
+    assert cell(given, "ekf", association="jcbb").status == "done"
