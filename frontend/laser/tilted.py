@@ -11,11 +11,14 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.errors import InputError
 from ...core.se2 import Array
 from ..inertial.tilts import LEVELS, Tilts
 from .recording import LaserRecording
+
+Mask = NDArray[np.bool_]
 
 BUMPS, SURE = 0.03, 2.0
 """m over the floor, up to which a return is taken to be of it: its bumps, the noise of ranges; and, added to that, the
@@ -76,7 +79,7 @@ def _directions(recording: LaserRecording) -> Array:
     return np.array(angles, np.float64) + recording.scanner.pose[2]
 
 
-def _tell(recording: LaserRecording, low: Array, returned: Array, remarks: list[str]) -> None:
+def _tell(recording: LaserRecording, low: Mask, returned: Mask, remarks: list[str]) -> None:
     """Adds the remark on returns of the floor."""
     if low.any():
         remarks.append(

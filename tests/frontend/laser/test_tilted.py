@@ -57,7 +57,7 @@ def test_beams_that_vary_are_levelled_along_their_own_directions(seed: int) -> N
     pitch, roll = rng.uniform(-0.15, 0.15, (2, 5))
     found = levelled(scans(t, ranges, fans=fans), tilting(t, np.column_stack((pitch, roll))), Leaning(0.3), [])
     for k, fan in enumerate(fans):
-        space = ranges[k][:, None] * beams_in_space(fan.first + 0.1 * np.arange(12), pitch[k], roll[k])
+        space = ranges[k][:, None] * beams_in_space(fan.angles(12), pitch[k], roll[k])
         np.testing.assert_allclose(found.ranges[k], np.hypot(space[:, 0], space[:, 1]), rtol=1e-12)
 
 
