@@ -1,6 +1,6 @@
 """Opens the inertial readings of a recording: imu.csv beside it, or topics of its bag."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -54,11 +54,12 @@ def open_imu(
     odometry: Readings | None,
     notes: dict[str, Any],
     remarks: list[str],
+    path_of: Callable[[], Poses] | None = None,
 ) -> OpenedImu | None:
     """The inertial readings of the `recording`, a bag or another, or of imu.csv in the folder `home`; None without any.
 
     `notes` and `remarks` grow. What cannot be used is an InputError where robot.toml has [imu], the `table`, else
-    among the notes.
+    a remark. `path_of` gives the path by odometry that is none itself, to compare its turns with the gyro's.
     """
     try:
         imu, said = _read(recording, home, table or ImuTable())
@@ -66,6 +67,7 @@ def open_imu(
         if table is not None:
             raise
         notes[NOTE] = f"not used: {str(error).removesuffix('.')}"
+        remarks.append(f"the inertial readings are {notes[NOTE]}")
         return None
     if imu is None:
         if table is not None:
@@ -74,7 +76,8 @@ def open_imu(
                 f"{plain(MESSAGE)}, as {ROBOT} has [imu]."
             )
         return None
-    return _judged(imu, odometry, notes, remarks, said=said)
+    path = odometry if path_of is None or isinstance(odometry, Poses) else path_of()
+    return _judged(imu, odometry, path, notes, remarks, said=said)
 
 
 def open_imu_csv(
@@ -83,7 +86,7 @@ def open_imu_csv(
     """The inertial readings of a CSV file, as those of `open_imu`; InputError for what cannot be used."""
     raw = read_imu_csv(path, table.columns)
     imu = imu_of(str(path), raw, table, None, [])
-    return _judged(imu, odometry, notes, remarks, said=_unit(raw, table, "gyro") is not None)
+    return _judged(imu, odometry, odometry, notes, remarks, said=_unit(raw, table, "gyro") is not None)
 
 
 def beside(log: Log, opened: OpenedImu | None, first: int = 0) -> Log:
@@ -96,10 +99,18 @@ def beside(log: Log, opened: OpenedImu | None, first: int = 0) -> Log:
     return turned
 
 
-def _judged(imu: Imu, odometry: Readings | None, notes: dict[str, Any], remarks: list[str], *, said: bool) -> OpenedImu:
-    """The readings, compared with the odometry; `said`: the gyro's unit."""
-    if isinstance(odometry, Poses):
-        imu = against_wheels(imu, odometry, said=said)
+def _judged(
+    imu: Imu,
+    odometry: Readings | None,
+    path: Readings | None,
+    notes: dict[str, Any],
+    remarks: list[str],
+    *,
+    said: bool,
+) -> OpenedImu:
+    """The readings, compared with the odometry and with its `path`, where these are poses; `said`: the gyro's unit."""
+    if isinstance(path, Poses):
+        imu = against_wheels(imu, path, said=said)
     stood = standing(imu, odometry)
     if stood.bias is None and odometry is not None:
         stood = standing(imu)  # wheels that never stand, or that are late

@@ -14,18 +14,22 @@ is the first camera of this machine. Recordings of laser scans are opened by `sc
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from ...core.errors import InputError
 from ...core.factors import Dataset, Log, Truth
 from ...frontend.inertial.tilts import tilts, unlevelled
 from ...frontend.markers.pipeline import Recording, build_log
+from ...frontend.several.wheels_path import walked
 from ...frontend.wheels.commands import Commanded, Commands, Speeds
 from ...frontend.wheels.motion import Motion
 from ...frontend.wheels.ticks import Ticks, Wheels
-from ...frontend.wheels.track import Track
+from ...frontend.wheels.track import Poses, Track
 from ..bags.bag import Bag, is_bag
 from ..bags.topics import found as found_topics
 from ..bags.topics import plain
@@ -41,6 +45,8 @@ from .in_order import InOrder
 from .open import is_live, places, read_streams
 from .robot import Robot
 from .settings import read_described
+
+EVERY = 0.5  # s, of which turns of the wheels are compared with those of a gyro
 
 
 class Opened(NamedTuple):
@@ -110,7 +116,8 @@ def open_recording(
     }
     inertial, before = None, len(remarks)
     if not is_live(path):
-        inertial = open_imu(*places(path, robot), robot.imu, first.readings, notes, remarks)
+        path_of = partial(_path, motion) if isinstance(motion, Wheels) else None
+        inertial = open_imu(*places(path, robot), robot.imu, first.readings, notes, remarks, path_of)
     tilted = None
     if inertial is not None and inertial.imu.accel is not None:
         motion.check()
@@ -169,6 +176,13 @@ def _assumed(readings: Readings | None, robot: Robot, path: Path) -> Iterator[st
             yield f"{path}: {robot.assumed[key]}"
     if "" in robot.assumed:
         yield robot.assumed[""]
+
+
+def _path(motion: Motion) -> Poses:
+    """The path by the wheels, every half second."""
+    motion.check()
+    t = np.arange(motion.t[0], motion.t[-1], EVERY)
+    return Poses(t, walked(motion, t))
 
 
 def _motion(readings: Readings | None, robot: Robot, path: Path) -> Motion:

@@ -134,7 +134,7 @@ class Options(Named):
 
     @property
     def imu_table(self) -> ImuTable:
-        """What the options say of the inertial readings."""
+        """The units, the mounting and the delay of the inertial readings, as the options say them."""
         angles = self.imu_roll, self.imu_pitch, self.imu_yaw
         told = any(angle is not None for angle in angles)
         return ImuTable(

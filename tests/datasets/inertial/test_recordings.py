@@ -278,10 +278,11 @@ def test_what_cannot_be_used_is_refused_where_it_is_asked_for(case: str, tmp_pat
     content, words = BAD[case]
     (tmp_path / "imu.csv").write_text(content)
     assert words in refused(tmp_path)
-    notes = dict[str, Any]()
-    assert open_imu(tmp_path, tmp_path, None, None, notes, []) is None
+    notes, remarks = dict[str, Any](), list[str]()
+    assert open_imu(tmp_path, tmp_path, None, None, notes, remarks) is None
     assert notes[NOTE].startswith("not used: ")
     assert words in notes[NOTE]
+    assert remarks == [f"the inertial readings are {notes[NOTE]}"]
 
 
 def test_a_file_without_a_header_has_its_columns_in_robot_toml(tmp_path: Path) -> None:

@@ -130,3 +130,22 @@ def test_the_page_says_how_levels_are(
     assert "levelled by gravity" in page
     assert run(command_detect, path, "--out", str(tmp_path / "other"), "--json") == 0
     assert json.loads(capsys.readouterr().out)[LEVELS]["push"] > 0
+
+
+def test_a_gyros_turns_are_compared_with_those_of_counted_wheels(tmp_path: Path) -> None:
+    """Of the wrong sign, and in degrees that robot.toml says to be radians; none of the right ones."""
+    recording, truth, _, imu, *_ = recorded(
+        Options(seconds=15.0, frame_rate=0.2, gyro=0.02), generator("aruco-room", 6)
+    )
+    assert imu is not None
+    frames = list(recording.frames)
+    said = dict[float, list[str]]()
+    for scale in (1.0, -1.0, 180 / np.pi):
+        one = replace(imu, gyro=imu.gyro * [1.0, 1.0, scale])
+        write({tmp_path / str(scale): "frames"}, replace(recording, frames=frames), truth, one)
+        told = open_recording(tmp_path / str(scale)).told
+        said[scale] = [remark for remark in told if "rad for each that the odometry turns" in remark]
+    assert said[1.0] == []
+    (turned,), (other,) = said[-1.0], said[180 / np.pi]
+    assert "its axes are turned, as upside down" in turned
+    assert "perhaps its unit is another" in other
