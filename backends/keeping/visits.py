@@ -20,7 +20,7 @@ class Visits:
         self._stretches.append((first, last))
 
     def of(self, g: Graph, row: Callable[[int], int], first: int, last: int) -> int:
-        """The number of them that lead past the begin, the middle and the end of these rows; `row` has that of a step."""
+        """The number of them that lead past begin, middle and end of these rows; `row` has that of a step."""
         places, count = g.steps[:, POINT : POINT + 2], 0
         here = places[[first, (first + last) // 2, last]]
         for begin, end in self._stretches:
