@@ -17,6 +17,8 @@ from ..smoothing._links import motion_offset
 
 Which = NDArray[np.bool]
 
+MOST = 300  # iterations
+
 TINY = 1e-300
 """In place of the information of a factor that a robust loss leaves out."""
 
@@ -59,12 +61,12 @@ def product(a: Ints, b: Ints, g: Array, W: Array, free: Which, x: Array, out: Ar
         i, j = a[k], b[k]
         r2 = x[j, 2] - x[i, 2]
         r0, r1 = x[j, 0] - x[i, 0] - g[k, 0] * x[i, 2], x[j, 1] - x[i, 1] - g[k, 1] * x[i, 2]
-        add_to_ends(i, j, g[k, 0], g[k, 1], W, k, r0, r1, r2, free, out)
+        add_to_ends(i, j, g, W, k, r0, r1, r2, free, out)
 
 
 @compiled
 def add_to_ends(
-    i: int, j: int, gx: float, gy: float, W: Array, k: int, r0: float, r1: float, r2: float, free: Which, out: Array
+    i: int, j: int, g: Array, W: Array, k: int, r0: float, r1: float, r2: float, free: Which, out: Array
 ) -> None:
     """Adds W (r0, r1, r2) to row j of `out`, and takes G' of it off row i."""
     u0 = W[k, 0] * r0 + W[k, 1] * r1 + W[k, 2] * r2
@@ -77,7 +79,7 @@ def add_to_ends(
     if free[i]:
         out[i, 0] -= u0
         out[i, 1] -= u1
-        out[i, 2] -= u2 + gx * u0 + gy * u1
+        out[i, 2] -= u2 + g[k, 0] * u0 + g[k, 1] * u1
 
 
 @compiled
@@ -150,7 +152,7 @@ def pulled(a: Ints, b: Ints, e: Array, g: Array, W: Array, free: Which, r: Array
     """The right-hand side r (n, 3) of all factors."""
     r[:] = 0.0
     for k in range(len(a)):
-        add_to_ends(a[k], b[k], g[k, 0], g[k, 1], W, k, e[k, 0], e[k, 1], e[k, 2], free, r)
+        add_to_ends(a[k], b[k], g, W, k, e[k, 0], e[k, 1], e[k, 2], free, r)
 
 
 @compiled
@@ -191,12 +193,12 @@ def add_squares(x: Array, covs: Array) -> None:
 
 @compiled
 def offsets(
-    a: Ints, b: Ints, g: Array, W: Array, free: Which, D: Array, E: Array, r: Array, most: int, enough: float, x: Array
+    a: Ints, b: Ints, g: Array, W: Array, free: Which, D: Array, E: Array, r: Array, enough: float, x: Array
 ) -> int:
     """Conjugate gradients for the offsets x (n, 3) of all steps; returns how many iterations.
 
     `r` (n, 3), the right-hand side, is what is left of it at the end. D and E are those of `chain`. They end after
-    `most`, or when what is left of J is that share of what there was.
+    MOST, or when what is left of J is that share of what there was.
     """
     n = len(x)
     z, p, q = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
@@ -204,7 +206,7 @@ def offsets(
     p[:] = z
     x[:] = 0.0
     left = first = (r * z).sum()
-    for t in range(most):
+    for t in range(MOST):
         if not left > enough * first:
             return t
         product(a, b, g, W, free, p, q)
@@ -214,4 +216,4 @@ def offsets(
         solved(D, E, free, r, z)
         before, left = left, (r * z).sum()
         p[:] = z + (left / before) * p
-    return most
+    return MOST

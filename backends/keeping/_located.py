@@ -1,4 +1,4 @@
-"""What sightings and loop closures tell of a pose, given all around it."""
+"""The information of sightings and loop closures about a pose, given all around it."""
 
 import numpy as np
 

@@ -25,6 +25,6 @@ def kernels() -> Kernels:
         (_gradients.chain, (ints, ints, table, table, some, tables, tables)),
         (_gradients.pulled, (ints, ints, table, table, table, some, table)),
         (_gradients.drawn, (ints, ints, table, table, some, table, table)),
-        (_gradients.offsets, (ints, ints, table, table, some, tables, tables, table, 0, 0.0, table)),
+        (_gradients.offsets, (ints, ints, table, table, some, tables, tables, table, 0.0, table)),
         (_gradients.add_squares, (table, tables)),
     ]

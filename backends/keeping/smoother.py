@@ -9,6 +9,11 @@ Eustice and Leonard, "Exactly sparse extended information filters for feature-ba
 stretch nothing is approximated but the point of linearisation. There are as many factors as there are places, and what
 is lost are these motions. Kretzschmar and Stachniss (IJRR 31(11), 2012) and Carlevaris-Bianco, Kaess and Eustice (T-RO
 30(6), 2014) sparsify what marginalising leaves between poses; here there is nothing between poses.
+
+A loop closure to a marginalised step is transferred to a kept pose nearby: see `anchored`. When its own step is
+marginalised it is left out, so that no error of a transfer gets into the map. Where loop closures alone locate the
+robot, there are no landmarks to be told of: what stays are the first stretches at each place. So the way at the end is
+smoothed with all motions and loop closures: see `way`.
 """
 
 from itertools import pairwise
@@ -48,7 +53,7 @@ OFTEN = 1000
 """Steps between two looks for what can be marginalised: fewer than half of all that is kept would cost too much."""
 
 LONGEST = 1000  # steps of a stretch
-VISITS = 4  # stretches that stay at a place where loop closures alone locate the robot: docs/settings.md
+VISITS = 4  # stretches that stay at a place where loop closures alone locate the robot: docs/smoothing.md has others
 NEAR = 0.5  # m for each of `keep`, between the middles of two stretches that have one submap
 
 

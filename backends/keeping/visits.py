@@ -1,4 +1,4 @@
-"""How often stretches that stay have led past a place."""
+"""Counts the stretches that stay and lead past a place."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,7 @@ class Visits:
         self._stretches.append((first, last))
 
     def of(self, g: Graph, row: Callable[[int], int], first: int, last: int) -> int:
-        """How many of them lead past the begin, the middle and the end of these rows; `row` has that of a step."""
+        """The number of them that lead past begin, middle and end of these rows; `row` has that of a step."""
         places, count = g.steps[:, POINT : POINT + 2], 0
         here = places[[first, (first + last) // 2, last]]
         for begin, end in self._stretches:

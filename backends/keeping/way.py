@@ -10,8 +10,8 @@ from .compacted import Which
 NEWTON, STILL = 20, 1e-6
 """Most iterations of Gauss-Newton at the end; m, rad: the largest offset after which there is no other."""
 
-MOST, ENOUGH = 300, 1e-10
-"""Iterations of conjugate gradients for each, and the share of what J could fall by at which they end.
+ENOUGH = 1e-10
+"""Share of what J could fall by at which conjugate gradients end.
 
 A bend of the whole path is a share of 1e-5 of a random draw for 30,000 steps, and is found last.
 """
@@ -111,6 +111,4 @@ class Factors:
         )
 
     def _solve(self) -> None:
-        _gradients.offsets(
-            self._a, self._b, self._g, self._W, self._free, self._D, self._E, self._r, MOST, ENOUGH, self._x
-        )
+        _gradients.offsets(self._a, self._b, self._g, self._W, self._free, self._D, self._E, self._r, ENOUGH, self._x)
