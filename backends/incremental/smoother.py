@@ -61,8 +61,8 @@ CAP, REACH, PATIENCE, PATIENT = 48, 2.0, 15.0, 40.0
 """Limits of the root.
 
 Most landmarks of a root, unless one step needs more; the radius around the pose they are taken from, in ranges of the
-furthest sighting; and the multiple of a full elimination's work after which everything is reordered, and that of a large
-graph, where an order takes longer than an elimination. Measured: docs/settings.md and docs/smoothing.md.
+furthest sighting; and the multiple of a full elimination's work after which everything is reordered, and that of a
+large graph, where ordering takes longer than eliminating. Measured: docs/settings.md and docs/smoothing.md.
 """
 
 SMALL = 16.0

@@ -2,8 +2,8 @@
 
 On a large map each clique eliminates one pose, and most of the time passes in writing and reading update matrices, each
 hardly smaller than the next. Joined, two cliques have one, and some zeros in their front (relaxed supernodes: Ashcraft
-and Grimes, ACM TOMS 15(4), 1989). Variables are in the order in which they are eliminated, so that the rows of an update
-matrix are in the order of its parent's front, and long runs of them are adjacent there.
+and Grimes, ACM TOMS 15(4), 1989). Variables are in the order in which they are eliminated, so that the rows of an
+update matrix are in the order of its parent's front, and long runs of them are adjacent there.
 
 A plan is its cliques, one after another, children first: the counts of frontals, variables, links and children, the
 scalars of the frontals and of all, the work of the cliques that it was joined of; then variables, links and children. A
@@ -40,8 +40,8 @@ def located(plan: Ints, count: int) -> tuple[Ints, Ints]:
 def amalgamated(g: Graph, plan: Ints, count: int, left: Ints, x: int, turn: Ints, zeros: int) -> tuple[Ints, int]:
     """The plan with cliques joined where that makes up to so many `zeros`, and their number; -1: none is.
 
-    `left`, the root's children, are renumbered. `turn` has when each variable is eliminated, by its PLACE. A clique next to pose `x` in the root is as it was:
-    `_relinearise.recentre` needs it small.
+    `left`, the root's children, are renumbered. `turn` has when each variable is eliminated, by its PLACE. A clique
+    next to pose `x` in the root is as it was: `_relinearise.recentre` needs it small.
     """
     begins, parent = located(plan, count)
     fronts, sizes, joined = np.empty(count, np.int64), np.empty(count, np.int64), np.zeros(count, np.bool_)

@@ -111,7 +111,8 @@ def plan(
     """Orders everything that must be opened for the root to become pose `x` and the landmarks `wanted`.
 
     Besides the wanted ones, the variables `touched` have new factors, or are new and are to be eliminated. Returns the
-    cliques to open; the new ones, as `_amalgamation` says; their number; the root's children; and the room needed: integers, numbers, scalars of the widest, work.
+    cliques to open; the new ones, as `_amalgamation` says; their number; the root's children; and the room needed:
+    integers, numbers, scalars of the widest, work.
     """
     open_ = opened(g, wanted, touched)
     if everything:

@@ -24,10 +24,10 @@ from slamduel.backends.smoothing._graph import (
     WIDTH,
     Graph,
 )  # fmt: skip
-from slamduel.backends.smoothing.arrays import with_front, with_rows
-from slamduel.backends.smoothing.forest import NOBODY, Forest
 from slamduel.backends.smoothing._offsets import top_down
 from slamduel.backends.smoothing._tree import neighbourly
+from slamduel.backends.smoothing.arrays import with_front, with_rows
+from slamduel.backends.smoothing.forest import NOBODY, Forest
 from slamduel.core.se2 import Ints
 
 

@@ -40,7 +40,7 @@ def test_rows_become_a_factor_and_the_rest_its_complement(m: int) -> None:
 
 @pytest.mark.parametrize("m", [5, 24, PANEL + 3])
 def test_the_bits_are_those_of_a_loop_over_numbers(m: int) -> None:
-    """Four rows at a time, then three or one, are subtracted as one sum: the same on every machine, at any number of lanes."""
+    """Four rows at a time, then three or one, are subtracted as one sum: the same on every machine."""
     F, A, b = front(np.random.default_rng(m), m)
     assert factor(F, m, m)
     X = np.column_stack((A, b))
