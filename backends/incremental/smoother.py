@@ -41,10 +41,12 @@ from ..smoothing._graph import (
     POSE,
     SIGHTINGS,
     STEPS,
+    VARIABLES,
     WHOLE,
     WIDTH,
     WORK,
 )
+from ..smoothing._ordering import LARGE
 from ..smoothing._step import FULL_ARRAYS, INDEFINITE, OUTSIDE, parts_step, plain_step
 from ..smoothing.arrays import as_rows
 from ..smoothing.forest import INDEFINITE_J, NO_COVARIANCE, NOBODY, Forest
@@ -55,12 +57,12 @@ from ._turned import move, turned_step
 from .biases import Biases
 from .parts import NO_ROWS, Parts, Rows
 
-CAP, REACH, PATIENCE = 48, 2.0, 15.0
+CAP, REACH, PATIENCE, PATIENT = 48, 2.0, 15.0, 40.0
 """Limits of the root.
 
 Most landmarks of a root, unless one step needs more; the radius around the pose they are taken from, in ranges of the
-furthest sighting; and the multiple of a full elimination's work after which everything is reordered. Measured:
-docs/settings.md.
+furthest sighting; and the multiple of a full elimination's work after which everything is reordered, and that of a
+large graph, where ordering takes longer than eliminating. Measured: docs/settings.md and docs/smoothing.md.
 """
 
 SMALL = 16.0
@@ -382,7 +384,8 @@ class Smoother:
         """Makes the newest pose, the variables `seen` from it and others around them the root."""
         forest, g = self._forest, self._forest.g
         wanted = _opening.about(g, self._newest, REACH * g.settings[FURTHEST], 3 * CAP // 4, seen)
-        everything = everything or bool(g.state[WORK] > PATIENCE * g.state[FULL] + LEAST)
+        patience = PATIENT if g.state[VARIABLES] > LARGE else PATIENCE
+        everything = everything or bool(g.state[WORK] > patience * g.state[FULL] + LEAST)
         forest.reorganise(self._newest, wanted, touched, everything=everything)
 
     def _pose_at(self, step: int, touched: list[int]) -> int:

@@ -2,8 +2,8 @@
 
 On a large map each clique eliminates one pose, and most of the time passes in writing and reading update matrices, each
 hardly smaller than the next. Joined, two cliques have one, and some zeros in their front (relaxed supernodes: Ashcraft
-and Grimes, ACM TOMS 15(4), 1989). Variables are in the order in which they are eliminated, so that the rows of an update
-matrix are in the order of its parent's front, and long runs of them are adjacent there.
+and Grimes, ACM TOMS 15(4), 1989). Variables are in the order in which they are eliminated, so that the rows of an
+update matrix are in the order of its parent's front, and long runs of them are adjacent there.
 
 A plan is its cliques, one after another, children first: the counts of frontals, variables, links and children, the
 scalars of the frontals and of all, the work of the cliques that it was joined of; then variables, links and children. A
@@ -15,16 +15,10 @@ from numpy.typing import NDArray
 
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Ints
-from ._graph import PLACE, VARIABLES, Graph, rounded, triangle
+from ._graph import PLACE, Graph, rounded, triangle
 
 HEAD = 7
 """Numbers of a clique in a plan, before its lists."""
-
-ZEROS = 36
-"""Entries of [R d] that are zero for want of a factor, at most, where a clique is joined with its parent."""
-
-LARGE = 4000
-"""Variables from which cliques are joined: smaller graphs, all recorded ones, gain little."""
 
 
 @compiled
@@ -43,13 +37,12 @@ def located(plan: Ints, count: int) -> tuple[Ints, Ints]:
 
 
 @compiled
-def amalgamated(g: Graph, plan: Ints, count: int, left: Ints, x: int, turn: Ints) -> tuple[Ints, int]:
-    """The plan with small cliques joined, and their number; `left`, the root's children, are renumbered.
+def amalgamated(g: Graph, plan: Ints, count: int, left: Ints, x: int, turn: Ints, zeros: int) -> tuple[Ints, int]:
+    """The plan with cliques joined where that makes up to so many `zeros`, and their number; -1: none is.
 
-    `turn` has when each variable is eliminated, by its PLACE. A clique next to pose `x` in the root is as it was:
-    `_relinearise.recentre` needs it small.
+    `left`, the root's children, are renumbered. `turn` has when each variable is eliminated, by its PLACE. A clique
+    next to pose `x` in the root is as it was: `_relinearise.recentre` needs it small.
     """
-    zeros = ZEROS if g.state[VARIABLES] > LARGE else -1
     begins, parent = located(plan, count)
     fronts, sizes, joined = np.empty(count, np.int64), np.empty(count, np.int64), np.zeros(count, np.bool_)
     for i in range(count):

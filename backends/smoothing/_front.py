@@ -214,7 +214,7 @@ def eliminate(g: Graph, c: int) -> None:
 
 @compiled
 def store(g: Graph, F: Array, first: int, last: int, m: int, upper: bool, o: int) -> None:
-    """Writes rows `first` to `last` of a front of `m` scalars, from the diagonal on if `upper`, to `reals` from `o` on."""
+    """Writes rows `first` to `last` of a front of `m` scalars to `reals` from `o` on, from the diagonal if `upper`."""
     w, numbers = row_of(m), g.reals
     for i in range(first, last):
         many = m - i if upper else m

@@ -66,8 +66,8 @@ NEAR_SDS = 3.0
 # steps; where the first number of NOISE is CUT, no motion leads to the step
 DELTA, NOISE, POINT = 0, 3, 9
 CUT = -1.0
-# cliques: MEMBERS variables, the first FRONTALS of them frontal; SIZE scalars, the first FRONT of them frontal; EFFORT is the work of
-# eliminating it, or the cliques that it was joined of, which no threshold that counts work should know
+# cliques: MEMBERS variables, the first FRONTALS of them frontal; SIZE scalars, the first FRONT of them frontal;
+# EFFORT is the work of its elimination, or of the cliques that it was joined of: thresholds of work ignore joining
 PARENT, FRONTALS, MEMBERS, FRONT, SIZE, BOUND, LISTED, FACTOR, UPDATE, CHILD, NEXT, FLAG, EFFORT = range(13)
 
 NO_VARIABLE = -1

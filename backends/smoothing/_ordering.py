@@ -14,7 +14,7 @@ from ...core.kernels.compiled import compiled
 from ...core.se2 import Array, Ints
 from . import _graph
 from ._amalgamation import HEAD, amalgamated, room_of
-from ._graph import STAMP, Graph
+from ._graph import STAMP, VARIABLES, Graph
 from ._opening import concerned, opened, staying
 from ._quotient import (
     ALIVE,
@@ -43,6 +43,12 @@ from ._quotient import (
     quotient,
     review,
 )  # fmt: skip
+
+ZEROS = 36
+"""Entries of [R d] that are zero for want of a factor, at most, where a clique is joined with its parent."""
+
+LARGE = 4000
+"""Variables beyond which a graph is large: there, small cliques are joined, and all is ordered anew less often."""
 
 SMALLEST = 200
 """Variables of a part that is not cut again."""
@@ -105,9 +111,8 @@ def plan(
     """Orders everything that must be opened for the root to become pose `x` and the landmarks `wanted`.
 
     Besides the wanted ones, the variables `touched` have new factors, or are new and are to be eliminated. Returns the
-    cliques to open; the new ones, one after another: counts of frontals, variables, links and children, frontal scalars
-    and all, then variables, links and children, of which -1 - i is the i-th new clique; their number; the root's
-    children; and the room needed: integers, numbers, scalars of the widest, work.
+    cliques to open; the new ones, as `_amalgamation` says; their number; the root's children; and the room needed:
+    integers, numbers, scalars of the widest, work.
     """
     open_ = opened(g, wanted, touched)
     if everything:
@@ -169,7 +174,8 @@ def plan(
         if owner.elements[e, ALIVE]:
             gone[lost] = owner.elements[e, NAMED]
             lost += 1
-    out, made = amalgamated(g, out, made, gone[:lost], x, turn)
+    zeros = ZEROS if g.state[VARIABLES] > LARGE else -1
+    out, made = amalgamated(g, out, made, gone[:lost], x, turn, zeros)
     room_of(out, made, room)
     return open_, out, made, gone[:lost], room
 

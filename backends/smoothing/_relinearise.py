@@ -39,7 +39,6 @@ from ._graph import (
     PART,
     POINT,
     RESUM,
-    SIZE,
     STAMP,
     STEP,
     STEPS,

@@ -4,6 +4,7 @@ import numpy as np
 
 from ...core.kernels.compiled import compiled
 from ...core.se2 import Ints
+from ._amalgamation import HEAD, located
 from ._graph import (
     BOUND,
     CHILD,
@@ -52,7 +53,6 @@ from ._graph import (
     reserve_reals,
     triangle,
 )  # fmt: skip
-from ._amalgamation import HEAD, located
 
 
 @compiled

@@ -74,9 +74,10 @@ def add_product(
     return signature, generate
 
 
-def _square(letter: str, typing: Any, of: list[Any]) -> Any:
-    """Signature and code of dsyrk for the triangle named `letter` in Fortran order, which is C order transposed."""
-    del typing, of  # argument types, given by the signature
+@intrinsic
+def add_square(typing: Any, dsyrk: Any, n: Any, k: Any, sign: Any, a: Any, a_row: Any, c: Any, c_row: Any) -> Any:
+    """The lower triangle of C += sign A' A, where in C order A is (k, n) and C (n, n); the rest as in `add_product`."""
+    del typing, dsyrk, n, k, sign, a, a_row, c, c_row  # argument types, given by the signature
     whole = (types.intp,)
     signature = types.void(*whole * 3, types.float64, *whole * 4)
 
@@ -85,19 +86,7 @@ def _square(letter: str, typing: Any, of: list[Any]) -> Any:
         dsyrk, n, k, sign, a, a_row, c, c_row = values
         one = ir.Constant(ir.DoubleType(), 1.0)
         a, c = _array(builder, a), _array(builder, c)
-        _call(builder, dsyrk, [_letter(letter), _letter("N"), n, k, sign, a, a_row, one, c, c_row])
+        _call(builder, dsyrk, [_letter("U"), _letter("N"), n, k, sign, a, a_row, one, c, c_row])
         return context.get_dummy_value()
 
     return signature, generate
-
-
-@intrinsic
-def add_square(typing: Any, dsyrk: Any, n: Any, k: Any, sign: Any, a: Any, a_row: Any, c: Any, c_row: Any) -> Any:
-    """The lower triangle of C += sign A' A, where in C order A is (k, n) and C (n, n); the rest as in `add_product`."""
-    return _square("U", typing, [dsyrk, n, k, sign, a, a_row, c, c_row])
-
-
-@intrinsic
-def add_upper_square(typing: Any, dsyrk: Any, n: Any, k: Any, sign: Any, a: Any, a_row: Any, c: Any, c_row: Any) -> Any:
-    """The upper triangle of the same."""
-    return _square("L", typing, [dsyrk, n, k, sign, a, a_row, c, c_row])

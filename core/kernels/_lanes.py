@@ -77,7 +77,10 @@ def eightfold(typing: Any, x: Any) -> Any:
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         del context, signature
-        nothing, same = ir.Constant(_EIGHT, ir.Undefined), ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+        nothing, same = (
+            ir.Constant(_EIGHT, ir.Undefined),
+            ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES),
+        )
         return builder.shuffle_vector(builder.insert_element(nothing, values[0], _FIRST), nothing, same)
 
     return lanes(types.float64), generate
