@@ -20,7 +20,7 @@ from ..verdict.statistics import MOST
 from ..words.numerals import listed
 from ..workers.executor import Executor
 from .progress import Screen
-from .runner import killed_plan, recorded_plan, run
+from .runner import any_ended, killed_plan, recorded_plan, run
 
 DEFAULTS: dict[str, Any] = {
     "backend": "dead-reckoning,ekf,fastslam,isam2,smoother",
@@ -64,6 +64,8 @@ def benchmark(
         watcher.say(f"The run in {out} was killed before all of its logs were made: it begins again.")
     elif not given and not begun(out):
         watcher.say(f"A new run in {out}: {DEFAULTS['backend']} on {DEFAULTS['dataset']}, {DEFAULTS['seeds']} seeds.")
+    elif not given and not any_ended(out):
+        watcher.say(f"The run in {out} was stopped before any of its cells had ended: it goes on.")
     try:
         run(plan, out, executor, command, watcher, retry=retry, strict=strict)
     except KeyboardInterrupt:

@@ -20,7 +20,7 @@ from ..record.schema import FILE
 from ..record.store import Store
 from ..workers.executor import Executor
 
-__all__ = ["LOGS", "killed_plan", "recorded_plan", "run"]
+__all__ = ["LOGS", "any_ended", "killed_plan", "recorded_plan", "run"]
 
 
 def run(
@@ -75,6 +75,12 @@ def killed_plan(folder: Path) -> Plan | None:
             if known.get("kind") == "run" and not store.planned():
                 return Plan.from_words(known.get("plan"))
     return None
+
+
+def any_ended(folder: Path) -> bool:
+    """True if a cell of the run in `folder` has ended; InputError where its record cannot be read."""
+    with Store(folder) as store:
+        return next(store.cells(), None) is not None
 
 
 def _refuse_a_study(folder: Path, known: Mapping[str, Any]) -> None:

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import io
 import json
 import os
 import re
@@ -15,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from csv_rows import csv_rows
 from places import SUPPORT
@@ -30,7 +32,7 @@ from slamduel.bench.run.runner import killed_plan, recorded_plan
 from slamduel.bench.words.console import screen_console
 from slamduel.bench.workers.executor import Here
 from slamduel.bench.workers.tasks import execute
-from slamduel.core.errors import InputError
+from slamduel.core.errors import InputError, Interrupted
 from slamduel.core.factors import REMARKS, Log
 from slamduel.core.truth.tum import read_tum
 from slamduel.datasets.formats import log_folder as logfile
@@ -299,6 +301,23 @@ def test_a_run_killed_while_its_logs_were_made_is_begun_again_as_it_was(tmp_path
     assert killed_plan(out) is None
     assert recorded_plan(out) is not None
     assert without_times(out) == without_times(tmp_path / "undisturbed")
+
+
+def test_a_run_stopped_before_any_cell_had_ended_says_that_it_goes_on(tmp_path: Path) -> None:
+    class Stopped(Screen):
+        def running(self, *of: Any) -> None:
+            raise KeyboardInterrupt
+
+    given = {"backend": "dead-reckoning", "dataset": "circle[steps=20]", "seeds": 1}
+    with Stopped(screen_console(quiet=True)) as screen, pytest.raises(Interrupted, match="continues from here"):
+        benchmark_module.benchmark(given, tmp_path / "run", Here(), ["bench"], screen)
+    for said in ("was stopped before any of its cells had ended: it goes on.", "1 cell in the record already"):
+        console = Console(file=io.StringIO(), width=200)
+        with Screen(console) as screen:
+            benchmark_module.benchmark({}, tmp_path / "run", Here(), ["bench"], screen)
+        first = console.file.getvalue().splitlines()[0]  # pyright: ignore[reportAttributeAccessIssue]
+        assert said in first
+    assert len(csv_rows(tmp_path / "run" / "cells.csv")) == 1
 
 
 def test_another_run_may_take_its_folder_and_has_nothing_of_it(tmp_path: Path, log_folder: Path) -> None:
