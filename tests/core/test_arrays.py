@@ -5,7 +5,7 @@ import pytest
 
 from slamduel.core import arrays
 from slamduel.core.arrays import even, frozen, frozen_ids, read_only, slices
-from slamduel.core.check import problems
+from slamduel.core.factors.check import problems
 from slamduel.core.factors import Log, Prior
 from slamduel.core.se2 import Array
 
