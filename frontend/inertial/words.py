@@ -35,7 +35,7 @@ def about(imu: Imu, stood: Standing) -> str:
 
 
 def about_levels(told: Mapping[str, Any]) -> str:
-    """What is levelled and how, in a sentence without its end, by the entry of `Tilts` in a log's notes."""
+    """Says what is levelled and how, in a sentence without its end, by the entry of `Tilts` in a log's notes."""
     pitch, roll = told["own_tilt"]
     ahead, aside = told["rocking"]
     return (
