@@ -49,7 +49,7 @@ def about_turns(notes: Mapping[str, Any]) -> list[str]:
 
 
 def about_levels(told: Mapping[str, Any]) -> str:
-    """What is levelled and how, in a sentence without its end, by the entry of `Tilts` in a log's notes."""
+    """Says what is levelled and how, in a sentence without its end, by the entry of `Tilts` in a log's notes."""
     pitch, roll = told["own_tilt"]
     ahead, aside = told["rocking"]
     return (

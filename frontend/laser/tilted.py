@@ -26,7 +26,7 @@ number of standard deviations of its height by the levels."""
 
 
 class Leaning(NamedTuple):
-    """What is left out of the scans of a robot that leans."""
+    """Limits of the scans, and of the returns, of a robot that leans."""
 
     most: float | None = None  # rad, beyond which the robot's scans are left out; None: no scan is
     height: float | None = None  # m, of the scanner over the floor, by which returns of it are; None: none is
