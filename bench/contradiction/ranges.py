@@ -80,7 +80,7 @@ def _off(log: Log, truth: Truth) -> bool:
 
 
 def _weight(log: Log, truth: Truth, found: SystematicFit, names: Sequence[str]) -> tuple[float, float]:
-    """What these errors make of ranges over the stated noise; and the share of squared errors without all; medians."""
+    """Size of these errors of ranges over the stated noise; share of squared errors left without all; medians."""
     log = named(log, truth)
     row, error = partial_errors(log, truth)
     table = log.partial
