@@ -237,10 +237,10 @@ def normalised(path: Array, cov: Array, truth: Array) -> float:
 def test_loop_closures_alone_end_at_the_optimum_and_are_honest(seeds: range) -> None:
     honest = list[float]()
     for seed in seeds:
-        made = a_patrol(seed, 4000, 0)
+        made = a_patrol(seed, 6000, 0)
         assert made.truth is not None
         backend, _ = run("smoother", made.log, keep=20.0)
-        assert backend.held < 3900
+        assert backend.held < 5500
         end, optimum = backend.finish(), final("graph", made.log)
         assert np.hypot(*(end.path - optimum.path)[:, :2].T).max() < 1e-3
         honest.append(normalised(end.path.copy(), end.cov, made.truth.poses))
@@ -257,7 +257,8 @@ def test_loop_closures_beside_landmarks_leave_it_nearly_as_good_and_honest(seeds
         made = a_patrol(seed, 2500, 120)
         assert made.truth is not None
         backend, _ = run("smoother", made.log, keep=20.0)
-        assert backend.held < 1600
+        assert len(backend.submaps) > 0
+        assert backend.held < 2400
         end, optimum = backend.finish(), final("graph", made.log)
         errors.append(np.log([aligned_error(one.path, made.truth.poses) for one in (end, optimum)]))
         honest.append(normalised(end.path.copy(), end.cov, made.truth.poses))
