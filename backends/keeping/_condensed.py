@@ -112,7 +112,7 @@ def condense(
         if k < last:
             advance(F, w)
     for i in range(n - 6):
-        h[i] = F[(6 + i) * w + n]
+        h[i] = F[(6 + i) * w + w - 1]
         for j in range(i, n - 6):
             W[i, j] = W[j, i] = F[(6 + i) * w + 6 + j]
     if not information(own, 0, S, 0):

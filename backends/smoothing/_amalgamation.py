@@ -126,7 +126,7 @@ def write(
             elif not joined[-1 - plan[t]]:
                 out[below] = -1 - number[-1 - plan[t]]
                 below += 1
-    return below
+    return int(below)
 
 
 @compiled

@@ -11,7 +11,6 @@ from numba.core import types
 from numba.extending import intrinsic as numba_intrinsic
 from numba.extending import models, register_model
 
-from ..se2 import Array
 
 intrinsic: Any = numba_intrinsic
 """Typed explicitly: the decorator's result takes one argument less than the function under it."""
@@ -30,7 +29,7 @@ class Lanes(types.Type):
         super().__init__(name="Lanes")
 
 
-lanes = Lanes()
+lanes: Any = Lanes()
 
 
 @register_model(Lanes)
@@ -48,7 +47,7 @@ def _place(context: Any, builder: Any, signature: Any, values: Any) -> Any:
 
 
 @intrinsic
-def load(typing: Any, F: Array, at: Any) -> Any:
+def load(typing: Any, F: Any, at: Any) -> Any:
     """The eight numbers F[at : at + 8], at an unsigned index; whether they are there is not checked."""
     del typing
 
@@ -59,7 +58,7 @@ def load(typing: Any, F: Array, at: Any) -> Any:
 
 
 @intrinsic
-def put(typing: Any, F: Array, at: Any, eight: Any) -> Any:
+def put(typing: Any, F: Any, at: Any, eight: Any) -> Any:
     """Writes eight numbers to F[at : at + 8]; likewise."""
     del typing
 
