@@ -5,8 +5,8 @@ import pytest
 
 from slamduel.core import arrays
 from slamduel.core.arrays import even, frozen, frozen_ids, read_only, slices
-from slamduel.core.factors.check import problems
 from slamduel.core.factors import Log, Prior
+from slamduel.core.factors.check import problems
 from slamduel.core.se2 import Array
 
 
