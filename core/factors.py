@@ -493,7 +493,7 @@ def digest_of(columns: Mapping[str, Array | Ints | None]) -> str:
             continue
         little_endian = np.ascontiguousarray(column).astype(column.dtype.newbyteorder("<"), copy=False)
         total.update(f"{name} {little_endian.dtype.str} {little_endian.shape}\n".encode())
-        total.update(little_endian.ravel().view(np.uint8))
+        total.update(little_endian.ravel().view(np.uint8).data)
     return total.hexdigest()
 
 
