@@ -28,7 +28,8 @@ class TwoPlaces(NamedTuple):
 
 def two_places(log: Log, path: Array, places: Places) -> list[TwoPlaces]:
     """Lists them by id; `path` (n, 3) has a pose for every step, or NaN, and `places` are the landmarks' by it."""
-    known = np.flatnonzero((log.ids != UNKNOWN) & np.isfinite(path).all(axis=1)[log.sighting_step])
+    there = np.asarray(np.isfinite(path).all(axis=1))
+    known = np.flatnonzero((log.ids != UNKNOWN) & there[log.sighting_step])
     of = np.searchsorted(places.ids, log.ids[known])
     often = places.sightings >= LEAST
     if not often.any():

@@ -5,6 +5,7 @@ longer grows. A log of 10^6 steps is made block by block, in time and memory tha
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -127,7 +128,8 @@ def _seen(
     ]
     columns = [list(column) for column in zip(*blocks, strict=True)]
     del blocks
-    step, ids, z, cov = (read_only(np.concatenate(columns.pop(0))) for _ in range(4))  # each freed once it is joined
+    joined: list[Any] = [read_only(np.concatenate(columns.pop(0))) for _ in range(4)]  # each is freed once it is joined
+    step, ids, z, cov = joined
     return step, ids, z, cov
 
 

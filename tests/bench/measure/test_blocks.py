@@ -2,7 +2,7 @@
 
 import pytest
 
-from slamduel.bench.contradiction.two_places import two_places
+from slamduel.bench.contradiction.two_places import TwoPlaces, two_places
 from slamduel.bench.measure.landmark_places import placed
 from slamduel.bench.measure.stated_noise import squares_in
 from slamduel.bench.plan.load import load
@@ -12,13 +12,13 @@ from slamduel.core.truth.errors import rows_of, sighting_errors
 from slamduel.datasets.remarks import remarks
 
 
-def computed(dataset: Dataset) -> list[object]:
+def computed(dataset: Dataset) -> tuple[list[bytes], list[TwoPlaces], list[str]]:
     log, truth = dataset
     assert truth is not None
     row = rows_of(truth.t, log.t)
     places, errors = placed(log, truth.poses, row, known=True), sighting_errors(log, truth)
     columns = (*places, *errors, squares_in(errors, log.z_cov))
-    return [column.tobytes() for column in columns] + [two_places(log, truth.poses[row], places), remarks(dataset)]
+    return [column.tobytes() for column in columns], two_places(log, truth.poses[row], places), remarks(dataset)
 
 
 @pytest.mark.parametrize("name", ["city[steps=400,clutter=0.3,wrong_ids=0.02]", "patrol[steps=500,people=2]"])
