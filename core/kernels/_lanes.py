@@ -11,7 +11,6 @@ from numba.core import types
 from numba.extending import intrinsic as numba_intrinsic
 from numba.extending import models, register_model
 
-
 intrinsic: Any = numba_intrinsic
 """Typed explicitly: the decorator's result takes one argument less than the function under it."""
 
