@@ -7,9 +7,9 @@ import numpy as np
 from ...core.gyro import Bias, Turn
 from ...core.kernels._turns import conditioned
 from ...core.se2 import Array
+from ..sighting_tables import Row
 from ..smoothing._graph import NO_VARIABLE, PRIOR
 from ..smoothing.forest import Forest
-from ..smoothing.tables import Row
 from ._turned import AWAY, add_bias, bias_of
 from .constants import HELD
 

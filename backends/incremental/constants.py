@@ -6,8 +6,8 @@ from ...core.factors import Systematic
 from ...core.se2 import Array, Ints
 from ..api import Constant
 from ..constant_errors import CovOf, stated
+from ..sighting_tables import Row, Tables
 from ..smoothing._graph import ALONE, NO_VARIABLE, PRIOR
-from ..smoothing.tables import Row, Tables
 
 HELD = 1e-9
 """Standard deviation that holds a constant error at zero: of the two that are one variable, the prior has one."""

@@ -11,8 +11,8 @@ from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ..api import Constant
 from ..constant_errors import CovOf
+from ..sighting_tables import Row, Tables
 from ..smoothing._graph import ALONE, NO_VARIABLE
-from ..smoothing.tables import Row, Tables
 from ..starting.late_places import LatePlaces, Seen
 from .constants import ConstantVariables
 

@@ -9,6 +9,7 @@ from ...core.kernels._cholesky import row_of
 from ...core.kernels.compile_ahead import compile_ahead
 from ...core.se2 import Array, Ints
 from ..api import Diverged
+from ..sighting_tables import Seen
 from . import _cost, _covariances, _front, _graph, _log, _offsets, _opening, _ordering, _relinearise, _tree
 from ._graph import (
     CLIQUES,
@@ -32,7 +33,6 @@ from ._graph import (
 )  # fmt: skip
 from ._step import SPARE_INTS, SPARE_REALS
 from .arrays import made, with_front, with_root, with_rows
-from .tables import Seen
 
 NOBODY = np.zeros(0, np.int64)
 

@@ -13,8 +13,8 @@ from ...core.gyro import Bias, Turn
 from ...core.kernels._turns import conditioned
 from ...core.se2 import Array
 from ..incremental.constants import HELD
+from ..sighting_tables import Row
 from ..smoothing._graph import PRIOR
-from ..smoothing.tables import Row
 from ._window import LEFT, PRESENCE
 from .arrays import look_at_pair, row_of_new
 from .tables import WindowTables

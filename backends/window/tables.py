@@ -1,7 +1,7 @@
 """The tables of a window's sightings and fixes, as `incremental/parts.py` fills them."""
 
 from ...core.se2 import Array
-from ..smoothing.tables import Seen
+from ..sighting_tables import Seen
 from ._window import FIRST, FIXED, LAST, OLD_POSES, OLD_SIGHTINGS, POSES, SIGHTINGS, SLOT, Window
 from .arrays import row_of_new, with_fix
 

@@ -2,13 +2,13 @@
 
 from typing import Protocol
 
-from ...core.se2 import Array
+from ..core.se2 import Array
 
 Seen = tuple[float, float, float, float, float]
 """Range, bearing, and their information: rr, rb, bb."""
 
 Row = tuple[int, int, Seen]
-"""Variable of a landmark, part and sighting, as in the tables of `_graph`."""
+"""Variable of a landmark, part and sighting, as in the tables of `smoothing._graph`."""
 
 
 class Tables(Protocol):
