@@ -20,8 +20,8 @@ from tiers import first_quick
 
 DRIVES = range(16)
 BAND = 0.57, 0.91
-"""Of the mean NEES of these drives after their first 10 steps: 0.74, and four standard errors of 0.043, by the spread of the
-drives, to either side. The wheels' floors at each step are cautious.
+"""Of the mean NEES of these drives after their first 10 steps: 0.74, and four standard errors of 0.043, by the spread
+of the drives, to either side. The wheels' floors at each step are cautious.
 """
 
 
@@ -102,7 +102,7 @@ def of_all(sensor: str) -> np.ndarray:
 def test_counted_once_nees_is_in_its_band_and_doubled_out_of_it() -> None:
     """Each sensor counted twice is told on every drive, by the ratio of its NEES to that of the same drive as it is.
 
-    How hard a drive is cancels in it. Measured are 1.41 for markers, 1.16 for scans and 1.48 for wheels (geometric means).
+    How hard a drive is cancels in it. Measured, as geometric means: 1.41 for markers, 1.16 for scans, 1.48 for wheels.
     """
     once, low, high = of_all("nothing"), *BAND
     assert low < once.mean() < high
