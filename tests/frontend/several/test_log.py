@@ -19,8 +19,10 @@ from slamduel.frontend.wheels.track import Track, TrackNoise
 from tiers import first_quick
 
 DRIVES = range(16)
-BAND = 0.65, 1.1
-"""Of the mean NEES of these drives after their first 10 steps; the wheels' floors at each step are cautious."""
+BAND = 0.57, 0.91
+"""Of the mean NEES of these drives after their first 10 steps: 0.74, and four standard errors of 0.043, by the spread
+of the drives, to either side. The wheels' floors at each step are cautious.
+"""
 
 
 def test_steps_are_those_of_frames_and_scans() -> None:
@@ -98,12 +100,19 @@ def of_all(sensor: str) -> np.ndarray:
 
 @pytest.mark.slow
 def test_counted_once_nees_is_in_its_band_and_doubled_out_of_it() -> None:
+    """Each sensor counted twice is told on every drive, by the ratio of its NEES to that of the same drive as it is.
+
+    How hard a drive is cancels in it. Measured, as geometric means: 1.41 for markers, 1.16 for scans, 1.48 for wheels.
+    """
     once, low, high = of_all("nothing"), *BAND
     assert low < once.mean() < high
-    for sensor in ("markers", "wheels"):
-        assert of_all(sensor).mean() > high
-    # Of scans so much is known here that half their covariance is within the band; all drives but one at most tell.
-    assert (of_all("scans") > once).sum() >= len(DRIVES) - 1
+    for sensor in ("markers", "scans", "wheels"):
+        twice = of_all(sensor)
+        more = np.log(twice / once)
+        assert (more > 0).all(), sensor
+        assert more.mean() > 5 * more.std(ddof=1) / np.sqrt(len(more)), sensor
+        if sensor != "scans":  # of these so much is known here that half their covariance is within the band
+            assert twice.mean() > high, sensor
 
 
 @pytest.mark.parametrize("sensor", ["markers", "scans", "wheels"])
