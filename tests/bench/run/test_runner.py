@@ -305,7 +305,7 @@ def test_a_run_killed_while_its_logs_were_made_is_begun_again_as_it_was(tmp_path
 
 def test_a_run_stopped_before_any_cell_had_ended_says_that_it_goes_on(tmp_path: Path) -> None:
     class Stopped(Screen):
-        def running(self, *of: Any) -> None:
+        def running(self, *of: Any, **named: Any) -> None:
             raise KeyboardInterrupt
 
     given = {"backend": "dead-reckoning", "dataset": "circle[steps=20]", "seeds": 1}
