@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from .csv_values import header_names, no_number, number, other_count, other_header, shortened, shown
 from .errors import InputError
 from .files import check_regular
+from .lines import Lines
 from .scan import Scan, strict
 from .se2 import Array, Ints
 
@@ -100,23 +101,9 @@ class Table(NamedTuple):
         """The given rows, in that order."""
         return Table(self.path, self.columns, self.rows[rows], self.lines[rows])
 
-
-class Lines(NamedTuple):
-    """The lines of a file that rows of a log are made of, the first and the last one of each."""
-
-    path: str
-    first: Ints  # (n,) counted from 1
-    last: Ints  # (n,)
-
-    @classmethod
-    def of(cls, table: Table, rows: Ints | slice = slice(None)) -> "Lines":
-        """Those of rows of a table, of one line each."""
-        return cls(str(table.path), table.lines[rows], table.lines[rows])
-
-    def words(self, row: int) -> str:
-        """The file and the lines of a row."""
-        first, last = int(self.first[row]), int(self.last[row])
-        return f"{self.path}, line {first}" if first == last else f"{self.path}, lines {first} to {last}"
+    def lines_of(self, rows: Ints | slice = slice(None)) -> Lines:
+        """The lines that rows are from, one each."""
+        return Lines(str(self.path), self.lines[rows], self.lines[rows])
 
 
 def read_csv(path: Path, columns: Sequence[str], *, blanks: bool = False) -> Table:

@@ -12,11 +12,11 @@ from ..beside import Clouds, Scans, head_of
 from ..errors import InputError
 from ..fixes import NO_FIXES, FixTable
 from ..gyro import Gyro
+from ..lines import Lines
 from ..mounting import Mounting, mounted
 from ..partial import NO_PARTIAL, PartialTable
 from ..se2 import Array, Ints, summed
 from ..signatures import NO_SIGNATURES, Signatures, signatures_of
-from ..table import Lines
 from .digest import digest_of
 from .ground_truth import Truth
 from .landmarks import UNKNOWN

@@ -49,7 +49,7 @@ from ...core.options import option
 from ...core.scan import Scan, attempted, counted, strict
 from ...core.se2 import Array, Ints
 from ...core.small_matrices import symmetric, upper
-from ...core.table import Lines, Table, scan_csv
+from ...core.table import Table, scan_csv
 from ...core.toml.table import TomlTable
 from ...core.truth.check import check_truth, relation_problems
 from ..registry import Named, Source
@@ -194,7 +194,7 @@ def _scan_files(folder: Path) -> Scan[tuple[Dataset | None, Words]]:
         signature_var=None if signed is None else signed.rows[:, 1],
         notes=words.notes,
     )
-    log = replace(log, lines={name: Lines.of(tables[name]) for name in tables})
+    log = replace(log, lines={name: tables[name].lines_of() for name in tables})
     broken = set(odometry.broken.tolist())
     tables |= {} if signed is None else {"signatures": signed}
     for problem in problems(log):

@@ -16,10 +16,11 @@ from ...core.csv_values import header_names
 from ...core.elementary import arctan2, hypot
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN
+from ...core.lines import Lines
 from ...core.mounting import NONE, from_body
 from ...core.options import parts
 from ...core.se2 import Array, Ints
-from ...core.table import MOST, Lines, Table, text
+from ...core.table import MOST, Table, text
 from ...frontend.wheels.holes import other_unit, outside
 from ..formats.columns import in_order, read_columns
 from ..remarks import POINTS
@@ -108,7 +109,7 @@ def detections(path: Path, options: Options, start: float, end: float, remarks: 
         z, cov = from_body(z, cov, place.place)
     counts = int((~inside).sum()), int((inside & left_out).sum())
     signs = None if signature is None else signature[kept]
-    return Detections(t[kept], ids[kept], z, cov, *counts, signs, Lines.of(table, np.flatnonzero(kept)), table.columns)
+    return Detections(t[kept], ids[kept], z, cov, *counts, signs, table.lines_of(np.flatnonzero(kept)), table.columns)
 
 
 def _read(path: Path, options: Options, remarks: list[str]) -> tuple[Table, Array | None]:

@@ -23,8 +23,9 @@ import numpy as np
 from ...core.csv_values import digits_lost
 from ...core.errors import InputError
 from ...core.factors import REMARKS, Dataset, Log, Map, Prior, Systematic, Truth
+from ...core.lines import Lines
 from ...core.se2 import Array, summed, wrap
-from ...core.table import LARGEST, Lines, Table
+from ...core.table import LARGEST, Table
 from ...core.truth.tum import read_tum
 from ...frontend.pauses import longest_pause
 from ...frontend.wheels.commands import driven
