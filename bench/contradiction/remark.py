@@ -15,6 +15,7 @@ from .explain import STUCK, Contradiction, contradiction
 from .filtered import nis
 from .fit import Fitted
 from .outliers import outliers
+from .parts import far_ranges, other_bearings, other_ids
 from .places import elsewhere
 from .ranges import beyond_reach, too_long
 from .start import far_start
@@ -71,7 +72,9 @@ def remarked(dataset: Dataset, *, thorough: bool = True, began: Began = silent) 
     columns = of_columns(dataset)
     with np.errstate(all="ignore"):  # what is beyond all numbers agrees with nothing
         found, units = _of_measurements(dataset, began, thorough=thorough), list(wrong_units(*dataset))
-        units += [] if units else too_long(dataset)
+        for look in (other_ids, too_long, far_ranges):
+            units = units or list(look(dataset))
+        units += other_bearings(dataset)
         lone = [*far_start(dataset.log), *beyond_reach(*dataset)]
     return found._replace(
         columns=columns,
@@ -154,7 +157,8 @@ def explained(name: str, dataset: Dataset) -> str:
     if found is None and (dataset.log.partial is not None or dataset.log.fixes is not None):
         return (
             f"{name}: too few whole sightings of one landmark, and too few loops closed, to tell if the log agrees; "
-            "of ranges alone, positions and headings the units alone are looked at, and nothing of bearings alone."
+            "of ranges alone, positions and headings the units are looked at, and of ranges and bearings alone what a "
+            "true path and known places tell."
         )
     if found is None:
         return f"{name}: too few landmarks are sighted again, and too few loops closed, to tell if the log agrees."
