@@ -11,7 +11,7 @@ from ...core.errors import InputError
 from ...core.factors import Log
 from ...core.se2 import Array
 from ...frontend.inertial.against_wheels import against_wheels, in_odometry
-from ...frontend.inertial.imu import Imu
+from ...frontend.inertial.imu import SELDOM, Imu
 from ...frontend.inertial.levels import Levels
 from ...frontend.inertial.log import with_turns
 from ...frontend.inertial.standing import Readings, Standing, standing
@@ -34,7 +34,6 @@ BASES = ("base_link", "base_footprint")  # frames of the robot itself
 
 NOTE = "imu"  # the readings in a sentence, among a log's notes
 
-SELDOM = 10.0  # Hz, below which a turn between two readings is mostly a guess
 SLOW = 5.0  # s between readings: times in milliseconds
 
 
@@ -194,7 +193,7 @@ def _unit(raw: Raw, table: ImuTable, sensor: str) -> str | None:
 def _odd(imu: Imu) -> Sequence[str]:
     """Says what is odd in the times and ranges of readings."""
     said = list[str]()
-    if imu.rate < SELDOM:
+    if imu.seldom:
         said.append(
             f"{imu.source}: comes at {imu.rate:.3g} Hz (median), expected at least {SELDOM:g}: turns between readings "
             "are interpolated, and stated as wide as the rate's changes"

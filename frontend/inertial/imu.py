@@ -16,6 +16,10 @@ LEAST_GAP, MANY = 0.2, 5.0
 known to a degree any more, and no jitter explains it."""
 
 
+SELDOM = 10.0
+"""Hz, below which a turn between two readings is mostly a guess, and the rocking of a body is not followed."""
+
+
 @dataclass(frozen=True, eq=False)
 class Imu:
     """Readings in the robot's frame, x forward, y left, z up, all at the times of the gyro's."""
@@ -45,6 +49,11 @@ class Imu:
     def rate(self) -> float:
         """Hz, of the median time between readings."""
         return 1 / self.usual
+
+    @property
+    def seldom(self) -> bool:
+        """True below `SELDOM`, to a tenth of a Hz: stamps are rounded."""
+        return round(self.rate, 1) < SELDOM
 
     @cached_property
     def missing(self) -> NDArray[np.bool_]:
