@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -85,12 +85,12 @@ def open_imu_csv(
     """The inertial readings of a CSV file, as those of `open_imu`; InputError for what cannot be used."""
     raw = read_imu_csv(path, table.columns)
     imu = imu_of(str(path), raw, table, None, [])
-    return _judged(imu, odometry, odometry, notes, remarks, said=_unit(raw, table, "gyro") is not None)
+    return _judged(imu, odometry, odometry, notes, remarks, said=_unit(raw, table, "gyro"))
 
 
 def beside(log: Log, opened: OpenedImu | None, first: int = 0) -> Log:
     """The log with the gyro's turns between its steps from `first` on; itself without one, or where it has them."""
-    if opened is None or opened.twice:
+    if opened is None or opened.twice or not opened.imu.turns:
         return log
     turned = with_turns(log, *opened[:2], first, opened.levels)
     if turned.gyro is None:
@@ -105,7 +105,7 @@ def _judged(
     notes: dict[str, Any],
     remarks: list[str],
     *,
-    said: bool,
+    said: str | None,
 ) -> OpenedImu:
     """The readings, compared with the odometry and with its `path`, where these are poses; `said`: the gyro's unit."""
     if isinstance(path, Poses):
@@ -124,8 +124,8 @@ def _judged(
     return OpenedImu(imu, stood, twice)
 
 
-def _read(recording: Path, home: Path, table: ImuTable) -> tuple[Imu | None, bool]:
-    """The readings, and if their gyro's unit was said."""
+def _read(recording: Path, home: Path, table: ImuTable) -> tuple[Imu | None, str | None]:
+    """The readings, and their gyro's unit, if it was said."""
     file, remarks = home / IMU, list[str]()
     bag = Bag(recording) if is_bag(recording) else None
     listed = [] if bag is None else bag.listed()
@@ -134,18 +134,18 @@ def _read(recording: Path, home: Path, table: ImuTable) -> tuple[Imu | None, boo
         raise InputError(f"{recording}: has topic {topics[0].name} as well as {file}, expected one of them.")
     if file.exists():
         raw = read_imu_csv(file, table.columns)
-        return imu_of(str(file), raw, table, None, remarks), _unit(raw, table, "gyro") is not None
+        return imu_of(str(file), raw, table, None, remarks), _unit(raw, table, "gyro")
     if bag is None or not (topics or table.topic):
-        return None, False
+        return None, None
     found = read_imu_messages(bag, listed, table.topic, table.magnetometer_topic, remarks)
     if found is None:
-        return None, False
+        return None, None
     raw, topic = found
     transforms = Transforms(bag, listed)
     base = next((name for name in BASES if transforms.knows(name)), BASES[0])
     pose = transforms.fixed(base, raw.frame) if raw.frame else None
     imu = imu_of(f"{recording}: topic {topic}", raw, table, pose, remarks)
-    return imu, table.gyro is not None
+    return imu, _unit(raw, table, "gyro")
 
 
 def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: list[str]) -> Imu:
@@ -162,7 +162,7 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
     gyro = rates(where, raw.gyro, _unit(raw, table, "gyro"), remarks, table.says.gyro)
     accel, mag = raw.accel, raw.mag
     if accel is not None:
-        accel = accelerations(where, accel, _unit(raw, table, "accelerometer"), remarks, table.says.accelerometer)
+        accel = accelerations(where, accel, _unit(raw, table, "accelerometer"), remarks, _by(raw, table, "accelerometer"))
     if mag is not None and np.isnan(mag).all():
         mag = None
     if mag is not None:
@@ -180,7 +180,7 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
         mounting=on.words,
         placed=on.told,
         source=where,
-        unit_by=table.says.gyro,
+        unit_by=_by(raw, table, "gyro"),
     )
     return replace(imu, remarks=[*remarks, *_odd(imu)])
 
@@ -188,6 +188,11 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
 def _unit(raw: Raw, table: ImuTable, sensor: str) -> str | None:
     """The unit by the header, else by robot.toml."""
     return raw.units.get(sensor) or getattr(table, sensor)
+
+
+def _by(raw: Raw, table: ImuTable, sensor: Literal["gyro", "accelerometer"]) -> str:
+    """Names what says the unit, or can."""
+    return "the header" if raw.units.get(sensor) else getattr(table.says, sensor)
 
 
 def _odd(imu: Imu) -> Sequence[str]:

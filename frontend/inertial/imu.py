@@ -34,7 +34,9 @@ class Imu:
     mounting: str = ""  # what says how it is mounted, in a sentence
     placed: bool = True  # something says so; False: where it looks is a guess
     source: str = "imu"  # name of the readings in messages
-    unit_by: str = "[imu] gyro in robot.toml"  # can say the gyro's unit
+    unit_by: str = "[imu] gyro in robot.toml"  # says the gyro's unit, or can
+    doubt: str = ""  # what contradicts the gyro, so that nothing is levelled by it, in words; empty: nothing does
+    turns: bool = True  # False: its unit is not that which was said, and its turns are in no log
     remarks: Sequence[str] = ()  # what is legal yet odd, each without its full stop
 
     def __len__(self) -> int:

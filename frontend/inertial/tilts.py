@@ -121,6 +121,8 @@ def unlevelled(imu: Imu, motion: Motion) -> str:
         return f"there are {len(imu)} readings, expected at least {3 * BLOCKS}"
     if imu.seldom:
         return f"readings come at {imu.rate:.3g} Hz (median), expected at least {SELDOM:g} to follow a body that rocks"
+    if imu.doubt:
+        return imu.doubt
     if not imu.placed:
         return "neither robot.toml nor tf says how the unit is mounted"
     if isinstance(motion, Drift):

@@ -12,14 +12,17 @@ import pytest
 import bags
 from inertial_drives import FIELD, Drive, drive
 from refusals import refusal
+from slamduel.core.factors import Log, Prior
 from slamduel.core.se2 import Array
 from slamduel.core.toml.table import TomlTable
-from slamduel.datasets.inertial.open import NOTE, OpenedImu, open_imu
+from slamduel.datasets.inertial.open import NOTE, OpenedImu, beside, open_imu
 from slamduel.datasets.inertial.robot import ImuTable, imu_in
 from slamduel.frontend.camera.quaternions import matrix
 from slamduel.frontend.inertial.imu import GRAVITY, Imu
 from slamduel.frontend.inertial.standing import Readings
+from slamduel.frontend.inertial.tilts import unlevelled
 from slamduel.frontend.inertial.turns import integrated
+from slamduel.frontend.wheels.track import Track, TrackNoise
 from tiers import first_quick
 
 NS = 10**9
@@ -203,6 +206,41 @@ def test_a_slow_robots_degrees_are_found_by_its_wheels(tmp_path: Path) -> None:
     assert remarks == []
 
 
+@pytest.mark.parametrize(
+    ("said", "factor", "words"),
+    [
+        ("rad/s", 180 / np.pi, "perhaps it is in deg/s, and not in rad/s as [imu] gyro in robot.toml says"),
+        ("deg/s", 1.0, "perhaps it is in rad/s, and not in deg/s as [imu] gyro in robot.toml says"),
+        ("header", 180 / np.pi, "perhaps it is in deg/s, and not in rad/s as the header says"),
+    ],
+)
+def test_a_gyro_in_another_unit_than_is_said_has_no_turns_and_levels_nothing(
+    said: str, factor: float, words: str, tmp_path: Path
+) -> None:
+    one = drive(1, 60.0, 50.0, hills=0.0)
+    imu = replace(one.imu, mag=None)
+    wheels = one.odometry._replace(t=one.t + BEGIN)
+    rates = ",".join(f"gyro_{axis} [rad/s]" for axis in "xyz")
+    header = f"t,{rates},ax,ay,az" if said == "header" else ""
+    table = ImuTable(gyro=None if said == "header" else said, mounting=np.eye(4))
+    given = {"imu": imu, "odometry": wheels, "table": table, "header": header}
+    found, (remark,), _ = of_csv(tmp_path / "imu.csv", **given, gyro=factor)
+    assert words in remark
+    assert remark.endswith("; its turns are not in the log")
+    assert unlevelled(found.imu, Track(*wheels, TrackNoise())) == "the gyro's turns are not those of the odometry"
+    at = np.arange(BEGIN + 1.0, BEGIN + 50.0)
+    log = log_of(at)
+    assert beside(log, found) is log
+    right = 1.0 if said != "deg/s" else 180 / np.pi
+    fine, remarks, _ = of_csv(tmp_path / "fine" / "imu.csv", **given, gyro=right)
+    assert remarks == []
+    assert unlevelled(fine.imu, Track(*wheels, TrackNoise())) == ""
+    assert beside(log, fine).gyro is not None
+    turned, (remark,), _ = of_csv(tmp_path / "turned" / "imu.csv", **given, gyro=-right)
+    assert "its axes are turned, as upside down" in remark
+    assert unlevelled(turned.imu, Track(*wheels, TrackNoise())) == "the gyro's turns are not those of the odometry"
+
+
 def test_odometry_that_is_made_of_the_gyro_does_not_count_it_twice(tmp_path: Path) -> None:
     one = drive(1, 60.0, 50.0, hills=0.0)
     imu = Imu(one.t, one.imu.gyro)
@@ -213,6 +251,14 @@ def test_odometry_that_is_made_of_the_gyro_does_not_count_it_twice(tmp_path: Pat
     assert "made of this gyro's readings" in remark
     wheels = one.odometry._replace(t=one.t + BEGIN)
     assert not of_csv(tmp_path / "imu.csv", imu=imu, odometry=wheels)[0].twice  # as good as wheels can be
+
+
+def log_of(at: Array) -> Log:
+    """A log of a robot that stands still, with steps at the times `at`."""
+    delta = np.concatenate((np.full((1, 3), np.nan), np.zeros((len(at) - 1, 3))))
+    none, cov = np.zeros(0, np.int64), np.full((len(at), 3, 3), 1e-4) * np.eye(3)
+    prior = Prior(np.zeros(3), 1e-6 * np.eye(3))
+    return Log.from_arrays("drive", prior, at, delta, cov, none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)))
 
 
 def changed(change: Callable[[Imu], Imu]) -> Imu:
