@@ -81,11 +81,14 @@ def accelerations(
     """`accel` (n, 3) in m/s^2; None where it is not with gravity. `remarks` grows by what is odd."""
     size = float(np.linalg.norm(np.median(accel, axis=0)))  # of what stays, and so without shaking
     units = UNITS["accelerometer"] if said is None else {said: UNITS["accelerometer"][said]}
-    found = next((name for name, of in units.items() if abs(size * of / GRAVITY - 1) < NEAR), None)
+    fits = [name for name, of in UNITS["accelerometer"].items() if abs(size * of / GRAVITY - 1) < NEAR]
+    found = next((name for name in fits if name in units), None)
     if found is None:
         expected = " or ".join(f"{GRAVITY / of:.4g} in {name}" for name, of in units.items())
         removed = size * next(iter(units.values())) < NEAR * GRAVITY
         cause = "gravity was taken off" if removed else "its unit is another"
+        if fits:
+            cause = f"it is in {fits[0]}, and not in {said} as {says} says"
         remarks.append(
             f"{where}: the accelerometer measures {size:.4g} on average (median), expected gravity, {expected}: "
             f"perhaps {cause}; it is not used"

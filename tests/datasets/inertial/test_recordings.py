@@ -182,6 +182,24 @@ def test_units_are_found_or_said(case: str, tmp_path: Path) -> None:
     assert all(words in remark for remark in remarks)
 
 
+@pytest.mark.parametrize(
+    ("said", "factor", "words"),
+    [
+        ("m/s^2", 1 / GRAVITY, "perhaps it is in g, and not in m/s^2 as [imu] accelerometer in robot.toml says"),
+        ("g", 1.0, "perhaps it is in m/s^2, and not in g as [imu] accelerometer in robot.toml says"),
+        ("mg", 1 / GRAVITY, "perhaps it is in g, and not in mg as [imu] accelerometer in robot.toml says"),
+        ("m/s^2", 0.0, "perhaps gravity was taken off"),
+        ("m/s^2", 0.5, "perhaps its unit is another"),
+    ],
+)
+def test_an_accelerometer_in_another_unit_than_is_said(said: str, factor: float, words: str, tmp_path: Path) -> None:
+    found, (remark,), _ = of_csv(
+        tmp_path / "imu.csv", imu=changed(lambda imu: imu), table=ImuTable(accelerometer=said), accel=factor
+    )
+    assert found.imu.accel is None
+    assert remark.endswith(f"{words}; it is not used")
+
+
 def test_a_header_says_units(tmp_path: Path) -> None:
     rates = ",".join(f"w_RS_S_{axis} [deg s^-1]" for axis in "xyz")
     header = f"#timestamp [ms],{rates},ax_g,ay_g,az_g,mx(uT),my(uT),mz(uT)"
