@@ -11,7 +11,7 @@ from ...core.errors import InputError
 from ...core.factors import Log
 from ...core.se2 import Array
 from ...frontend.inertial.against_wheels import against_wheels, in_odometry
-from ...frontend.inertial.imu import SELDOM, Imu
+from ...frontend.inertial.imu import SELDOM, Imu, spanned
 from ...frontend.inertial.levels import Levels
 from ...frontend.inertial.log import with_turns
 from ...frontend.inertial.standing import Readings, Standing, standing
@@ -94,8 +94,20 @@ def beside(log: Log, opened: OpenedImu | None, first: int = 0) -> Log:
         return log
     turned = with_turns(log, *opened[:2], first, opened.levels)
     if turned.gyro is None:
-        turned = remarked(turned, [f"{opened.imu.source}: no turn between two steps is known by the gyro"])
+        turned = remarked(
+            turned, [f"{opened.imu.source}: no turn between two steps is known by the gyro{_apart(opened.imu, log)}"]
+        )
     return turned
+
+
+def _apart(imu: Imu, log: Log) -> str:
+    """Says that no reading is of the log's time, and what moves it; empty where one is."""
+    if imu.t[0] <= log.t[-1] and imu.t[-1] >= log.t[0]:
+        return ""
+    return (
+        f", as the times do not overlap: its readings are of {spanned(imu.t)}, the log's steps of {spanned(log.t)}; "
+        f"{imu.times_by} moves them"
+    )
 
 
 def _judged(
@@ -162,7 +174,9 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
     gyro = rates(where, raw.gyro, _unit(raw, table, "gyro"), remarks, table.says.gyro)
     accel, mag = raw.accel, raw.mag
     if accel is not None:
-        accel = accelerations(where, accel, _unit(raw, table, "accelerometer"), remarks, _by(raw, table, "accelerometer"))
+        accel = accelerations(
+            where, accel, _unit(raw, table, "accelerometer"), remarks, _by(raw, table, "accelerometer")
+        )
     if mag is not None and np.isnan(mag).all():
         mag = None
     if mag is not None:
@@ -180,6 +194,7 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
         mounting=on.words,
         placed=on.told,
         source=where,
+        times_by=table.says.times,
         unit_by=_by(raw, table, "gyro"),
     )
     return replace(imu, remarks=[*remarks, *_odd(imu)])

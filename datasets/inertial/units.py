@@ -11,6 +11,7 @@ import numpy as np
 
 from ...core.se2 import Array
 from ...frontend.inertial.imu import GRAVITY
+from ..robot_limits import LIMITS
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "t": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
@@ -32,13 +33,14 @@ SPELT: Mapping[str, str] = {
 
 
 class Says(NamedTuple):
-    """Names what can say how readings are to be taken, in remarks on what nothing says: each followed by "says"."""
+    """Names what can say how readings are to be taken, in remarks: each followed by "says", the times' by "moves"."""
 
     gyro: str = "[imu] gyro in robot.toml"
     accelerometer: str = "[imu] accelerometer in robot.toml"
     magnetometer: str = "[imu] magnetometer in robot.toml"
     mounting: str = "[imu] mounting in robot.toml"
     mounted: str = "robot.toml"  # has said it
+    times: str = f"[imu] time_offset in robot.toml (up to {LIMITS['imu.time_offset'][0].most:g} s)"
 
 
 ROBOT_SAYS = Says()

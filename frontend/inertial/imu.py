@@ -34,6 +34,7 @@ class Imu:
     mounting: str = ""  # what says how it is mounted, in a sentence
     placed: bool = True  # something says so; False: where it looks is a guess
     source: str = "imu"  # name of the readings in messages
+    times_by: str = "[imu] time_offset in robot.toml"  # moves its times
     unit_by: str = "[imu] gyro in robot.toml"  # says the gyro's unit, or can
     doubt: str = ""  # what contradicts the gyro, so that nothing is levelled by it, in words; empty: nothing does
     turns: bool = True  # False: its unit is not that which was said, and its turns are in no log
@@ -85,3 +86,8 @@ class Imu:
             return 0.0
         sd = float(np.median(np.abs(differences))) / 0.6745 / np.sqrt(70)
         return sd**2 * self.usual
+
+
+def spanned(t: Array) -> str:
+    """Words from when to when the times `t` (n,), s, are."""
+    return f"{t[0]:.10g} to {t[-1]:.10g} s"

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...core.se2 import Array
 from ..wheels.motion import Drift, Motion
-from .imu import GRAVITY, SELDOM, Imu
+from .imu import GRAVITY, SELDOM, Imu, spanned
 from .levels import OFFSET, Levels, levels
 from .standing import Standing
 
@@ -128,7 +128,10 @@ def unlevelled(imu: Imu, motion: Motion) -> str:
     if isinstance(motion, Drift):
         return "nothing measured the robot's speed, and an even curve looks like a slope"
     if not _together(motion, imu.t):
-        return f"the {motion.readings} are of less than {SPAN:g} s of its time"
+        return (
+            f"its times, {spanned(imu.t)}, and those of the {motion.readings}, {spanned(motion.t)}, have less than "
+            f"{SPAN:g} s in common"
+        )
     return ""
 
 

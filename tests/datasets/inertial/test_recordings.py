@@ -279,6 +279,25 @@ def log_of(at: Array) -> Log:
     return Log.from_arrays("drive", prior, at, delta, cov, none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)))
 
 
+@pytest.mark.parametrize("since", [BEGIN - 1000.0, BEGIN + 1000.0])
+def test_readings_of_another_time_than_the_steps_are_told_with_both_times(since: float, tmp_path: Path) -> None:
+    found, remarks, _ = of_csv(tmp_path / "imu.csv", imu=changed(lambda imu: imu))
+    assert remarks == []
+    log = beside(log_of(np.arange(since, since + 10.5, 0.5)), found)
+    assert log.gyro is None
+    (remark,) = log.remarks
+    assert (
+        "no turn between two steps is known by the gyro, as the times do not overlap: its readings are of 100 to "
+        f"119.98 s, the log's steps of {since:g} to {since + 10:g} s; [imu] time_offset in robot.toml "
+        "(up to 10 s) moves them"
+    ) in remark
+    track = Track(np.array([since, since + 10.0]), np.zeros((2, 3)), TrackNoise())
+    words = f"100 to 119.98 s, and those of the odometry, {since:g} to {since + 10:g} s, have less than 1 s in common"
+    assert unlevelled(found.imu, track).startswith("neither")
+    assert unlevelled(replace(found.imu, placed=True), track) == f"its times, {words}"
+    assert beside(log_of(np.arange(BEGIN, BEGIN + 9.5, 0.5)), found).gyro is not None
+
+
 def changed(change: Callable[[Imu], Imu]) -> Imu:
     return change(replace(short().imu, mag=None))
 
