@@ -82,6 +82,7 @@ LIMITS: Mapping[str, list[Measure]] = {
     "laser.pose": [_PLACE, _PLACE, _ROLL],
     "laser.min_range": [_NEAR],
     "laser.max_range": [_REACH],
+    "laser.max_tilt": [Measure("radians", 0.0, 0.5, DEGREES)],  # no robot with a scanner of one plane drives beyond
     "laser.max_gap": [Measure("seconds", 0.0, 100.0, SECONDS, (0.05, 10.0))],
 }
 """Dotted keys of numbers -> their measure; of lists, that of all or of each number in them."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from ...core.errors import InputError
 from ...core.factors import Log
 from ...core.se2 import Array
 from ...frontend.inertial.against_wheels import against_wheels, in_odometry
-from ...frontend.inertial.imu import Imu
+from ...frontend.inertial.imu import SELDOM, Imu, spanned
 from ...frontend.inertial.levels import Levels
 from ...frontend.inertial.log import with_turns
 from ...frontend.inertial.standing import Readings, Standing, standing
@@ -34,7 +34,6 @@ BASES = ("base_link", "base_footprint")  # frames of the robot itself
 
 NOTE = "imu"  # the readings in a sentence, among a log's notes
 
-SELDOM = 10.0  # Hz, below which a turn between two readings is mostly a guess
 SLOW = 5.0  # s between readings: times in milliseconds
 
 
@@ -86,17 +85,29 @@ def open_imu_csv(
     """The inertial readings of a CSV file, as those of `open_imu`; InputError for what cannot be used."""
     raw = read_imu_csv(path, table.columns)
     imu = imu_of(str(path), raw, table, None, [])
-    return _judged(imu, odometry, odometry, notes, remarks, said=_unit(raw, table, "gyro") is not None)
+    return _judged(imu, odometry, odometry, notes, remarks, said=_unit(raw, table, "gyro"))
 
 
 def beside(log: Log, opened: OpenedImu | None, first: int = 0) -> Log:
     """The log with the gyro's turns between its steps from `first` on; itself without one, or where it has them."""
-    if opened is None or opened.twice:
+    if opened is None or opened.twice or not opened.imu.turns:
         return log
     turned = with_turns(log, *opened[:2], first, opened.levels)
     if turned.gyro is None:
-        turned = remarked(turned, [f"{opened.imu.source}: no turn between two steps is known by the gyro"])
+        turned = remarked(
+            turned, [f"{opened.imu.source}: no turn between two steps is known by the gyro{_apart(opened.imu, log)}"]
+        )
     return turned
+
+
+def _apart(imu: Imu, log: Log) -> str:
+    """Says that no reading is of the log's time, and what moves it; empty where one is."""
+    if imu.t[0] <= log.t[-1] and imu.t[-1] >= log.t[0]:
+        return ""
+    return (
+        f", as the times do not overlap: its readings are of {spanned(imu.t)}, the log's steps of {spanned(log.t)}; "
+        f"{imu.times_by} moves them"
+    )
 
 
 def _judged(
@@ -106,7 +117,7 @@ def _judged(
     notes: dict[str, Any],
     remarks: list[str],
     *,
-    said: bool,
+    said: str | None,
 ) -> OpenedImu:
     """The readings, compared with the odometry and with its `path`, where these are poses; `said`: the gyro's unit."""
     if isinstance(path, Poses):
@@ -125,8 +136,8 @@ def _judged(
     return OpenedImu(imu, stood, twice)
 
 
-def _read(recording: Path, home: Path, table: ImuTable) -> tuple[Imu | None, bool]:
-    """The readings, and if their gyro's unit was said."""
+def _read(recording: Path, home: Path, table: ImuTable) -> tuple[Imu | None, str | None]:
+    """The readings, and their gyro's unit, if it was said."""
     file, remarks = home / IMU, list[str]()
     bag = Bag(recording) if is_bag(recording) else None
     listed = [] if bag is None else bag.listed()
@@ -135,18 +146,18 @@ def _read(recording: Path, home: Path, table: ImuTable) -> tuple[Imu | None, boo
         raise InputError(f"{recording}: has topic {topics[0].name} as well as {file}, expected one of them.")
     if file.exists():
         raw = read_imu_csv(file, table.columns)
-        return imu_of(str(file), raw, table, None, remarks), _unit(raw, table, "gyro") is not None
+        return imu_of(str(file), raw, table, None, remarks), _unit(raw, table, "gyro")
     if bag is None or not (topics or table.topic):
-        return None, False
+        return None, None
     found = read_imu_messages(bag, listed, table.topic, table.magnetometer_topic, remarks)
     if found is None:
-        return None, False
+        return None, None
     raw, topic = found
     transforms = Transforms(bag, listed)
     base = next((name for name in BASES if transforms.knows(name)), BASES[0])
     pose = transforms.fixed(base, raw.frame) if raw.frame else None
     imu = imu_of(f"{recording}: topic {topic}", raw, table, pose, remarks)
-    return imu, table.gyro is not None
+    return imu, _unit(raw, table, "gyro")
 
 
 def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: list[str]) -> Imu:
@@ -163,7 +174,9 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
     gyro = rates(where, raw.gyro, _unit(raw, table, "gyro"), remarks, table.says.gyro)
     accel, mag = raw.accel, raw.mag
     if accel is not None:
-        accel = accelerations(where, accel, _unit(raw, table, "accelerometer"), remarks, table.says.accelerometer)
+        accel = accelerations(
+            where, accel, _unit(raw, table, "accelerometer"), remarks, _by(raw, table, "accelerometer")
+        )
     if mag is not None and np.isnan(mag).all():
         mag = None
     if mag is not None:
@@ -181,7 +194,8 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
         mounting=on.words,
         placed=on.told,
         source=where,
-        unit_by=table.says.gyro,
+        times_by=table.says.times,
+        unit_by=_by(raw, table, "gyro"),
     )
     return replace(imu, remarks=[*remarks, *_odd(imu)])
 
@@ -191,10 +205,15 @@ def _unit(raw: Raw, table: ImuTable, sensor: str) -> str | None:
     return raw.units.get(sensor) or getattr(table, sensor)
 
 
+def _by(raw: Raw, table: ImuTable, sensor: Literal["gyro", "accelerometer"]) -> str:
+    """Names what says the unit, or can."""
+    return "the header" if raw.units.get(sensor) else getattr(table.says, sensor)
+
+
 def _odd(imu: Imu) -> Sequence[str]:
     """Says what is odd in the times and ranges of readings."""
     said = list[str]()
-    if imu.rate < SELDOM:
+    if imu.seldom:
         said.append(
             f"{imu.source}: comes at {imu.rate:.3g} Hz (median), expected at least {SELDOM:g}: turns between readings "
             "are interpolated, and stated as wide as the rate's changes"

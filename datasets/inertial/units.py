@@ -11,6 +11,7 @@ import numpy as np
 
 from ...core.se2 import Array
 from ...frontend.inertial.imu import GRAVITY
+from ..robot_limits import LIMITS
 
 UNITS: Mapping[str, Mapping[str, float]] = {
     "t": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
@@ -32,13 +33,14 @@ SPELT: Mapping[str, str] = {
 
 
 class Says(NamedTuple):
-    """Names what can say how readings are to be taken, in remarks on what nothing says: each followed by "says"."""
+    """Names what can say how readings are to be taken, in remarks: each followed by "says", the times' by "moves"."""
 
     gyro: str = "[imu] gyro in robot.toml"
     accelerometer: str = "[imu] accelerometer in robot.toml"
     magnetometer: str = "[imu] magnetometer in robot.toml"
     mounting: str = "[imu] mounting in robot.toml"
     mounted: str = "robot.toml"  # has said it
+    times: str = f"[imu] time_offset in robot.toml (up to {LIMITS['imu.time_offset'][0].most:g} s)"
 
 
 ROBOT_SAYS = Says()
@@ -81,11 +83,14 @@ def accelerations(
     """`accel` (n, 3) in m/s^2; None where it is not with gravity. `remarks` grows by what is odd."""
     size = float(np.linalg.norm(np.median(accel, axis=0)))  # of what stays, and so without shaking
     units = UNITS["accelerometer"] if said is None else {said: UNITS["accelerometer"][said]}
-    found = next((name for name, of in units.items() if abs(size * of / GRAVITY - 1) < NEAR), None)
+    fits = [name for name, of in UNITS["accelerometer"].items() if abs(size * of / GRAVITY - 1) < NEAR]
+    found = next((name for name in fits if name in units), None)
     if found is None:
         expected = " or ".join(f"{GRAVITY / of:.4g} in {name}" for name, of in units.items())
         removed = size * next(iter(units.values())) < NEAR * GRAVITY
         cause = "gravity was taken off" if removed else "its unit is another"
+        if fits:
+            cause = f"it is in {fits[0]}, and not in {said} as {says} says"
         remarks.append(
             f"{where}: the accelerometer measures {size:.4g} on average (median), expected gravity, {expected}: "
             f"perhaps {cause}; it is not used"

@@ -21,6 +21,7 @@ IMU_SAYS = Says(
     magnetometer="a header such as mag_x [uT]",
     mounting="option imu_roll, imu_pitch or imu_yaw",
     mounted="option imu_roll, imu_pitch or imu_yaw",
+    times="option imu_delay",
 )
 
 ANGLED = ("odometry", "detections", "bearings", "headings", "truth")  # files that have angles

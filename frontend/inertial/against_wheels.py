@@ -14,6 +14,7 @@ FEW, TURNS = 10, 0.01  # pieces, and rad by which their turns have to differ, to
 AGREE = 0.7  # correlation from which on both are of one drive
 ALIKE = 0.7, 1.4  # the gyro's turn for one of the wheels that wheels of a wrong size or slip explain
 DEGREES = 180 / np.pi
+EXACT = 0.05  # share by which the turns' factor may differ from that of a unit which is said to be another
 
 EVENLY, MOST_BIAS = 0.1, 0.15
 """rad in a piece: turns of the wheels from which on a drive that always turns alike tells, and the most by a bias."""
@@ -22,10 +23,10 @@ SAME = 0.2
 """Of the gyro's white noise, by which the odometry's turns differ from its own: wheels cannot know it that well."""
 
 
-def against_wheels(imu: Imu, odometry: Poses, *, said: bool) -> Imu:
-    """The readings with remarks where their turns are not those of the odometry.
+def against_wheels(imu: Imu, odometry: Poses, *, said: str | None) -> Imu:
+    """The readings with remarks, and a doubt, where their turns are not those of the odometry.
 
-    A gyro in degrees/s is converted, unless its unit was `said`.
+    A gyro in degrees/s is converted, unless a unit was `said`, rad/s or deg/s.
     """
     gyro, wheels = _turns(imu, odometry)
     if len(gyro) < FEW:
@@ -40,13 +41,23 @@ def against_wheels(imu: Imu, odometry: Poses, *, said: bool) -> Imu:
     if low < slope / DEGREES < high and not said:
         found += f": taken to be in degrees/s, and converted; {imu.unit_by} says"
         return replace(imu, gyro=imu.gyro / DEGREES, remarks=[*imu.remarks, found])
+    turns = True
     if low < -slope < high:
         found += ": its axes are turned, as upside down, or the odometry turns clockwise"
+    elif said == "rad/s" and abs(slope / DEGREES - 1) < EXACT:
+        found += f": perhaps it is in deg/s, and not in rad/s as {imu.unit_by} says"
+        turns = False
+    elif said == "deg/s" and abs(slope * DEGREES - 1) < EXACT:
+        found += f": perhaps it is in rad/s, and not in deg/s as {imu.unit_by} says, or the odometry is in degrees"
+        turns = False
     elif low < slope * DEGREES < high:
         found += ": perhaps the odometry's headings are in degrees"
     else:
         found += ": perhaps its unit is another"
-    return replace(imu, remarks=[*imu.remarks, found])
+    if not turns:
+        found += "; its turns are not in the log"
+    doubt = "the gyro's turns are not those of the odometry"
+    return replace(imu, doubt=doubt, turns=turns, remarks=[*imu.remarks, found])
 
 
 def _slope(gyro: Array, wheels: Array) -> float | None:

@@ -16,6 +16,10 @@ LEAST_GAP, MANY = 0.2, 5.0
 known to a degree any more, and no jitter explains it."""
 
 
+SELDOM = 10.0
+"""Hz, below which a turn between two readings is mostly a guess, and the rocking of a body is not followed."""
+
+
 @dataclass(frozen=True, eq=False)
 class Imu:
     """Readings in the robot's frame, x forward, y left, z up, all at the times of the gyro's."""
@@ -30,7 +34,10 @@ class Imu:
     mounting: str = ""  # what says how it is mounted, in a sentence
     placed: bool = True  # something says so; False: where it looks is a guess
     source: str = "imu"  # name of the readings in messages
-    unit_by: str = "[imu] gyro in robot.toml"  # can say the gyro's unit
+    times_by: str = "[imu] time_offset in robot.toml"  # moves its times
+    unit_by: str = "[imu] gyro in robot.toml"  # says the gyro's unit, or can
+    doubt: str = ""  # what contradicts the gyro, so that nothing is levelled by it, in words; empty: nothing does
+    turns: bool = True  # False: its unit is not that which was said, and its turns are in no log
     remarks: Sequence[str] = ()  # what is legal yet odd, each without its full stop
 
     def __len__(self) -> int:
@@ -45,6 +52,11 @@ class Imu:
     def rate(self) -> float:
         """Hz, of the median time between readings."""
         return 1 / self.usual
+
+    @property
+    def seldom(self) -> bool:
+        """True below `SELDOM`, to a tenth of a Hz: stamps are rounded."""
+        return round(self.rate, 1) < SELDOM
 
     @cached_property
     def missing(self) -> NDArray[np.bool_]:
@@ -74,3 +86,8 @@ class Imu:
             return 0.0
         sd = float(np.median(np.abs(differences))) / 0.6745 / np.sqrt(70)
         return sd**2 * self.usual
+
+
+def spanned(t: Array) -> str:
+    """Words from when to when the times `t` (n,), s, are."""
+    return f"{t[0]:.10g} to {t[-1]:.10g} s"

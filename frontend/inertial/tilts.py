@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...core.se2 import Array
 from ..wheels.motion import Drift, Motion
-from .imu import GRAVITY, Imu
+from .imu import GRAVITY, SELDOM, Imu, spanned
 from .levels import OFFSET, Levels, levels
 from .standing import Standing
 
@@ -119,12 +119,19 @@ def unlevelled(imu: Imu, motion: Motion) -> str:
         return "there is no accelerometer"
     if len(imu) < 3 * BLOCKS:
         return f"there are {len(imu)} readings, expected at least {3 * BLOCKS}"
+    if imu.seldom:
+        return f"readings come at {imu.rate:.3g} Hz (median), expected at least {SELDOM:g} to follow a body that rocks"
+    if imu.doubt:
+        return imu.doubt
     if not imu.placed:
         return "neither robot.toml nor tf says how the unit is mounted"
     if isinstance(motion, Drift):
         return "nothing measured the robot's speed, and an even curve looks like a slope"
     if not _together(motion, imu.t):
-        return f"the {motion.readings} are of less than {SPAN:g} s of its time"
+        return (
+            f"its times, {spanned(imu.t)}, and those of the {motion.readings}, {spanned(motion.t)}, have less than "
+            f"{SPAN:g} s in common"
+        )
     return ""
 
 

@@ -12,14 +12,17 @@ import pytest
 import bags
 from inertial_drives import FIELD, Drive, drive
 from refusals import refusal
+from slamduel.core.factors import Log, Prior
 from slamduel.core.se2 import Array
 from slamduel.core.toml.table import TomlTable
-from slamduel.datasets.inertial.open import NOTE, OpenedImu, open_imu
+from slamduel.datasets.inertial.open import NOTE, OpenedImu, beside, open_imu
 from slamduel.datasets.inertial.robot import ImuTable, imu_in
 from slamduel.frontend.camera.quaternions import matrix
 from slamduel.frontend.inertial.imu import GRAVITY, Imu
 from slamduel.frontend.inertial.standing import Readings
+from slamduel.frontend.inertial.tilts import unlevelled
 from slamduel.frontend.inertial.turns import integrated
+from slamduel.frontend.wheels.track import Track, TrackNoise
 from tiers import first_quick
 
 NS = 10**9
@@ -179,6 +182,24 @@ def test_units_are_found_or_said(case: str, tmp_path: Path) -> None:
     assert all(words in remark for remark in remarks)
 
 
+@pytest.mark.parametrize(
+    ("said", "factor", "words"),
+    [
+        ("m/s^2", 1 / GRAVITY, "perhaps it is in g, and not in m/s^2 as [imu] accelerometer in robot.toml says"),
+        ("g", 1.0, "perhaps it is in m/s^2, and not in g as [imu] accelerometer in robot.toml says"),
+        ("mg", 1 / GRAVITY, "perhaps it is in g, and not in mg as [imu] accelerometer in robot.toml says"),
+        ("m/s^2", 0.0, "perhaps gravity was taken off"),
+        ("m/s^2", 0.5, "perhaps its unit is another"),
+    ],
+)
+def test_an_accelerometer_in_another_unit_than_is_said(said: str, factor: float, words: str, tmp_path: Path) -> None:
+    found, (remark,), _ = of_csv(
+        tmp_path / "imu.csv", imu=changed(lambda imu: imu), table=ImuTable(accelerometer=said), accel=factor
+    )
+    assert found.imu.accel is None
+    assert remark.endswith(f"{words}; it is not used")
+
+
 def test_a_header_says_units(tmp_path: Path) -> None:
     rates = ",".join(f"w_RS_S_{axis} [deg s^-1]" for axis in "xyz")
     header = f"#timestamp [ms],{rates},ax_g,ay_g,az_g,mx(uT),my(uT),mz(uT)"
@@ -203,6 +224,41 @@ def test_a_slow_robots_degrees_are_found_by_its_wheels(tmp_path: Path) -> None:
     assert remarks == []
 
 
+@pytest.mark.parametrize(
+    ("said", "factor", "words"),
+    [
+        ("rad/s", 180 / np.pi, "perhaps it is in deg/s, and not in rad/s as [imu] gyro in robot.toml says"),
+        ("deg/s", 1.0, "perhaps it is in rad/s, and not in deg/s as [imu] gyro in robot.toml says"),
+        ("header", 180 / np.pi, "perhaps it is in deg/s, and not in rad/s as the header says"),
+    ],
+)
+def test_a_gyro_in_another_unit_than_is_said_has_no_turns_and_levels_nothing(
+    said: str, factor: float, words: str, tmp_path: Path
+) -> None:
+    one = drive(1, 60.0, 50.0, hills=0.0)
+    imu = replace(one.imu, mag=None)
+    wheels = one.odometry._replace(t=one.t + BEGIN)
+    rates = ",".join(f"gyro_{axis} [rad/s]" for axis in "xyz")
+    header = f"t,{rates},ax,ay,az" if said == "header" else ""
+    table = ImuTable(gyro=None if said == "header" else said, mounting=np.eye(4))
+    given = {"imu": imu, "odometry": wheels, "table": table, "header": header}
+    found, (remark,), _ = of_csv(tmp_path / "imu.csv", **given, gyro=factor)
+    assert words in remark
+    assert remark.endswith("; its turns are not in the log")
+    assert unlevelled(found.imu, Track(*wheels, TrackNoise())) == "the gyro's turns are not those of the odometry"
+    at = np.arange(BEGIN + 1.0, BEGIN + 50.0)
+    log = log_of(at)
+    assert beside(log, found) is log
+    right = 1.0 if said != "deg/s" else 180 / np.pi
+    fine, remarks, _ = of_csv(tmp_path / "fine" / "imu.csv", **given, gyro=right)
+    assert remarks == []
+    assert unlevelled(fine.imu, Track(*wheels, TrackNoise())) == ""
+    assert beside(log, fine).gyro is not None
+    turned, (remark,), _ = of_csv(tmp_path / "turned" / "imu.csv", **given, gyro=-right)
+    assert "its axes are turned, as upside down" in remark
+    assert unlevelled(turned.imu, Track(*wheels, TrackNoise())) == "the gyro's turns are not those of the odometry"
+
+
 def test_odometry_that_is_made_of_the_gyro_does_not_count_it_twice(tmp_path: Path) -> None:
     one = drive(1, 60.0, 50.0, hills=0.0)
     imu = Imu(one.t, one.imu.gyro)
@@ -213,6 +269,33 @@ def test_odometry_that_is_made_of_the_gyro_does_not_count_it_twice(tmp_path: Pat
     assert "made of this gyro's readings" in remark
     wheels = one.odometry._replace(t=one.t + BEGIN)
     assert not of_csv(tmp_path / "imu.csv", imu=imu, odometry=wheels)[0].twice  # as good as wheels can be
+
+
+def log_of(at: Array) -> Log:
+    """A log of a robot that stands still, with steps at the times `at`."""
+    delta = np.concatenate((np.full((1, 3), np.nan), np.zeros((len(at) - 1, 3))))
+    none, cov = np.zeros(0, np.int64), np.full((len(at), 3, 3), 1e-4) * np.eye(3)
+    prior = Prior(np.zeros(3), 1e-6 * np.eye(3))
+    return Log.from_arrays("drive", prior, at, delta, cov, none, none, np.zeros((0, 2)), np.zeros((0, 2, 2)))
+
+
+@pytest.mark.parametrize("since", [BEGIN - 1000.0, BEGIN + 1000.0])
+def test_readings_of_another_time_than_the_steps_are_told_with_both_times(since: float, tmp_path: Path) -> None:
+    found, remarks, _ = of_csv(tmp_path / "imu.csv", imu=changed(lambda imu: imu))
+    assert remarks == []
+    log = beside(log_of(np.arange(since, since + 10.5, 0.5)), found)
+    assert log.gyro is None
+    (remark,) = log.remarks
+    assert (
+        "no turn between two steps is known by the gyro, as the times do not overlap: its readings are of 100 to "
+        f"119.98 s, the log's steps of {since:g} to {since + 10:g} s; [imu] time_offset in robot.toml "
+        "(up to 10 s) moves them"
+    ) in remark
+    track = Track(np.array([since, since + 10.0]), np.zeros((2, 3)), TrackNoise())
+    words = f"100 to 119.98 s, and those of the odometry, {since:g} to {since + 10:g} s, have less than 1 s in common"
+    assert unlevelled(found.imu, track).startswith("neither")
+    assert unlevelled(replace(found.imu, placed=True), track) == f"its times, {words}"
+    assert beside(log_of(np.arange(BEGIN, BEGIN + 9.5, 0.5)), found).gyro is not None
 
 
 def changed(change: Callable[[Imu], Imu]) -> Imu:

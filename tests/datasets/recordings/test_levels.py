@@ -148,4 +148,4 @@ def test_a_gyros_turns_are_compared_with_those_of_counted_wheels(tmp_path: Path)
     assert said[1.0] == []
     (turned,), (other,) = said[-1.0], said[180 / np.pi]
     assert "its axes are turned, as upside down" in turned
-    assert "perhaps its unit is another" in other
+    assert "perhaps it is in deg/s, and not in rad/s as [imu] gyro in robot.toml says" in other

@@ -95,6 +95,7 @@ def test_a_robot_toml_of_a_camera_is_none_of_a_scanner(tmp_path: Path) -> None:
         ("min_range = 0.2", "min_range = -1", "laser.min_range: found -1, expected a number at least 0"),
         ('odometry = "wheels"', 'odometry = "wheel"', "found 'wheel', expected one of 'auto', 'wheels', 'none'"),
         ("max_gap = 0.4", "max_gap = 0", "laser.max_gap: found 0, expected a number above 0"),
+        ("max_gap = 0.4", "max_tilt = 10", "laser.max_tilt: found 10, expected radians from 0 to 0.5 (0.175 if this"),
         ("step = 0.3", "step = 30", "laser.step: found 30, expected a number from 0.05 to 10"),
         ("step = 0.3", "step = 0.01", "laser.step: found 0.01, expected a number at least 0.05"),
         ("loops = false", 'loops = "no"', "laser.loops: found 'no', expected true or false"),

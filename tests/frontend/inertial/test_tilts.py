@@ -17,7 +17,7 @@ from slamduel.datasets.worlds.aruco_room import ENCODER
 from slamduel.datasets.worlds.rendered_world import LOOP
 from slamduel.datasets.worlds.wheeled_robot import count, drive
 from slamduel.frontend.inertial.imu import Imu
-from slamduel.frontend.inertial.tilts import STEEP, Tilts, leaned, speeds, tilts
+from slamduel.frontend.inertial.tilts import STEEP, Tilts, leaned, speeds, tilts, unlevelled
 from slamduel.frontend.wheels.motion import Drift
 from slamduel.frontend.wheels.ticks import Wheels
 from tiers import first_quick
@@ -90,6 +90,19 @@ def test_without_an_accelerometer_or_a_speed_there_are_none() -> None:
     assert tilts(replace(one.imu, accel=None), None, one.wheels, []) is None
     assert speeds(drift, one.imu.t) is None
     assert tilts(one.imu, None, drift, []) is None
+
+
+@pytest.mark.parametrize(("hz", "levelled"), [(2, False), (5, False), (10, True), (100, True)])
+def test_a_body_is_not_levelled_by_readings_too_seldom_to_follow_its_rocking(hz: int, levelled: bool) -> None:
+    one = rocked_drive(0)
+    assert one.imu.accel is not None
+    rows = slice(None, None, round(one.imu.rate / hz))
+    imu = Imu(one.imu.t[rows], one.imu.gyro[rows], one.imu.accel[rows])
+    assert imu.rate == pytest.approx(hz)
+    assert (tilts(imu, None, one.wheels, []) is not None) == levelled
+    assert unlevelled(imu, one.wheels) == (
+        "" if levelled else f"readings come at {hz} Hz (median), expected at least 10 to follow a body that rocks"
+    )
 
 
 def test_speeds_are_those_of_the_wheels() -> None:
