@@ -52,7 +52,7 @@ def with_parts(dataset: Dataset, options: Parts, rng: np.random.Generator) -> Da
     if not ranges and not bearings:
         return dataset
     log, truth = dataset
-    if not len(log.ids) and truth is not None and truth.map is not None and not len(truth.map.ids):
+    if not len(log.ids) and (truth is None or truth.map is None or not len(truth.map.ids)):
         name = "ranges_only" if ranges else "bearings_only"
         raise InputError(f"dataset {log.name}: option {name} has no effect without landmarks, expected both.")
     if ranges + bearings > 1:
