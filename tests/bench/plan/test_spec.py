@@ -94,6 +94,11 @@ def test_wrong_names_get_a_sentence(text: str, sentence: str) -> None:
         backend_variants(text)
 
 
+def test_no_name_is_suggested_that_has_half_of_the_letters() -> None:
+    with pytest.raises(InputError, match="there is no option 'loops'; expected one of "):
+        dataset_variants("city[loops=5]")
+
+
 @pytest.mark.parametrize("option", ["motion=stop-and-go", "moving_speed=1", "roaming=3"])
 def test_options_of_moving_landmarks_are_refused_where_none_move(option: str) -> None:
     name = option.partition("=")[0]
