@@ -38,7 +38,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 demo: $(VENV)/.installed
 	rm -rf results/demo
-	$(BIN)/bench run --out results/demo
+	$(BIN)/bench run --dataset aruco-room,victoria-park --out results/demo
 
 test: lint types unit
 

@@ -26,7 +26,7 @@ class Interrupted(SlamduelError):
 def nearest(name: str, known: Iterable[str]) -> str:
     """Suggests the known name that was meant, or lists all."""
     names = sorted(known)
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.55)
     if close:
         return f"did you mean {close[0]!r}?"
     return f"expected one of {', '.join(names)}." if names else "it has none."

@@ -24,15 +24,16 @@ def option(
     minimum: float | None = None,
     maximum: float | None = None,
     choices: tuple[str, ...] | None = None,
-    beside: str | None = None,
+    beside: str | tuple[str, ...] | None = None,
     parted: str | None = None,
 ) -> Any:
     """Declares an option as a dataclass field with its help text `summary` (with its unit) and range or choices.
 
     `minimum` and `maximum` are inclusive. The field's annotation determines its parser: int, float, bool or str, or one
     of these `| None`, where None stands for "not given"; of `float | tuple[float, float]` a number or two, as in 1,2. A
-    dataset's option has no effect without that named `beside`, and is refused where the other one is not given. A str
-    that is a list has the separator `parted`, with which labels write it; commas are read in any list, see `parts`.
+    dataset's option has no effect without that named `beside`, or one of those, and is refused where none of them is
+    given. A str that is a list has the separator `parted`, with which labels write it; commas are read in any list, see
+    `parts`.
     """
     metadata = {"summary": summary, "minimum": minimum, "maximum": maximum, "choices": choices, "beside": beside}
     return field(default=default, metadata=metadata | {"parted": parted})

@@ -52,7 +52,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("recording", help="the recording's folder, video or bag, or camera:0")
     add("--out", type=Path, required=True, metavar="LOG", help="the folder the log goes to")
     add("--robot", type=Path, metavar="FILE", help="the robot.toml, if not the one beside the recording")
-    add("--sensors", metavar="NAMES", help="of several: markers,laser,depth,wheels,gyro,compass,gps (default: all)")
+    add("--sensors", metavar="NAMES", help="of several: markers,laser,depth,wheels,gyro,compass,gps, or all (default)")
     add("--scan", metavar="TOPIC", help="the topic of the laser scans, in a bag with several")
     add("--odometry", metavar="TOPIC", help="the topic of their odometry, in a bag with several")
     add("--preview", type=Path, metavar="FILE", help="also write an annotated video (.mp4 .avi .mkv .webm)")

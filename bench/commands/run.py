@@ -10,7 +10,7 @@ from pathlib import Path
 from ...core.factors import STARTS
 from ..measure.repeats import MOST_CELLS, ROUNDS, SMALL_S
 from ..plan.values import count, positive
-from ..run.benchmark import DEFAULTS, benchmark, folder_for
+from ..run.benchmark import DEFAULTS, asked, benchmark, folder_for
 from ..run.document import SCHEMA, document
 from ..run.progress import Screen
 from ..run.terminal import complain, conclude, status, verdicts
@@ -23,7 +23,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     about = (
         "Options go in brackets: --backend 'ekf,fastslam[particles=1000]' --dataset 'aruco-room[markers=12]'. A "
         "dataset may be the path of a log's folder, a backend may be my_package.my_module:build. With --out alone, a "
-        "run that was stopped is continued. bench list prints all names and options."
+        "run that was stopped is continued; without any option, five backends run on two datasets. bench list prints "
+        "all names and options."
     )
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = f"{textwrap.fill(about, 79)}\n\nThe document that --json prints:\n{textwrap.indent(SCHEMA, '  ')}"
@@ -103,7 +104,7 @@ def main(namespace: argparse.Namespace) -> int:
         chosen = executors.executor(namespace, namespace.jobs, 1, exclusive=namespace.jobs is None, say=screen.say)
         with contextlib.closing(chosen) as executor:
             how = {"retry": namespace.retry, "strict": namespace.strict}
-            plan, record = benchmark(given, out, executor, command, screen, **how)
+            plan, record = benchmark(asked(given, namespace.out), out, executor, command, screen, **how)
     found, remarks = record.lines, record.remarks
     ended, report = status(found), out / "report.html"
     if namespace.json:

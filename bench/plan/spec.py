@@ -177,12 +177,15 @@ def read_values(cls: type[Any], given: Sequence[tuple[str, str]], where: str) ->
 
 
 def _check_beside(cls: type[Any], given: Sequence[tuple[str, str]], where: str) -> None:
-    """Refuses an option that has no effect without another one, which is not given."""
+    """Refuses an option that has no effect without another one, or one of several, where none of them is given."""
     names = [name for name, _ in given]
     for field in fields(cls):
         beside = field.metadata.get("beside")
-        if beside is not None and field.name in names and beside not in names:
-            raise InputError(f"{where}: option {field.name} has no effect without {beside}, expected both.")
+        others = (beside,) if isinstance(beside, str) else beside or ()
+        if others and field.name in names and not set(others) & set(names):
+            expected = "both" if len(others) == 1 else "one of them"
+            said = f"option {field.name} has no effect without {' or '.join(others)}, expected {expected}."
+            raise InputError(f"{where}: {said}")
 
 
 def describe(cls: type[Any]) -> list[tuple[str, str, str]]:

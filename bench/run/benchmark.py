@@ -48,10 +48,11 @@ def benchmark(
     strict: bool = False,
     lasting: bool = False,
 ) -> tuple[Plan, Recorded]:
-    """Runs `given` and DEFAULTS into `out`, or continues its run; returns its plan and its record.
+    """Runs `given` and DEFAULTS into `out`, or continues its run where nothing is given; returns its plan and record.
 
     The executor is closed before the report is written, which needs the memory of its workers where logs are long,
-    unless it is `lasting`. InputError where `out` has other settings, and with `strict` for a log with a remark.
+    unless it is `lasting`. InputError where `out` has other settings, or nothing is given and it has no run, and with
+    `strict` for a log with a remark.
     """
     plan = planned(given, out)
     if (plan.repeats or 1) > 1 and not executor.times:
@@ -62,10 +63,10 @@ def benchmark(
         )
     if not given and killed_plan(out) is not None:
         watcher.say(f"The run in {out} was killed before all of its logs were made: it begins again.")
-    elif not given and not begun(out):
-        watcher.say(f"A new run in {out}: {DEFAULTS['backend']} on {DEFAULTS['dataset']}, {DEFAULTS['seeds']} seeds.")
     elif not given and not any_ended(out):
         watcher.say(f"The run in {out} was stopped before any of its cells had ended: it goes on.")
+    elif given == DEFAULTS:
+        watcher.say(f"A new run in {out}: {DEFAULTS['backend']} on {DEFAULTS['dataset']}, {DEFAULTS['seeds']} seeds.")
     try:
         run(plan, out, executor, command, watcher, retry=retry, strict=strict)
     except KeyboardInterrupt:
@@ -79,6 +80,11 @@ def benchmark(
         return plan, write_report(store)
 
 
+def asked(given: Mapping[str, Any], out: Path | None) -> Mapping[str, Any]:
+    """`given`, or DEFAULTS where nothing is given, nor a folder `out` whose run would be continued."""
+    return given if given or out is not None else DEFAULTS
+
+
 def planned(given: Mapping[str, Any], out: Path) -> Plan:
     """The plan of the run in `out`, else that of `given` and DEFAULTS; InputError as `benchmark`."""
     plan = recorded_plan(out)
@@ -86,7 +92,7 @@ def planned(given: Mapping[str, Any], out: Path) -> Plan:
         plan = killed_plan(out)
     if plan is None:
         if not given:
-            _refuse_a_misspelling(out)
+            raise _no_run(out)
         plan = Plan.from_words(DEFAULTS | dict(given))
         if "seeds" in given:
             _refuse_seeds(plan)
@@ -107,15 +113,12 @@ def _refuse_seeds(plan: Plan) -> None:
         raise InputError(f"seeds: found {plan.seeds}, expected none, or 1: {said}, and all of them are run, each once.")
 
 
-def _refuse_a_misspelling(out: Path) -> None:
-    """Raises InputError where `out` is new, and a run beside it has nearly its name."""
+def _no_run(out: Path) -> InputError:
+    """The error of a folder that has no run to continue, with the run beside it that has nearly its name."""
     beside = () if out.exists() else (folder.parent.name for folder in out.absolute().parent.glob(f"*/{FILE}"))
     close = difflib.get_close_matches(out.name, sorted(beside), n=1)
-    if close:
-        raise InputError(
-            f"--out {out}: there is no run to continue, did you mean {out.with_name(close[0])}? A new run there takes "
-            "--backend or --dataset."
-        )
+    meant = f", did you mean {out.with_name(close[0])}?" if close else ";"
+    return InputError(f"--out {out}: there is no run to continue{meant} --backend and --dataset begin one.")
 
 
 @contextlib.contextmanager

@@ -18,7 +18,7 @@ from ..verdict.summary import lines
 from ..verdict.verdict import Verdict
 from ..words.console import screen_console
 from ..workers.local_executor import Local
-from .benchmark import begun, benchmark, folder_for, planned
+from .benchmark import asked, begun, benchmark, folder_for, planned
 from .held import ASKER, EXPECTED, Held, Named, each, needless_truth
 from .progress import Screen
 from .terminal import conclude, verdicts
@@ -138,8 +138,8 @@ def run(
     `Log`. `logs` are the logs of one dataset, with one verdict: a list of such, or lists by the name of the cluster
     that they are of, as logs that share a run, a robot or a building are not independent. With `repeats` every cell is
     timed in so many rounds, by default small ones in five; nothing is claimed of costs that were measured once.
-    Results go to `out`, by default results/DATE-TIME; a run that was stopped is continued. The other arguments are the
-    options of the command line. SlamduelError, with a sentence, for anything that cannot be used.
+    Results go to `out`, by default results/DATE-TIME; with `out` alone, a run that was stopped is continued. The
+    other arguments are the command line's options. SlamduelError, with a sentence, for anything that cannot be used.
     """
     said = {
         "seeds": seeds,
@@ -164,12 +164,13 @@ def run(
         if not words and backend is not None and not begun(folder):
             raise InputError(f"{ASKER}: dataset is None, expected {EXPECTED}.")
         as_whole("jobs", jobs, 1)
+        wanted = asked(given, None if out is None else folder)
         if logs is None:
-            planned(given, folder)
+            planned(wanted, folder)
         with held.written(), Screen(screen_console(quiet=quiet)) as screen:
             command = [ASKER, *(f"{name}={value}" for name, value in given.items())]
             with contextlib.closing(Local(jobs)) as executor:
-                benchmark(given, folder, executor, command, screen, retry=retry, strict=strict)
+                benchmark(wanted, folder, executor, command, screen, retry=retry, strict=strict)
         return Result(folder)
 
 

@@ -45,12 +45,16 @@ class Parts:
 def with_parts(dataset: Dataset, options: Parts, rng: np.random.Generator) -> Dataset:
     """Reduces sightings of the log to a part; their true ids move to the truth's `assigned_partial`.
 
-    A range that an error takes to zero or below is lost. InputError for shares of more than all sightings.
+    A range that an error takes to zero or below is lost. InputError for shares of more than all sightings, and where
+    the world has no landmarks.
     """
     ranges, bearings = options.ranges_only, options.bearings_only
     if not ranges and not bearings:
         return dataset
     log, truth = dataset
+    if not len(log.ids) and (truth is None or truth.map is None or not len(truth.map.ids)):
+        name = "ranges_only" if ranges else "bearings_only"
+        raise InputError(f"dataset {log.name}: option {name} has no effect without landmarks, expected both.")
     if ranges + bearings > 1:
         raise InputError(
             f"dataset {log.name}: options ranges_only={ranges:g} and bearings_only={bearings:g} are "

@@ -16,12 +16,10 @@ from ..scans.open import OpenedScans, ScanTopics, open_scans
 from ..scans.open import build as build_scans
 from .open import is_live
 from .recording import Opened, build, open_recording, without_imu
-from .sensors import SENSORS, WHEELS, beside_them, chosen, sensors_in
+from .sensors import ALL, SENSORS, WHEELS, beside_them, chosen, sensors_in
 from .settings import read_described
 from .several import OpenedSeveral, open_several
 from .several import build as build_several
-
-ALL = "all"
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         raise InputError(f"option path of dataset recording: found {options.path}, expected a recording, not a camera.")
     path, file = Path(options.path), None if options.robot is None else Path(options.robot)
     topics = ScanTopics(options.scan, options.odometry)
-    sensors = None if options.sensors == ALL else sensors_in(options.sensors, "option sensors")
+    sensors = sensors_in(options.sensors, "option sensors")
     several = open_several(path, file, topics, sensors)
     scans = open_scans(path, file, topics) if several is None else several
     if isinstance(scans, OpenedSeveral):

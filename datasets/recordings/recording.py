@@ -48,6 +48,8 @@ from .settings import read_described
 
 EVERY = 0.5  # s, of which turns of the wheels are compared with those of a gyro
 
+DRIFT = f"in {ROBOT} how far it may drift unmeasured: [drift] position = 0.5, turning = 0.5."
+
 
 class Opened(NamedTuple):
     """A recording, ready for `build`."""
@@ -101,6 +103,11 @@ def open_recording(
         robot = read_described(found)
     streams = read_streams(path, robot, seconds)
     first = next(iter(streams.values()))
+    if first.readings is not None and robot.drift is None and not wheels:
+        raise InputError(
+            f"{path}: the robot's motion is unknown, as wheels are left out of the sensors; expected wheels among "
+            f"them, as in --sensors markers,wheels, or {DRIFT}"
+        )
     motion = _motion(first.readings if wheels else None, robot, path)
     views = robot.views or {"": robot}
     cameras = [of_camera(path, views[name], one, motion, name) for name, one in streams.items()]
@@ -198,7 +205,6 @@ def _motion(readings: Readings | None, robot: Robot, path: Path) -> Motion:
     if robot.drift is None:
         raise InputError(
             f"{path}: the robot's motion is unknown; expected {TICKS}, {ODOMETRY} or {COMMANDS} beside the frames, "
-            f"messages of them in a bag, or in {ROBOT} how far it may drift unmeasured: [drift] position = 0.5, "
-            "turning = 0.5."
+            f"messages of them in a bag, or {DRIFT}"
         )
     return robot.drift

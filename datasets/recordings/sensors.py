@@ -19,12 +19,18 @@ WHEELS, GYRO, COMPASS, GPS = BESIDE = ("wheels", "gyro", "compass", "gps")
 
 SENSORS = (*SEEING, *BESIDE)
 
+ALL = "all"  # those that the recording has
 
-def sensors_in(text: str, flag: str) -> tuple[str, ...]:
-    """The sensors that a `text` names, a list as `core.options.parts` reads it.
+
+def sensors_in(text: str, flag: str) -> tuple[str, ...] | None:
+    """The sensors that a `text` names, a list as `core.options.parts` reads it; None for ALL.
 
     InputError for one that there is not, that is twice, and for none that sees.
     """
+    if text.strip() == ALL:
+        return None
+    if not text.strip():
+        raise InputError(f"{flag}: found an empty name, expected {ALL}, or some of {', '.join(SENSORS)}.")
     names = parts(text)
     for name in names:
         if name not in SENSORS:

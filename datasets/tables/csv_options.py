@@ -25,6 +25,8 @@ IMU_SAYS = Says(
 )
 
 ANGLED = ("odometry", "detections", "bearings", "headings", "truth")  # files that have angles
+RANGED = ("detections", "ranges")  # files that have ranges
+SIGHTED = ("detections", "ranges", "bearings")  # files of sightings
 
 
 @dataclass(frozen=True)
@@ -65,24 +67,39 @@ class Options(Named):
     )
     truth: str | None = option(None, "CSV file with t,x,y,heading, or a TUM file")
     landmarks: str | None = option(None, "CSV file with the landmarks' true positions: id,x,y")
-    ignore: str = option("", "ids to leave out, such as those of moving objects: 5,14,23", parted=";")
+    ignore: str = option(
+        "", "ids to leave out, such as those of moving objects: 5,14,23", parted=";", beside="detections"
+    )
     angles: str = option(
         "radians", "unit of all angles, radians or degrees, or the files with degrees: odometry,truth", parted=";"
     )
-    range_sd: float = option(0.1, "standard deviation of a range, m", minimum=1e-6, maximum=1e3)
-    range_share: float = option(0.0, "growth of that with the range, as a share of the range", minimum=0.0, maximum=1.0)
-    bearing_sd: float = option(0.02, "standard deviation of a bearing, rad", minimum=1e-6, maximum=3.0)
+    range_sd: float = option(0.1, "standard deviation of a range, m", minimum=1e-6, maximum=1e3, beside=RANGED)
+    range_share: float = option(
+        0.0, "growth of that with the range, as a share of the range", minimum=0.0, maximum=1.0, beside=RANGED
+    )
+    bearing_sd: float = option(
+        0.02, "standard deviation of a bearing, rad", minimum=1e-6, maximum=3.0, beside=("detections", "bearings")
+    )
     xy_sd: float | None = option(
-        None, "standard deviation of x and of y of t,id,x,y, m, in place of these three", minimum=1e-6, maximum=1e3
+        None,
+        "standard deviation of x and of y of t,id,x,y, m, in place of these three",
+        minimum=1e-6,
+        maximum=1e3,
+        beside="detections",
     )
     signature_sd: float | None = option(
         None,
         "standard deviation of the detections' column signature, which is then used",
         minimum=1e-12,
         maximum=1e12,
+        beside="detections",
     )
     position_sd: float | None = option(
-        None, "standard deviation of x and of y of positions, m, that have none", minimum=1e-6, maximum=1e6
+        None,
+        "standard deviation of x and of y of positions, m, that have none",
+        minimum=1e-6,
+        maximum=1e6,
+        beside="positions",
     )
     origin_lat: float | None = option(
         None,
@@ -94,7 +111,9 @@ class Options(Named):
     origin_lon: float | None = option(None, "its longitude", minimum=-360, maximum=360, beside="positions")
     antenna_x: float = option(0.0, "place of the antenna, m ahead", minimum=-99, maximum=99, beside="positions")
     antenna_y: float = option(0.0, "likewise, m to the left", minimum=-99, maximum=99, beside="positions")
-    heading_sd: float = option(0.05, "standard deviation of headings, rad, that have none", minimum=1e-6, maximum=3.0)
+    heading_sd: float = option(
+        0.05, "standard deviation of headings, rad, that have none", minimum=1e-6, maximum=3.0, beside="headings"
+    )
     headings_from: str = option(
         "x", "headings are counter-clockwise from x, or clockwise from north", choices=("x", "north"), beside="headings"
     )
@@ -115,11 +134,19 @@ class Options(Named):
     floor_heading: float = option(1e-3, "motion noise of every factor, rad", minimum=1e-6, maximum=3.0)
     every: float = option(1.0, "longest time between keyframes, s", minimum=1e-3, maximum=1e6)
     max_speed: float = option(50.0, "faster motion counts as a misreading, m/s", minimum=1e-3, maximum=1e6)
-    sensor_x: float = option(0.0, "where the sensor sits on the robot: m ahead of its origin", minimum=-99, maximum=99)
-    sensor_y: float = option(0.0, "likewise, m to the left", minimum=-99, maximum=99)
-    sensor_yaw: float = option(0.0, "where it looks: rad counter-clockwise from ahead", minimum=-np.pi, maximum=np.pi)
+    sensor_x: float = option(
+        0.0, "where the sensor sits on the robot: m ahead of its origin", minimum=-99, maximum=99, beside="detections"
+    )
+    sensor_y: float = option(0.0, "likewise, m to the left", minimum=-99, maximum=99, beside="detections")
+    sensor_yaw: float = option(
+        0.0, "where it looks: rad counter-clockwise from ahead", minimum=-np.pi, maximum=np.pi, beside="detections"
+    )
     sensor_delay: float = option(
-        0.0, "s by which the clock of the detections is later than the odometry's", minimum=-1e6, maximum=1e6
+        0.0,
+        "s by which the clock of the detections is later than the odometry's",
+        minimum=-1e6,
+        maximum=1e6,
+        beside=SIGHTED,
     )
     start_x: float | None = option(None, "initial x, m; not given: from the ground truth, else 0")
     start_y: float | None = option(None, "initial y, m")

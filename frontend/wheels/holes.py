@@ -51,12 +51,17 @@ def outside(source: str, lost: int, of: int, noun: str, clock: str, hint: str = 
 
 
 def other_unit(t: Array, start: float, end: float) -> str:
-    """A hint at the end of a sentence where times `t` (n,) are inside `start` to `end`, s, in another unit alone."""
+    """A hint at the end of a sentence where times `t` (n,) are inside `start` to `end`, s, in another unit alone.
+
+    Times that go on for no longer than from `start` to `end` are in seconds, of another clock: 1.7e9 s are 1.7 ns.
+    """
     if ((start <= t) & (t <= end)).mean() >= 1 - MOST_INSIDE:
         return ""
     for factor, unit in UNITS.items():
         scaled = t / factor
         if ((start <= scaled) & (scaled <= end)).mean() > MOST_INSIDE:
+            if 0 < np.ptp(t) <= end - start:
+                return f": the clocks differ, these times begin {t.min() - start:,.0f} s later"
             return f": perhaps they are in {unit}, {factor:,.0f} to the second"
     return ""
 

@@ -12,9 +12,11 @@ from pathlib import Path
 
 import pytest
 
+import slamduel
 from command import refused
 from slamduel.bench.cli import main
 from slamduel.bench.record.store import Store
+from slamduel.core.errors import InputError, Interrupted
 
 
 def test_run_prints_a_table_and_where_the_report_is(
@@ -88,6 +90,22 @@ def test_a_misspelt_folder_to_go_on_in_is_asked_about(
     assert not (tmp_path / "mondya").exists()
 
 
+@pytest.mark.parametrize("there", ["nothing", "an empty folder", "a record of nothing"])
+def test_out_alone_begins_nothing(there: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "other"
+    if there != "nothing":
+        out.mkdir()
+    if there == "a record of nothing":
+        (out / "results.sqlite").touch()
+    before = sorted(tmp_path.rglob("*"))
+    for more in ((), ("--retry",), ("--jobs", 1)):
+        said = refused(capsys, "run", "--out", out, *more)
+        assert f"--out {out}: there is no run to continue; --backend and --dataset begin one." in said
+    with pytest.raises(InputError, match="there is no run to continue; --backend and --dataset begin one"):
+        slamduel.run(out=out)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
 def test_a_run_of_nothing_that_was_named_says_what_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -95,9 +113,14 @@ def test_a_run_of_nothing_that_was_named_says_what_it_is(
         raise KeyboardInterrupt
 
     monkeypatch.setattr("slamduel.bench.run.benchmark.run", stopped)
-    assert main(["run", "--out", str(tmp_path / "nothere")]) == 130
+    monkeypatch.chdir(tmp_path)
+    assert main(["run"]) == 130
     printed = capsys.readouterr()
-    assert f"A new run in {tmp_path / 'nothere'}: " in printed.out + printed.err
+    assert "A new run in results/" in printed.out + printed.err
+    with pytest.raises(Interrupted):
+        slamduel.run(quiet=False)
+    printed = capsys.readouterr()
+    assert "A new run in results/" in printed.out + printed.err
 
 
 @pytest.mark.usefixtures("no_report")

@@ -94,6 +94,11 @@ def test_wrong_names_get_a_sentence(text: str, sentence: str) -> None:
         backend_variants(text)
 
 
+def test_no_name_is_suggested_that_has_half_of_the_letters() -> None:
+    with pytest.raises(InputError, match="there is no option 'loops'; expected one of "):
+        dataset_variants("city[loops=5]")
+
+
 @pytest.mark.parametrize("option", ["motion=stop-and-go", "moving_speed=1", "roaming=3"])
 def test_options_of_moving_landmarks_are_refused_where_none_move(option: str) -> None:
     name = option.partition("=")[0]
@@ -103,12 +108,43 @@ def test_options_of_moving_landmarks_are_refused_where_none_move(option: str) ->
     assert found.options.moving == 0.2
 
 
+@pytest.mark.parametrize(
+    ("option", "files"),
+    [
+        ("position_sd=2.0", ["positions"]),
+        ("heading_sd=0.2", ["headings"]),
+        ("bearing_sd=0.5", ["detections", "bearings"]),
+        ("range_sd=0.5", ["detections", "ranges"]),
+        ("range_share=0.1", ["detections", "ranges"]),
+        ("xy_sd=0.1", ["detections"]),
+        ("signature_sd=0.1", ["detections"]),
+        ("ignore=99", ["detections"]),
+        ("sensor_x=0.1", ["detections"]),
+        ("sensor_y=0.1", ["detections"]),
+        ("sensor_yaw=0.1", ["detections"]),
+        ("sensor_delay=0.1", ["detections", "ranges", "bearings"]),
+    ],
+)
+def test_noise_of_files_that_are_not_given_is_refused(option: str, files: list[str]) -> None:
+    name, expected = option.partition("=")[0], "both" if len(files) == 1 else "one of them"
+    others = {"detections", "ranges", "bearings", "positions", "headings"} - set(files)
+    given = ",".join(f"{one}=f.csv" for one in sorted(others))
+    said = f"dataset csv: option {name} has no effect without {' or '.join(files)}, expected {expected}."
+    with pytest.raises(InputError, match=said):
+        dataset_variants(f"csv[odometry=o.csv,{given},{option}]")
+    for one in files:
+        (found,) = dataset_variants(f"csv[odometry=o.csv,{one}=f.csv,{option}]")
+        assert str(getattr(found.options, name)) == option.partition("=")[2]
+
+
 @pytest.mark.parametrize("separator", [",", ";", " , ", "; "])
 def test_a_list_in_an_option_is_read_with_commas_and_written_as_ever(separator: str) -> None:
     """A label parts options with commas, so that of a list has another separator: the same log has the same label."""
     given = separator.join(("5", "14", "23"))
-    (found,) = dataset_variants(f"csv[range_sd=0.1,ignore={given},start_sd={separator.join(('100', '0.1'))},every=2]")
-    assert found.label == "csv[ignore=5;14;23,every=2.0,start_sd=100.0;0.1]"
+    (found,) = dataset_variants(
+        f"csv[detections=d.csv,range_sd=0.1,ignore={given},start_sd={separator.join(('100', '0.1'))},every=2]"
+    )
+    assert found.label == "csv[detections=d.csv,ignore=5;14;23,every=2.0,start_sd=100.0;0.1]"
     assert dataset_variants(found.label)[0].options == found.options
 
 

@@ -324,6 +324,8 @@ def test_options_that_contradict_each_other_are_refused(options: dict[str, Any],
     [
         ("patrol[landmarks=0,map=foreign]", "option map=foreign: there is no landmark"),
         ("patrol[landmarks=0,map=surveyed]", "option map=surveyed: there is no landmark"),
+        ("patrol[landmarks=0,loops=5,ranges_only=1]", "option ranges_only has no effect without landmarks"),
+        ("patrol[landmarks=0,loops=5,bearings_only=0.5]", "option bearings_only has no effect without landmarks"),
         ("patrol[false_loops=0.1]", "has no loop closures"),
         ("patrol[day=3]", "day"),
         ("patrol[steps=2000000]", "steps"),

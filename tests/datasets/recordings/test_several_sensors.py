@@ -102,6 +102,11 @@ def test_topics_and_sources_choose_the_scans(folders: dict[str, Path], drive: Pa
 
 def test_sensors_that_are_not_there_are_refused(drive: Path) -> None:
     assert sensors_in("laser, markers", "--sensors") == ("laser", "markers")
+    assert sensors_in("all", "--sensors") is None
+    for empty in ("", " "):
+        refused(
+            "--sensors: found an empty name, expected all, or some of markers, laser, ", sensors_in, empty, "--sensors"
+        )
     refused(r"--sensors lasre: found 'lasre'; did you mean 'laser'\?$", sensors_in, "lasre", "--sensors")
     refused(
         r"--sensors markers,: found ''; expected one of compass, depth, gps, gyro, laser, markers, wheels\.$",

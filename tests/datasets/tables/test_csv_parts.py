@@ -245,6 +245,15 @@ def test_times_in_milliseconds_are_said_so(files: dict[str, Any], tmp_path: Path
     assert said.endswith("left out: perhaps they are in milliseconds, 1,000 to the second")
 
 
+@pytest.mark.parametrize("off", [1.7e9, 5000.0])
+def test_seconds_of_another_clock_are_no_other_unit(files: dict[str, Any], tmp_path: Path, off: float) -> None:
+    seen = np.arange(28.0)
+    late = csv(tmp_path / "unix.csv", "t,id,range", np.column_stack((off + seen, 0 * seen, 2 + 0 * seen)))
+    (said,) = made(files | {"ranges": late}).remarks
+    assert "28 of 28 ranges (all) are before or after the odometry" in said
+    assert said.endswith(f"left out: the clocks differ, these times begin {off:,.0f} s later")
+
+
 @pytest.mark.parametrize("off", [0.002, 0.09])
 def test_a_bearing_that_noise_brings_beyond_half_a_turn_is_wrapped(
     files: dict[str, Any], tmp_path: Path, off: float
