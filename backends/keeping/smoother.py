@@ -40,7 +40,7 @@ from ..smoothing._graph import (
 )  # fmt: skip
 from ..smoothing.forest import NOBODY
 from ._condensed import condense
-from ._stretches import ENOUGH, SHORT, nearest, seen_in, stretches
+from ._stretches import ENOUGH, SHORT, nearest, seen_in, sighted_before, stretches
 from .anchored import NOWHERE, Anchored, Anchors, anchors_at
 from .compacted import Which, compacted
 from .left_out import LeftOut
@@ -83,6 +83,8 @@ class Keeping(Smoother):
         self.submaps, self._left_out = list[Submap](), LeftOut()
         self._loops, self._anchored = prior.loops, Anchored()
         self._way, self._rng = Way(), rng
+        self._frames = set[int]()  # steps of the submaps' frames
+        self._unused = 0  # loop closures that were left out
         self._by_loops = list[Ints]()  # steps that are marginalised where loop closures alone locate the robot
         self._visits = Visits()
         self._numbers = np.zeros(0, np.int64)  # steps of the rows that were there when this was last looked at
@@ -114,7 +116,10 @@ class Keeping(Smoother):
 
     def _held_loops(self, loops: RelativePoses) -> RelativePoses:
         """A step's loop closures, those to marginalised steps transferred; `to` has rows of those that are held."""
-        loops = self._anchored.moved(loops, [self._row(to) < 0 for to in loops.to.tolist()])
+        gone = [self._row(to) < 0 or to in self._frames for to in loops.to.tolist()]
+        sighted = sighted_before(self._forest.g, self.held - 1)
+        loops, told = self._anchored.moved(loops, gone, sighted), len(loops.to)
+        self._unused += told - len(loops.to)
         return loops._replace(to=np.array([self._row(to) for to in loops.to.tolist()], np.int64))
 
     def _row(self, step: int) -> int:
@@ -177,8 +182,9 @@ class Keeping(Smoother):
             n, begins = 2 * len(landmarks), index == len(self.submaps)
             W, h, left = np.zeros((n, n)), np.zeros(n), np.zeros((last - first + 1, 3, 3))
             constant = condense(g, first, last, landmarks, begins, by_loops, W, h, left)
-            rows = np.arange(first, last if begins else last + 1)
-            near = anchors.nearest(path[rows], SHORT * self._options.keep) if self._loops else NOBODY
+            every = np.arange(first, last + 1)
+            rows = every[:-1] if begins else every
+            near = anchors.nearest(path[every], SHORT * self._options.keep) if self._loops else NOBODY
             if not np.isfinite(constant) or (by_loops and (near == NOWHERE).any()):  # it stays as it is
                 continue
             if by_loops:
@@ -187,13 +193,14 @@ class Keeping(Smoother):
                 told = Condensed(landmarks, W, h, constant)
                 if begins:
                     v = int(g.at[last])
+                    self._frames.add(int(self._numbers[last]))
                     self.submaps.append(begun(v, told, g.values[v], g.values, left[-1], middle))
                 else:
                     self.submaps[index].add(told, g.values[self.submaps[index].frame], g.values)
                 self._left_out.add(self._numbers[rows], index, path[rows], left[: len(rows)])
             if self._loops:
-                self._anchored.add(self._numbers[rows], anchors, near, path[rows], left[: len(rows)])
-                self._anchored.redirect(g, self._numbers[rows], rows, self._row)
+                self._anchored.add(self._numbers[every], anchors, near, path[every], left)
+                self._anchored.redirect(g, self._numbers[every], every, self._row)
             keeps[rows] = False
         for _, last in gone:
             if not keeps[last] and last + 1 < len(keeps) and keeps[last + 1]:
