@@ -10,10 +10,11 @@ stretch nothing is approximated but the point of linearisation. There are as man
 is lost are these motions. Kretzschmar and Stachniss (IJRR 31(11), 2012) and Carlevaris-Bianco, Kaess and Eustice (T-RO
 30(6), 2014) sparsify what marginalising leaves between poses; here there is nothing between poses.
 
-A loop closure to a marginalised step is transferred to a kept pose nearby: see `anchored`. When its own step is
-marginalised it is left out, so that no error of a transfer gets into the map. Where loop closures alone locate the
-robot, there are no landmarks to be told of: what stays are the first stretches at each place. So the way at the end is
-smoothed with all motions and loop closures: see `way`.
+A loop closure to a marginalised step leads to landmarks again, whose information the submaps have already. So it is left
+out where landmarks locate the robot, and so is one to the frame of a submap, or from there. Elsewhere it is transferred
+to a kept pose nearby: see `anchored`. When its own step is marginalised it is left out, so that no error of a transfer
+gets into the map. Where loop closures alone locate the robot, there are no landmarks to be told of: what stays are the
+first stretches at each place. So the way at the end is smoothed with all motions and loop closures: see `way`.
 """
 
 from itertools import pairwise
@@ -24,7 +25,7 @@ import numpy as np
 from ...core.factors import Prior, RelativePoses, Step
 from ...core.kernels.compile_ahead import compile_ahead
 from ...core.se2 import Array, Ints
-from ..api import COMPILED_HERE, Builder, Diverged, Pose, Unsuited
+from ..api import COMPILED_HERE, Builder, Diverged, Pose, Solution, Unsuited
 from ..common_options import without_loss
 from ..incremental.smoother import Options, Smoother
 from ..smoothing import _log
@@ -84,7 +85,7 @@ class Keeping(Smoother):
         self._loops, self._anchored = prior.loops, Anchored()
         self._way, self._rng = Way(), rng
         self._frames = set[int]()  # steps of the submaps' frames
-        self._unused = 0  # loop closures that were left out
+        self._closed, self._unused = 0, 0  # loop closures, and those that were left out
         self._by_loops = list[Ints]()  # steps that are marginalised where loop closures alone locate the robot
         self._visits = Visits()
         self._numbers = np.zeros(0, np.int64)  # steps of the rows that were there when this was last looked at
@@ -109,17 +110,27 @@ class Keeping(Smoother):
             raise Diverged("the latest pose is not finite")
         return pose
 
+    def finish(self) -> Solution:
+        """The solution of an incremental smoother; its remark counts loop closures that were left out."""
+        found = super().finish()
+        if self._unused == 0:
+            return found
+        left_out = f"{self._unused:,} of {self._closed:,} loop closures, to marginalised steps, were left out"
+        return found._replace(remark="; ".join(filter(None, (found.remark, left_out))))
+
     @property
     def held(self) -> int:
         """The number of steps that it still has motions or sightings of."""
         return int(self._forest.g.state[STEPS])
 
     def _held_loops(self, loops: RelativePoses) -> RelativePoses:
-        """A step's loop closures, those to marginalised steps transferred; `to` has rows of those that are held."""
+        """A step's loop closures, those to marginalised steps transferred or left out; `to` has rows that are held."""
         gone = [self._row(to) < 0 or to in self._frames for to in loops.to.tolist()]
         sighted = sighted_before(self._forest.g, self.held - 1)
-        loops, told = self._anchored.moved(loops, gone, sighted), len(loops.to)
-        self._unused += told - len(loops.to)
+        self._closed += len(loops.to)
+        self._unused += len(loops.to)
+        loops = self._anchored.moved(loops, gone, sighted)
+        self._unused -= len(loops.to)
         return loops._replace(to=np.array([self._row(to) for to in loops.to.tolist()], np.int64))
 
     def _row(self, step: int) -> int:
