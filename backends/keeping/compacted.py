@@ -54,7 +54,8 @@ class Compacted(NamedTuple):
 def compacted(g: Graph, keeps: Which, frames: Which, submaps: Sequence[Submap]) -> Compacted:
     """Makes the tables with the steps that it `keeps` (T,), those in `frames` (T,) with nothing but a submap.
 
-    A loop closure stays where both of its poses do and neither is in `frames`. `submaps` are all there are, by old numbers, and get new ones.
+    A loop closure stays where both of its poses do and neither is in `frames`. `submaps` are all there are, by old
+    numbers, and get new ones.
     """
     state = g.state
     T, V, S, K = int(state[STEPS]), int(state[VARIABLES]), int(state[SIGHTINGS]), int(state[LINKS])

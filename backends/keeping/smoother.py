@@ -10,11 +10,12 @@ stretch nothing is approximated but the point of linearisation. There are as man
 is lost are these motions. Kretzschmar and Stachniss (IJRR 31(11), 2012) and Carlevaris-Bianco, Kaess and Eustice (T-RO
 30(6), 2014) sparsify what marginalising leaves between poses; here there is nothing between poses.
 
-A loop closure to a marginalised step leads to landmarks again, whose information the submaps have already. So it is left
-out where landmarks locate the robot, and so is one to the frame of a submap, or from there. Elsewhere it is transferred
-to a kept pose nearby: see `anchored`. When its own step is marginalised it is left out, so that no error of a transfer
-gets into the map. Where loop closures alone locate the robot, there are no landmarks to be told of: what stays are the
-first stretches at each place. So the way at the end is smoothed with all motions and loop closures: see `way`.
+A loop closure to a marginalised step leads to landmarks again, whose information the submaps have already. So it is
+left out where landmarks locate the robot, and so is one to the frame of a submap, or from there. Elsewhere it is
+transferred to a kept pose nearby: see `anchored`. When its own step is marginalised it is left out, so that no error
+of a transfer gets into the map. Where loop closures alone locate the robot, there are no landmarks to be told of:
+what stays are the first stretches at each place. So the way at the end is smoothed with all motions and loop
+closures: see `way`.
 """
 
 from itertools import pairwise
