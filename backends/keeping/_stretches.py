@@ -16,6 +16,7 @@ from ..smoothing._graph import (
     PENDING,
     POINT,
     STAMP,
+    STEPS,
     A,
     B,
     Graph,
@@ -70,6 +71,18 @@ def closes(g: Graph, first: int, last: int) -> bool:
 def located(g: Graph, first: int, last: int, loops: bool) -> bool:
     """Tells if enough landmarks are sighted from the steps `first` to `last`, or, with `loops`, a loop is closed."""
     return len(seen_in(g, first, last)[0]) >= ENOUGH or (loops and closes(g, first, last))
+
+
+@compiled
+def sighted_before(g: Graph, k: int) -> bool:
+    """Tells if enough landmarks are sighted from step `k` and those before it."""
+    return len(seen_in(g, max(k - AROUND, 0), k)[0]) >= ENOUGH
+
+
+@compiled
+def sighted_around(g: Graph, k: int) -> bool:
+    """Tells if enough are on either side of it: then landmarks locate it, whatever stretch it is in."""
+    return sighted_before(g, k) and len(seen_in(g, k, min(k + AROUND, g.state[STEPS] - 1))[0]) >= ENOUGH
 
 
 @compiled

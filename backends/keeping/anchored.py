@@ -11,6 +11,7 @@ from ..smoothing._graph import COVARIANCE, LINKS, LOOP, MOTION, STEP, A, B, Grap
 from ..smoothing._links import relink
 from ..smoothing._log import covariance_of
 from ._located import own_covariances
+from ._stretches import sighted_around
 
 NOWHERE = -1
 """The anchor of a step that has none."""
@@ -84,13 +85,16 @@ class Anchored:
         C = by_anchored @ self._cov[step] @ by_anchored.T + by_pose @ cov @ by_pose.T
         return compose(self._delta[step], delta), (C + C.T) / 2
 
-    def moved(self, loops: RelativePoses, marginalised: list[bool]) -> RelativePoses:
-        """Loop closures with those to marginalised steps transferred to anchors, and left out if there is none."""
+    def moved(self, loops: RelativePoses, marginalised: list[bool], sighted: bool) -> RelativePoses:
+        """Loop closures with those to marginalised steps transferred to anchors, and left out if there is none.
+
+        They are left out as well where the robot is located by landmarks that are `sighted`.
+        """
         out = list[tuple[int, Array, Array]]()
         for to, delta, cov, gone in zip(loops.to.tolist(), loops.delta, loops.cov, marginalised, strict=True):
             if not gone:
                 out.append((to, delta, cov))
-            elif self.anchor(to) != NOWHERE:
+            elif not sighted and self.anchor(to) != NOWHERE:
                 out.append((self.anchor(to), *self.transferred(to, delta, cov)))
         to = np.array([one[0] for one in out], np.int64)
         return RelativePoses(
@@ -100,13 +104,14 @@ class Anchored:
     def redirect(self, g: Graph, steps: Ints, rows: Ints, row: Callable[[int], int]) -> None:
         """Has loop closures from later steps to `steps`, in these adjacent rows, lead to their anchors.
 
-        Those to steps without an anchor stay; `row` has that of an anchor's step.
+        Those to steps without an anchor stay, and those from steps that landmarks locate; `row` has that of an
+        anchor's step.
         """
         links = g.links[: g.state[LINKS]]
         to, by = g.variables[links[:, A], STEP], g.variables[links[:, B], STEP]
         for k in np.flatnonzero((links[:, LOOP] != 0) & (to >= rows[0]) & (to <= rows[-1]) & (by > rows[-1])).tolist():
             step, L, cov = int(steps[to[k] - rows[0]]), g.linked[k], np.zeros((3, 3))
-            if self.anchor(step) == NOWHERE:
+            if self.anchor(step) == NOWHERE or sighted_around(g, int(by[k])):
                 continue
             covariance_of(L, COVARIANCE, cov)
             L[MOTION : MOTION + 3], there = self.transferred(step, L[MOTION : MOTION + 3].copy(), cov)

@@ -54,7 +54,8 @@ class Compacted(NamedTuple):
 def compacted(g: Graph, keeps: Which, frames: Which, submaps: Sequence[Submap]) -> Compacted:
     """Makes the tables with the steps that it `keeps` (T,), those in `frames` (T,) with nothing but a submap.
 
-    A loop closure stays where both of its poses do. `submaps` are all there are, by old numbers, and get new ones.
+    A loop closure stays where both of its poses do and neither is in `frames`. `submaps` are all there are, by old
+    numbers, and get new ones.
     """
     state = g.state
     T, V, S, K = int(state[STEPS]), int(state[VARIABLES]), int(state[SIGHTINGS]), int(state[LINKS])
@@ -62,13 +63,14 @@ def compacted(g: Graph, keeps: Which, frames: Which, submaps: Sequence[Submap]) 
     poses = old[:, WIDTH] == 3
     stays, framed = ~poses, np.zeros(V, np.bool_)
     stays[poses], framed[poses] = keeps[old[poses, STEP]], frames[old[poses, STEP]]
+    own = stays & ~framed
     variable, step = _numbers(stays), _numbers(keeps)
     looked = stays[looks[:, POSE]] & ~framed[looks[:, POSE]]
     sighting = _numbers(looked)
     apart = np.concatenate(([0], np.cumsum(~keeps | frames)))
     linked = np.where(
         links[:, LOOP] != 0,
-        stays[links[:, A]] & stays[links[:, B]],
+        own[links[:, A]] & own[links[:, B]],
         apart[old[links[:, B], STEP] + 1] == apart[old[links[:, A], STEP]],
     )
     link = _numbers(linked)

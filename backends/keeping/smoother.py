@@ -10,10 +10,12 @@ stretch nothing is approximated but the point of linearisation. There are as man
 is lost are these motions. Kretzschmar and Stachniss (IJRR 31(11), 2012) and Carlevaris-Bianco, Kaess and Eustice (T-RO
 30(6), 2014) sparsify what marginalising leaves between poses; here there is nothing between poses.
 
-A loop closure to a marginalised step is transferred to a kept pose nearby: see `anchored`. When its own step is
-marginalised it is left out, so that no error of a transfer gets into the map. Where loop closures alone locate the
-robot, there are no landmarks to be told of: what stays are the first stretches at each place. So the way at the end is
-smoothed with all motions and loop closures: see `way`.
+A loop closure to a marginalised step leads to landmarks again, whose information the submaps have already. So it is
+left out where landmarks locate the robot, and so is one to the frame of a submap, or from there. Elsewhere it is
+transferred to a kept pose nearby: see `anchored`. When its own step is marginalised it is left out, so that no error
+of a transfer gets into the map. Where loop closures alone locate the robot, there are no landmarks to be told of:
+what stays are the first stretches at each place. So the way at the end is smoothed with all motions and loop
+closures: see `way`.
 """
 
 from itertools import pairwise
@@ -24,7 +26,7 @@ import numpy as np
 from ...core.factors import Prior, RelativePoses, Step
 from ...core.kernels.compile_ahead import compile_ahead
 from ...core.se2 import Array, Ints
-from ..api import COMPILED_HERE, Builder, Diverged, Pose, Unsuited
+from ..api import COMPILED_HERE, Builder, Diverged, Pose, Solution, Unsuited
 from ..common_options import without_loss
 from ..incremental.smoother import Options, Smoother
 from ..smoothing import _log
@@ -40,7 +42,7 @@ from ..smoothing._graph import (
 )  # fmt: skip
 from ..smoothing.forest import NOBODY
 from ._condensed import condense
-from ._stretches import ENOUGH, SHORT, nearest, seen_in, stretches
+from ._stretches import ENOUGH, SHORT, nearest, seen_in, sighted_before, stretches
 from .anchored import NOWHERE, Anchored, Anchors, anchors_at
 from .compacted import Which, compacted
 from .left_out import LeftOut
@@ -83,6 +85,8 @@ class Keeping(Smoother):
         self.submaps, self._left_out = list[Submap](), LeftOut()
         self._loops, self._anchored = prior.loops, Anchored()
         self._way, self._rng = Way(), rng
+        self._frames = set[int]()  # steps of the submaps' frames
+        self._closed, self._unused = 0, 0  # loop closures, and those that were left out
         self._by_loops = list[Ints]()  # steps that are marginalised where loop closures alone locate the robot
         self._visits = Visits()
         self._numbers = np.zeros(0, np.int64)  # steps of the rows that were there when this was last looked at
@@ -107,14 +111,27 @@ class Keeping(Smoother):
             raise Diverged("the latest pose is not finite")
         return pose
 
+    def finish(self) -> Solution:
+        """The solution of an incremental smoother; its remark counts loop closures that were left out."""
+        found = super().finish()
+        if self._unused == 0:
+            return found
+        left_out = f"{self._unused:,} of {self._closed:,} loop closures, to marginalised steps, were left out"
+        return found._replace(remark="; ".join(filter(None, (found.remark, left_out))))
+
     @property
     def held(self) -> int:
         """The number of steps that it still has motions or sightings of."""
         return int(self._forest.g.state[STEPS])
 
     def _held_loops(self, loops: RelativePoses) -> RelativePoses:
-        """A step's loop closures, those to marginalised steps transferred; `to` has rows of those that are held."""
-        loops = self._anchored.moved(loops, [self._row(to) < 0 for to in loops.to.tolist()])
+        """A step's loop closures, those to marginalised steps transferred or left out; `to` has rows that are held."""
+        gone = [self._row(to) < 0 or to in self._frames for to in loops.to.tolist()]
+        sighted = sighted_before(self._forest.g, self.held - 1)
+        self._closed += len(loops.to)
+        self._unused += len(loops.to)
+        loops = self._anchored.moved(loops, gone, sighted)
+        self._unused -= len(loops.to)
         return loops._replace(to=np.array([self._row(to) for to in loops.to.tolist()], np.int64))
 
     def _row(self, step: int) -> int:
@@ -177,8 +194,9 @@ class Keeping(Smoother):
             n, begins = 2 * len(landmarks), index == len(self.submaps)
             W, h, left = np.zeros((n, n)), np.zeros(n), np.zeros((last - first + 1, 3, 3))
             constant = condense(g, first, last, landmarks, begins, by_loops, W, h, left)
-            rows = np.arange(first, last if begins else last + 1)
-            near = anchors.nearest(path[rows], SHORT * self._options.keep) if self._loops else NOBODY
+            every = np.arange(first, last + 1)
+            rows = every[:-1] if begins else every
+            near = anchors.nearest(path[every], SHORT * self._options.keep) if self._loops else NOBODY
             if not np.isfinite(constant) or (by_loops and (near == NOWHERE).any()):  # it stays as it is
                 continue
             if by_loops:
@@ -187,13 +205,14 @@ class Keeping(Smoother):
                 told = Condensed(landmarks, W, h, constant)
                 if begins:
                     v = int(g.at[last])
+                    self._frames.add(int(self._numbers[last]))
                     self.submaps.append(begun(v, told, g.values[v], g.values, left[-1], middle))
                 else:
                     self.submaps[index].add(told, g.values[self.submaps[index].frame], g.values)
                 self._left_out.add(self._numbers[rows], index, path[rows], left[: len(rows)])
             if self._loops:
-                self._anchored.add(self._numbers[rows], anchors, near, path[rows], left[: len(rows)])
-                self._anchored.redirect(g, self._numbers[rows], rows, self._row)
+                self._anchored.add(self._numbers[every], anchors, near, path[every], left)
+                self._anchored.redirect(g, self._numbers[every], every, self._row)
             keeps[rows] = False
         for _, last in gone:
             if not keeps[last] and last + 1 < len(keeps) and keeps[last + 1]:

@@ -1,5 +1,6 @@
 """`smoother[keep=...]` on logs with loop closures: transfer to anchors, the path at the end, and honesty."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -13,10 +14,11 @@ from slamduel.backends.keeping import way as way_module
 from slamduel.backends.keeping.anchored import NOWHERE, Anchored, Anchors
 from slamduel.backends.keeping.way import Way
 from slamduel.backends.smoothing import _log
-from slamduel.backends.smoothing._graph import NO_VARIABLE, STEP, Graph
+from slamduel.backends.smoothing._graph import LINKS, LOOP, NO_VARIABLE, STEP, A, B, Graph
 from slamduel.backends.smoothing.arrays import made, with_rows
 from slamduel.core.factors import Dataset, Odometry, RelativePoses
 from slamduel.core.se2 import Array, Ints, between, compose, rotation, wrap
+from slamduel.datasets.cache import generator
 from slamduel.datasets.patrol.patrol import Options, patrol
 from tiers import first_quick
 
@@ -123,10 +125,9 @@ def test_a_transferred_loop_closure_has_all_errors_once() -> None:
     parts = [J[:, 3 * i : 3 * i + 3] for i in range(3)]
     wanted = sum(P @ C @ P.T for P, C in zip(parts, (own, left, cov), strict=True))
     assert np.abs(found - wanted).max() < FACTORS * np.abs(found).max()
-    moved = anchored.moved(
-        RelativePoses(np.array([40, 3, 41]), np.stack((delta, delta, delta)), np.stack((cov, cov, cov))),
-        [True, False, True],
-    )
+    loops = RelativePoses(np.array([40, 3, 41]), np.stack((delta, delta, delta)), np.stack((cov, cov, cov)))
+    assert anchored.moved(loops, [True, False, True], True).to.tolist() == [3]  # landmarks locate the robot
+    moved = anchored.moved(loops, [True, False, True], False)
     assert moved.to.tolist() == [17, 3]
     assert np.array_equal(moved.delta, np.stack((there, delta)))
     path, covs = np.zeros((42, 3)), np.zeros((42, 3, 3))
@@ -233,6 +234,33 @@ def normalised(path: Array, cov: Array, truth: Array) -> float:
     return float(np.einsum("ni,nij,nj->n", off, np.linalg.inv(cov), off).mean() / 3)
 
 
+def assert_consistent(backend: Any) -> None:
+    """Frames of submaps have no loop closures, and are known no better than their landmarks allow."""
+    g: Graph = backend._forest.g
+    frames = [of.frame for of in backend.submaps]
+    links = g.links[: g.state[LINKS]]
+    assert np.count_nonzero(links[:, LOOP]) > 0
+    assert not np.isin(links[links[:, LOOP] != 0][:, [A, B]], frames).any()
+    covs = backend._forest.pose_covariances()
+    for of in backend.submaps:
+        cov = covs[g.variables[of.frame, STEP]]
+        shared = np.linalg.eigvalsh(cov - of.own_at(g.values[of.frame]))
+        assert shared[0] > -1e-9 * np.trace(cov)
+
+
+@pytest.mark.slow
+def test_no_covariance_of_a_long_way_is_void() -> None:
+    """On a building where the frame of a submap is the place that many loop closures lead to."""
+    made = patrol(Options(steps=20000, loops=5), generator("patrol", 4))
+    assert made.truth is not None
+    backend, _ = run("smoother", made.log, keep=20.0)
+    assert_consistent(backend)
+    end = backend.finish()
+    assert end.cov is not None
+    np.linalg.cholesky(end.cov)
+    assert 0.5 < normalised(end.path.copy(), end.cov, made.truth.poses) < 2
+
+
 @pytest.mark.parametrize("seeds", first_quick([range(1), range(1, 9)]))
 def test_loop_closures_alone_end_at_the_optimum_and_are_honest(seeds: range) -> None:
     honest = list[float]()
@@ -259,8 +287,12 @@ def test_loop_closures_beside_landmarks_leave_it_nearly_as_good_and_honest(seeds
         backend, _ = run("smoother", made.log, keep=20.0)
         assert len(backend.submaps) > 0
         assert backend.held < 2400
+        assert_consistent(backend)
         end, optimum = backend.finish(), final("graph", made.log)
         errors.append(np.log([aligned_error(one.path, made.truth.poses) for one in (end, optimum)]))
+        assert end.cov is not None
+        assert re.fullmatch(r"\d+ of \d+ loop closures, to marginalised steps, were left out", end.remark)
+        np.linalg.cholesky(end.cov)  # all are positive definite
         honest.append(normalised(end.path.copy(), end.cov, made.truth.poses))
     bounded, exact = np.exp(np.mean(errors, axis=0))
     assert bounded < 1.1 * exact
