@@ -33,7 +33,7 @@ from ...frontend.wheels.encoder import Floors
 from ...frontend.wheels.holes import Holes
 from ...frontend.wheels.track import Poses, Track, TrackNoise
 from ...frontend.wheels.units import fast_turns, in_degrees
-from ..formats.columns import in_order, read_columns
+from ..formats.columns import in_order, read_columns, repeated
 from ..inertial.open import beside, open_imu_csv
 from ..registry import Source
 from ..remarks import DETECTED
@@ -136,6 +136,7 @@ def _track(path: Path, options: Options, remarks: list[str]) -> tuple[Track, Tab
             raise table.fault(row, f"t is {t[row]!s} as in the row before, with another pose, {expected}")
         rates = np.zeros(0)
     elif table.columns == MOTIONS:
+        remarks += repeated(table, "motion")
         motions = table.rows[1:, 1:] * np.array([1.0, 1.0, turn])  # the motion before the first row is unknown
         poses = summed(np.zeros(3), motions)
         rates = motions[:, 2] * len(motions) / (np.ptp(t) or np.inf)  # by the mean time: stamps may come in bursts

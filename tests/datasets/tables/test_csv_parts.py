@@ -144,6 +144,32 @@ def test_a_start_that_nobody_gave_is_remarked(files: dict[str, Any]) -> None:
     assert made(files | {"start_heading": None, "start_sd": (100.0, 3.0)}).remarks == []
 
 
+@pytest.mark.parametrize("name", ["positions", "headings"])
+def test_a_row_of_the_world_that_is_repeated_is_remarked(files: dict[str, Any], name: str) -> None:
+    assert made(files).remarks == []
+    path = Path(files[name])
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:5], lines[4], *lines[5:]]) + "\n")
+    (remark,) = made(files).remarks
+    assert remark == f"{path}, line 6: repeats line 5, so its {name[:-1]} counts twice; expected once"
+
+
+def test_a_motion_that_is_repeated_is_remarked_but_none_of_a_coarse_clock(
+    files: dict[str, Any], tmp_path: Path
+) -> None:
+    rows = np.column_stack(
+        (0.1 * np.arange(300.0), np.full((300, 1), 0.05), np.zeros((300, 1)), np.full((300, 1), 0.04))
+    )
+    path = csv(tmp_path / "motions.csv", "t,dx,dy,dtheta", np.insert(rows, 50, rows[49], axis=0))
+    (remark,) = made(files | {"odometry": path}).remarks
+    assert remark == f"{path}, line 52: repeats line 51, so its motion counts twice; expected once"
+    coarse = rows.copy()
+    coarse[:, 0] = 0.2 * (np.arange(300) // 2)
+    coarse[1::4, 1] += 0.001
+    path = csv(tmp_path / "coarse.csv", "t,dx,dy,dtheta", coarse)
+    assert made(files | {"odometry": path}).remarks == []
+
+
 def test_what_is_outside_the_odometry_is_left_out_and_remarked(files: dict[str, Any], tmp_path: Path) -> None:
     late = csv(tmp_path / "late.csv", "t,id,range", np.array([[5.0, 0, 2.0], [45.0, 0, 2.0]]))
     log = made(files | {"ranges": late})
