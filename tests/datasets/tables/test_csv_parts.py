@@ -140,7 +140,11 @@ def test_degrees_of_latitude_become_metres(files: dict[str, Any], tmp_path: Path
 
 def test_a_start_that_nobody_gave_is_remarked(files: dict[str, Any]) -> None:
     (remark,) = made(files | {"start_heading": None}).remarks
-    assert "the start there is not known" in remark
+    assert "the start there is not known: start_x and start_y are given, but not start_heading; start_sd" in remark
+    (one,) = made(files | {"start_x": None, "start_y": None}).remarks
+    assert "not known: start_heading is given, but not start_x, start_y; start_sd states how well" in one
+    (none,) = made(files | {"start_x": None, "start_y": None, "start_heading": None}).remarks
+    assert none.endswith("not known: options start_x, start_y, start_heading and start_sd state it")
     assert made(files | {"start_heading": None, "start_sd": (100.0, 3.0)}).remarks == []
 
 
