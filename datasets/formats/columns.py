@@ -69,6 +69,21 @@ def in_order(table: Table, *, strictly: bool) -> Table:
     return table
 
 
+def repeated(table: Table, noun: str) -> list[str]:
+    """Remarks on rows that are as the row before, their time too: at most one sentence, with the first lines.
+
+    None where other rows of equal times differ, as those of a coarse clock do.
+    """
+    twin = np.diff(table.column("t")) == 0
+    same = (np.diff(table.rows, axis=0) == 0).all(axis=1)
+    rows = np.flatnonzero(same) + 1
+    if not len(rows) or (twin & ~same).any():
+        return []
+    line, before = table.lines[rows[0]], table.lines[rows[0] - 1]
+    more = f", and so do {len(rows) - 1:,} more rows" * (len(rows) > 1)
+    return [f"{table.path}, line {line}: repeats line {before}, so its {noun} counts twice{more}; expected once"]
+
+
 def _refuse(table: Table, faults: Iterable[Fault]) -> None:
     """Raises InputError for numbers that are not finite, or beyond HUGE, and for `faults` of other rows."""
     bad = ~(np.abs(table.rows) <= HUGE)

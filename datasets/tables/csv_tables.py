@@ -33,7 +33,7 @@ from ...frontend.wheels.encoder import Floors
 from ...frontend.wheels.holes import Holes
 from ...frontend.wheels.track import Poses, Track, TrackNoise
 from ...frontend.wheels.units import fast_turns, in_degrees
-from ..formats.columns import in_order, read_columns
+from ..formats.columns import in_order, read_columns, repeated
 from ..inertial.open import beside, open_imu_csv
 from ..registry import Source
 from ..remarks import DETECTED
@@ -50,6 +50,8 @@ PLACES = ("id", "x", "y")
 
 MEASURED = ("detections", "ranges", "bearings", "positions", "headings")
 """Options of files with measurements, one of which there has to be."""
+
+START = ("start_x", "start_y", "start_heading")
 
 EARLY = 0.25  # share of the steps, after which a truth that begins does not tell the start
 
@@ -79,12 +81,15 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     t = _keyframes(*ends, np.concatenate((seen.t, parts.t, fixes.t)), options.every, track.holes)
     motions = track.motions(t)
     truth = _truth(options, t, remarks)
-    starts = options.start_x, options.start_y, options.start_heading
+    starts = [getattr(options, name) for name in START]
     told_start = None not in starts or options.start_sd != Options.start_sd
     if len(fixes.t) and (truth is None or not len(truth.t)) and not told_start:
+        missing = [name for name in START if getattr(options, name) is None]
+        given = [name for name in START if name not in missing]
+        known = f": {' and '.join(given)} {'is' if len(given) == 1 else 'are'} given, but not" if given else ": options"
         remarks.append(
-            "positions or headings are in the world, but the start there is not known: options start_x, start_y, "
-            "start_heading and start_sd state it"
+            "positions or headings are in the world, but the start there is not known"
+            f"{known} {', '.join(missing)}{'; start_sd states how well' if given else ' and start_sd state it'}"
         )
     if not isinstance(options.start_sd, tuple) and options.start_sd > np.pi:
         sd = f"start_sd={options.start_sd:g}"
@@ -136,6 +141,7 @@ def _track(path: Path, options: Options, remarks: list[str]) -> tuple[Track, Tab
             raise table.fault(row, f"t is {t[row]!s} as in the row before, with another pose, {expected}")
         rates = np.zeros(0)
     elif table.columns == MOTIONS:
+        remarks += repeated(table, "motion")
         motions = table.rows[1:, 1:] * np.array([1.0, 1.0, turn])  # the motion before the first row is unknown
         poses = summed(np.zeros(3), motions)
         rates = motions[:, 2] * len(motions) / (np.ptp(t) or np.inf)  # by the mean time: stamps may come in bursts

@@ -140,8 +140,38 @@ def test_degrees_of_latitude_become_metres(files: dict[str, Any], tmp_path: Path
 
 def test_a_start_that_nobody_gave_is_remarked(files: dict[str, Any]) -> None:
     (remark,) = made(files | {"start_heading": None}).remarks
-    assert "the start there is not known" in remark
+    assert "the start there is not known: start_x and start_y are given, but not start_heading; start_sd" in remark
+    (one,) = made(files | {"start_x": None, "start_y": None}).remarks
+    assert "not known: start_heading is given, but not start_x, start_y; start_sd states how well" in one
+    (none,) = made(files | {"start_x": None, "start_y": None, "start_heading": None}).remarks
+    assert none.endswith("not known: options start_x, start_y, start_heading and start_sd state it")
     assert made(files | {"start_heading": None, "start_sd": (100.0, 3.0)}).remarks == []
+
+
+@pytest.mark.parametrize("name", ["positions", "headings"])
+def test_a_row_of_the_world_that_is_repeated_is_remarked(files: dict[str, Any], name: str) -> None:
+    assert made(files).remarks == []
+    path = Path(files[name])
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:5], lines[4], *lines[5:]]) + "\n")
+    (remark,) = made(files).remarks
+    assert remark == f"{path}, line 6: repeats line 5, so its {name[:-1]} counts twice; expected once"
+
+
+def test_a_motion_that_is_repeated_is_remarked_but_none_of_a_coarse_clock(
+    files: dict[str, Any], tmp_path: Path
+) -> None:
+    rows = np.column_stack(
+        (0.1 * np.arange(300.0), np.full((300, 1), 0.05), np.zeros((300, 1)), np.full((300, 1), 0.04))
+    )
+    path = csv(tmp_path / "motions.csv", "t,dx,dy,dtheta", np.insert(rows, 50, rows[49], axis=0))
+    (remark,) = made(files | {"odometry": path}).remarks
+    assert remark == f"{path}, line 52: repeats line 51, so its motion counts twice; expected once"
+    coarse = rows.copy()
+    coarse[:, 0] = 0.2 * (np.arange(300) // 2)
+    coarse[1::4, 1] += 0.001
+    path = csv(tmp_path / "coarse.csv", "t,dx,dy,dtheta", coarse)
+    assert made(files | {"odometry": path}).remarks == []
 
 
 def test_what_is_outside_the_odometry_is_left_out_and_remarked(files: dict[str, Any], tmp_path: Path) -> None:
