@@ -10,7 +10,6 @@ from ...core.arrays import slices
 from ...core.factors import UNKNOWN, Log, Truth
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import Errors, difference, driven_errors, named, sighting_errors
-from ..words.numerals import factor
 from .landmark_places import comparable
 
 FAR = {1: 10.828, 2: 13.816, 3: 16.266}  # dimension -> chi-square's 99.9 % point
@@ -265,5 +264,5 @@ def _far(noun: str, sizes: _Sizes | None, number: int, belief: _Belief, worst: s
         largest = float(np.sqrt(sizes.squares.max()))
         yield (
             f"{gross} of {number} {noun}s {'are' if gross > 1 else 'is'} off by more than {GROSS:g} stated standard "
-            f"deviations, by {factor(largest)} at most"
+            f"deviations, by {float(f'{largest:.2g}'):,.10g} at most"
         )
