@@ -264,5 +264,5 @@ def _far(noun: str, sizes: _Sizes | None, number: int, belief: _Belief, worst: s
         largest = float(np.sqrt(sizes.squares.max()))
         yield (
             f"{gross} of {number} {noun}s {'are' if gross > 1 else 'is'} off by more than {GROSS:g} stated standard "
-            f"deviations, by {largest:.2g} at most"
+            f"deviations, by {float(f'{largest:.2g}'):,.10g} at most"
         )

@@ -98,6 +98,14 @@ def test_gross_errors_are_counted(with_map: bool) -> None:
     assert remark.startswith(f"2 of {len(log.ids)} sightings are off by more than 7 stated standard deviations, by ")
 
 
+def test_a_very_large_error_is_a_plain_number() -> None:
+    log, truth = circle()
+    z = log.z.copy()
+    z[3, 0] += 1000 * np.sqrt(log.z_cov[3, 0, 0])
+    (remark,) = misstated(replace(log, z=z), truth, OFF)
+    assert re.search(r" is off by more than 7 stated standard deviations, by (990|1,000|1,100) at most$", remark)
+
+
 def test_single_errors_are_no_reason_for_a_cautious_belief() -> None:
     log, truth = circle()
     z = log.z.copy()
