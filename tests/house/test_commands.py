@@ -188,7 +188,7 @@ FURNISHED = {
 def made_by(block: list[list[str]]) -> str:
     """What the commands of a block write themselves, by words that name it."""
     runs = [words[words.index("--out") + 1] + "/" for words in block if {"--out", "--dataset"} <= {*words}]
-    return " ".join(runs + ["detect drive"] * any(words[0] == "render" for words in block))
+    return " ".join(runs + ["detect drive", "validate drive"] * any(words[0] == "render" for words in block))
 
 
 @pytest.fixture
