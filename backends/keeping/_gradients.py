@@ -65,13 +65,8 @@ def product(a: Ints, b: Ints, g: Array, W: Array, free: Which, x: Array, out: Ar
 
 
 @compiled
-def add_to_ends(
-    i: int, j: int, g: Array, W: Array, k: int, r0: float, r1: float, r2: float, free: Which, out: Array
-) -> None:
-    """Adds W (r0, r1, r2) to row j of `out`, and takes G' of it off row i."""
-    u0 = W[k, 0] * r0 + W[k, 1] * r1 + W[k, 2] * r2
-    u1 = W[k, 1] * r0 + W[k, 3] * r1 + W[k, 4] * r2
-    u2 = W[k, 2] * r0 + W[k, 4] * r1 + W[k, 5] * r2
+def add_transposed(i: int, j: int, g: Array, k: int, u0: float, u1: float, u2: float, free: Which, out: Array) -> None:
+    """Adds (u0, u1, u2) to row j of `out`, and takes G' of it off row i."""
     if free[j]:
         out[j, 0] += u0
         out[j, 1] += u1
@@ -80,6 +75,17 @@ def add_to_ends(
         out[i, 0] -= u0
         out[i, 1] -= u1
         out[i, 2] -= u2 + g[k, 0] * u0 + g[k, 1] * u1
+
+
+@compiled
+def add_to_ends(
+    i: int, j: int, g: Array, W: Array, k: int, r0: float, r1: float, r2: float, free: Which, out: Array
+) -> None:
+    """Adds W (r0, r1, r2) to row j of `out`, and takes G' of it off row i."""
+    u0 = W[k, 0] * r0 + W[k, 1] * r1 + W[k, 2] * r2
+    u1 = W[k, 1] * r0 + W[k, 3] * r1 + W[k, 4] * r2
+    u2 = W[k, 2] * r0 + W[k, 4] * r1 + W[k, 5] * r2
+    add_transposed(i, j, g, k, u0, u1, u2, free, out)
 
 
 @compiled
@@ -171,15 +177,7 @@ def drawn(a: Ints, b: Ints, g: Array, W: Array, free: Which, noise: Array, r: Ar
         u0 = l00 * noise[k, 0]
         u1 = l10 * noise[k, 0] + l11 * noise[k, 1]
         u2 = l20 * noise[k, 0] + l21 * noise[k, 1] + l22 * noise[k, 2]
-        i, j = a[k], b[k]
-        if free[j]:
-            r[j, 0] += u0
-            r[j, 1] += u1
-            r[j, 2] += u2
-        if free[i]:
-            r[i, 0] -= u0
-            r[i, 1] -= u1
-            r[i, 2] -= u2 + g[k, 0] * u0 + g[k, 1] * u1
+        add_transposed(a[k], b[k], g, k, u0, u1, u2, free, r)
 
 
 @compiled
