@@ -98,7 +98,7 @@ def test_out_alone_begins_nothing(there: str, tmp_path: Path, capsys: pytest.Cap
     if there == "a record of nothing":
         (out / "results.sqlite").touch()
     before = sorted(tmp_path.rglob("*"))
-    for more in ((), ("--retry",), ("--jobs", 1)):
+    for more in ((), ("--retry",), ("--jobs", "1")):
         said = refused(capsys, "run", "--out", out, *more)
         assert f"--out {out}: there is no run to continue; --backend and --dataset begin one." in said
     with pytest.raises(InputError, match="there is no run to continue; --backend and --dataset begin one"):
