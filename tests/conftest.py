@@ -91,6 +91,14 @@ def one_compiler() -> None:
     pytest.MonkeyPatch().setattr(compile_ahead, "kept", lambda _: True)
 
 
+@pytest.fixture(autouse=True, scope="session")
+def patient() -> None:
+    """Lets commands in this process be slow without a word: what they print does not depend on how fast a machine is."""
+    for name in ("console", "stages"):
+        if module := sys.modules.get(f"slamduel.bench.words.{name}"):
+            pytest.MonkeyPatch().setattr(module, "PATIENCE_S", 3600.0)
+
+
 @pytest.fixture
 def no_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """`bench run` without its pages, whose pictures are nearly all that a small run costs."""
