@@ -93,7 +93,7 @@ def one_compiler() -> None:
 
 @pytest.fixture(autouse=True, scope="session")
 def patient() -> None:
-    """Lets commands in this process be slow without a word: what they print does not depend on how fast a machine is."""
+    """Lets commands here be slow without a word: what they print does not depend on how fast a machine is."""
     for name in ("console", "stages"):
         if module := sys.modules.get(f"slamduel.bench.words.{name}"):
             pytest.MonkeyPatch().setattr(module, "PATIENCE_S", 3600.0)
