@@ -2,14 +2,14 @@
 
     odometry     t,x,y,heading      poses of the robot's own odometry, in its own frame; or
                  t,dx,dy,dtheta     the motion since the row before, in the body frame before it; or
-                 t,v,omega          m/s and rad/s, held until the next row
+                 t,v,omega          m/s and rad/s, held until the next row, or as option `speeds` says
     detections   t,id,range,bearing or t,id,x,y, the landmark in the body frame: x ahead, y to the left;
                  and signature, where option signature_sd states its noise
     ranges       t,id,range; bearings t,id,bearing; positions t,x,y or t,lat,lon; headings t,heading
     imu          t,gyro_x,gyro_y,gyro_z, as `inertial.imu_csv` reads it
 
 Keyframes are the times of detections and of all others, with regular ones between; the motion up to each is one factor.
-Between two rows of odometry, motion is interpolated evenly; where rows are missing, with the noise of
+Between two rows of odometry, the robot is on an arc; where rows are missing, with the noise of
 `frontend.wheels.holes` and without regular keyframes. The noise is set by the options. What is legal yet odd is a
 remark on the log.
 """

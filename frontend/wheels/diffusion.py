@@ -56,7 +56,7 @@ def spread(delta: Array, forward: Array, turn: Array) -> Array:
 
 
 def even(delta: Array) -> tuple[Array, Array]:
-    """m ahead and to the left, (...,) each, that the body moves in axes of its own along the arc to `delta` (..., 3)."""
+    """m ahead and to the left, (...,) each, that a body moves in axes of its own along the arc to `delta` (..., 3)."""
     s, c = sincos(delta[..., 2] / 2)
     chord = sinc(delta[..., 2] / 2)
     return (c * delta[..., 0] + s * delta[..., 1]) / chord, (c * delta[..., 1] - s * delta[..., 0]) / chord

@@ -26,7 +26,7 @@ from ...core.factors import Odometry
 from ...core.se2 import Array, Ints, summed
 from .encoder import roll
 from .holes import Holes, find_holes
-from .track import LARGEST_TURN, Track
+from .track import Track, pieces_of
 from .units import odd_units
 
 MOST_POSES = 1_000_000
@@ -37,7 +37,7 @@ Meaning = Literal["until-next", "since-last", "at-time"]
 
 
 class Way(NamedTuple):
-    """Arcs as poses, LARGEST_TURN apart at most."""
+    """Arcs as poses, as many as `pieces_of` has it."""
 
     t: Array  # (k,) s
     poses: Array  # (k, 3) from the origin
@@ -50,7 +50,7 @@ def way(t: Array, rates: Array, source: str) -> Way:
     InputError where it turns without end.
     """
     turned = np.abs(rates[:-1, 1]) * np.diff(t)
-    pieces = np.maximum(np.ceil(turned / LARGEST_TURN), 1)
+    pieces = pieces_of(turned)
     if not (pieces - 1).sum() < MOST_POSES:
         raise InputError(f"{source}: the robot turns by {turned.sum():.4g} rad in all, expected rad/s, s and m/s.")
     rows = np.concatenate(([0], np.cumsum(pieces))).astype(np.int64)

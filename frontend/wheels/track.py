@@ -20,8 +20,9 @@ from .units import odd_units
 
 ROWS = 100_000  # readings that are composed at once
 
-LARGEST_TURN = 0.1
-"""rad between two poses of the way; a straight line between these is at most 1.3 % of it off the arc."""
+LARGEST_TURN, FINE_TURN = 0.1, 0.02
+"""rad between two readings, beyond which they have poses on an arc between them, and rad between these. A straight line
+is off an arc by an eighth of the turn, times its length."""
 
 
 class Poses(NamedTuple):
@@ -82,11 +83,11 @@ class Track:
 
     @cached_property
     def _way(self) -> Poses:
-        """The poses, and along an arc more of them where the robot turns by more than LARGEST_TURN, but in no hole."""
+        """The poses, and more of them along arcs, but in no hole."""
         if len(self.t) < 2:
             return Poses(self.t, self.poses)
         moved = between(self.poses[:-1], self.poses[1:])
-        pieces = np.maximum(np.ceil(np.abs(moved[:, 2]) / LARGEST_TURN * (1 - 1e-9)), 1).astype(np.int64)
+        pieces = pieces_of(moved[:, 2]).astype(np.int64)
         pieces[self.holes.between(self.t)] = 1
         if (pieces == 1).all():
             return Poses(self.t, self.poses)
@@ -148,6 +149,12 @@ class Track:
     def settings(self) -> dict[str, Any]:
         """The noise."""
         return {"odometry": asdict(self.noise)}
+
+
+def pieces_of(turns: Array) -> Array:
+    """(n,) pieces of FINE_TURN at most, of arcs by `turns` (n,), rad; 1 up to LARGEST_TURN, but for rounding."""
+    turns = np.abs(turns) * (1 - 1e-9)
+    return np.where(turns <= LARGEST_TURN, 1.0, np.ceil(turns / FINE_TURN))
 
 
 def _at(t: Array, before: Array, after: Array, low: Array, high: Array) -> Array:

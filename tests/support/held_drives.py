@@ -4,8 +4,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from slamduel.core.se2 import Array, between, compose, compose_jacobians, summed, wrap
 from slamduel.core.factors import Odometry
+from slamduel.core.se2 import Array, between, compose, compose_jacobians, summed, wrap
 from slamduel.frontend.wheels.encoder import Floors, roll
 from slamduel.frontend.wheels.held import Held, way
 from slamduel.frontend.wheels.track import TrackNoise
