@@ -9,14 +9,14 @@ alone. That may be how the robot drove or not, so the path stays the held one, a
 standard deviation: of each row by itself, and in the parts that the steps of a log cut it into. Slopes that last make
 errors that last, too, which this takes as independent.
 
-On simulated drives that weave and wander, with rows of 1 s, NEES of single steps was 3.5 and 2.7 without it and 1.0 and
+On simulated drives that weave and wander, with rows of 1 s, NEES of single steps was 3.2 and 2.4 without it and 1.0 and
 1.1 with it; with rows of 0.2 s or less it changes nothing. Of speeds that the robot does hold, as commands are to be,
 nothing of this is unknown.
 """
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,9 +31,6 @@ from .units import odd_units
 
 MOST_POSES = 1_000_000
 """More turns are of rates in other units, or of times that are."""
-
-
-Meaning = Literal["until-next", "since-last", "at-time"]
 
 
 class Way(NamedTuple):
@@ -59,11 +56,11 @@ def way(t: Array, rates: Array, source: str) -> Way:
     return Way(at, summed(np.zeros(3), roll(held[:-1] * np.diff(at)[:, None], "arc")[0]), rows)
 
 
-def held(rates: Array, meaning: Meaning) -> Array:
-    """(m, 2) the speeds from each row to the next, of rows whose `rates` (m, 2) have this meaning.
+def held(rates: Array, meaning: str) -> Array:
+    """(m, 2) the mean speeds from each row to the next, of rows whose `rates` (m, 2) have this meaning.
 
-    They are those until the next row, those since the row before, or those at the row's time, whose means are taken:
-    between two rows a robot is then the trapezoid's way ahead.
+    They are those "until-next" row, those "since-last" row, or those "at-time", at the row's own: between two rows
+    speeds then change evenly, and the mean is that of both.
     """
     if meaning == "until-next":
         return rates

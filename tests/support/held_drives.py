@@ -29,7 +29,7 @@ class Drive(NamedTuple):
 
 def speeds(kind: Kind, rng: np.random.Generator) -> Array:
     """(n, 2) true speeds, m/s and rad/s, at multiples of DT."""
-    t = DT * np.arange(round(SECONDS / DT))
+    t: Array = DT * np.arange(float(round(SECONDS / DT)))
     if kind == "circle":
         return np.tile([0.5, 0.4], (len(t), 1))
     if kind == "slalom":  # weaves with a period of 8 s

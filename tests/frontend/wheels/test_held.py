@@ -31,7 +31,7 @@ def test_the_same_drive_at_each_rate_has_the_same_motions_and_noise(hz: int, eve
     at = every * np.arange(np.floor(12 / every) + 1)
     fine, coarse = (
         track(t, np.tile([0.5, 0.4], (len(t), 1)), BARE).motions(at)
-        for t in (0.1 * np.arange(121), np.arange(12 * hz + 1) / hz)
+        for t in (np.linspace(0.0, 12.0, 121), np.linspace(0.0, 12.0, 12 * hz + 1))
     )
     np.testing.assert_allclose(coarse.delta, fine.delta, atol=0.5 * 0.05 * 0.02)
     scale = np.sqrt(np.einsum("ni,nj->nij", *2 * (np.einsum("nii->ni", fine.cov),)))
@@ -158,7 +158,7 @@ def test_speeds_at_a_rows_time_are_late_where_they_are_held(kind: Kind) -> None:
 
 def test_readings_far_apart_are_on_an_arc_too() -> None:
     """Poses each second of a robot on a circle of 1 m: half a second later it is on it, not on the chord, 3 cm off."""
-    turn = 0.5 * np.arange(7)
+    turn: Array = 0.5 * np.arange(7.0)
     poses = np.column_stack((np.sin(turn), 1 - np.cos(turn), turn))
     found = Track(np.arange(7.0), poses, NOISE).odometry(1.0, 2.5).delta
     expected = between(poses[1], np.array([np.sin(1.25), 1 - np.cos(1.25), 1.25]))
