@@ -38,7 +38,7 @@ def spread(delta: Array, forward: Array, turn: Array) -> Array:
     one, two = _bend(a), _bend(2 * a)
     cov = np.zeros((*a.shape, 3, 3))
     # Of g g' turned by a right angle, and of its mean: along, across and with the heading.
-    along, across, both = 2 * turn * (one - two), 2 * turn * two, turn * a * half**4 / 8
+    along, across, both = 2 * turn * (one - two), 2 * turn * two, turn * a * (half**2) ** 2 / 8
     cov[..., 0, 0] = p * p * along - 2 * p * q * both + q * q * across + forward * (1 - 2 * a**2 * two)
     cov[..., 1, 1] = q * q * along + 2 * p * q * both + p * p * across + forward * 2 * a**2 * two
     cov[..., 0, 1] = p * q * (along - across) + (p * p - q * q) * both - forward * a * whole**2 / 2

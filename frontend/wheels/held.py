@@ -115,13 +115,14 @@ class Held(Track):
             return total
         step, row, start, end = step[inside], row[inside], cuts[:-1][inside], cuts[1:][inside]
         lasting, early = end - start, (start + end) / 2 - (t[row] + t[row + 1]) / 2
+        cube = lasting**2 * lasting / 12  # a power of three has other bits on other machines
         speed, turning = self.rates[row].T
         by_speed, by_turn = self.slopes[row].T
         # Errors ahead, to the left and of the heading at the end of each part, in the frame of its middle.
         errors = np.zeros((len(row), 2, 3))
         errors[:, 0, 0] = by_speed * early * lasting
-        errors[:, 0, 1] = by_speed * turning * lasting**3 / 12
-        errors[:, 1, 1] = speed * by_turn * (early * lasting**2 / 2 - lasting**3 / 12)
+        errors[:, 0, 1] = by_speed * turning * cube
+        errors[:, 1, 1] = speed * by_turn * (early * lasting**2 / 2 - cube)
         errors[:, 1, 2] = by_turn * early * lasting
         first, before, after, last = (self._at(times) for times in (at[step], start, end, at[step + 1]))
         s, c = (one[:, None] for one in sincos((before[:, 2] + after[:, 2]) / 2 - first[:, 2]))
