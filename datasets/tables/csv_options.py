@@ -34,6 +34,12 @@ class Options(Named):
     """The files and their noise."""
 
     odometry: str | None = option(None, "CSV file with t,x,y,heading or t,dx,dy,dtheta or t,v,omega")
+    speeds: str = option(
+        "until-next",
+        "v and omega of a row are those until the next row, those since the row before, or those at its time",
+        choices=("until-next", "since-last", "at-time"),
+        beside="odometry",
+    )
     detections: str | None = option(None, "CSV file with t,id,range,bearing or t,id,x,y; id -1 is unknown")
     ranges: str | None = option(None, "CSV file with t,id,range: ranges alone, with range_sd and range_share")
     bearings: str | None = option(None, "CSV file with t,id,bearing: bearings alone, with bearing_sd")

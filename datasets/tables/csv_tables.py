@@ -2,14 +2,14 @@
 
     odometry     t,x,y,heading      poses of the robot's own odometry, in its own frame; or
                  t,dx,dy,dtheta     the motion since the row before, in the body frame before it; or
-                 t,v,omega          m/s and rad/s, held until the next row
+                 t,v,omega          m/s and rad/s, held until the next row, or as option `speeds` says
     detections   t,id,range,bearing or t,id,x,y, the landmark in the body frame: x ahead, y to the left;
                  and signature, where option signature_sd states its noise
     ranges       t,id,range; bearings t,id,bearing; positions t,x,y or t,lat,lon; headings t,heading
     imu          t,gyro_x,gyro_y,gyro_z, as `inertial.imu_csv` reads it
 
 Keyframes are the times of detections and of all others, with regular ones between; the motion up to each is one factor.
-Between two rows of odometry, motion is interpolated evenly; where rows are missing, with the noise of
+Between two rows of odometry, the robot is on an arc; where rows are missing, with the noise of
 `frontend.wheels.holes` and without regular keyframes. The noise is set by the options. What is legal yet odd is a
 remark on the log.
 """
@@ -28,8 +28,8 @@ from ...core.se2 import Array, summed, wrap
 from ...core.table import LARGEST, Table
 from ...core.truth.tum import read_tum
 from ...frontend.pauses import longest_pause
-from ...frontend.wheels.commands import driven
 from ...frontend.wheels.encoder import Floors
+from ...frontend.wheels.held import Held, held, way
 from ...frontend.wheels.holes import Holes
 from ...frontend.wheels.track import Poses, Track, TrackNoise
 from ...frontend.wheels.units import fast_turns, in_degrees
@@ -131,6 +131,7 @@ def _track(path: Path, options: Options, remarks: list[str]) -> tuple[Track, Tab
     table = in_order(read_columns(path, POSES, MOTIONS, SPEEDS, remarks=remarks), strictly=False)
     t, turn = table.column("t"), options.unit("odometry")
     last = np.append(np.diff(t) > 0, True)  # of rows at equal times, as a coarse clock gives, the last counts
+    speeds, along = np.zeros((0, 2)), None
     lost = "" if last.all() else digits_lost(t.tolist())
     if lost and 2 * last.sum() < len(t):
         raise table.fault(int(np.flatnonzero(~last)[0]) + 1, f"t is as in the row before{lost}")
@@ -146,8 +147,12 @@ def _track(path: Path, options: Options, remarks: list[str]) -> tuple[Track, Tab
         poses = summed(np.zeros(3), motions)
         rates = motions[:, 2] * len(motions) / (np.ptp(t) or np.inf)  # by the mean time: stamps may come in bursts
     else:
-        rates = table.column("omega") * turn
-        poses = driven(t, table.rows[:, 1:] * np.array([1.0, turn]))
+        speeds = held(table.rows[:, 1:] * np.array([1.0, turn]), options.speeds)[last]
+        along = way(t[last], speeds, str(path))
+        poses, rates = along.poses, speeds[:, 1]
+    if table.columns != SPEEDS and options.speeds != Options.speeds:
+        found = f"option speeds={options.speeds} of dataset csv: {path} has {','.join(table.columns)}"
+        raise InputError(f"{found}, expected {','.join(SPEEDS)}, or this option left out.")
     reads = f": option {options.with_degrees('odometry')} reads them so" if turn == 1 else ""
     remarks += [found + reads for found in fast_turns(str(path), rates)]
     if not np.isfinite(poses).all():
@@ -156,8 +161,10 @@ def _track(path: Path, options: Options, remarks: list[str]) -> tuple[Track, Tab
     poses[:, 2] = wrap(poses[:, 2])
     floors = Floors(options.floor_position, options.floor_heading)
     noise = TrackNoise(options.forward, options.turning, options.turning_by_turn, floors)
-    bridged = table.columns == POSES
-    track = Track(t[last], poses[last], noise, options.max_speed, str(path), bridged)
+    if along is not None:
+        track = Held(along.t, poses, noise, options.max_speed, str(path), rates=speeds, rows=along.rows)
+    else:
+        track = Track(t[last], poses[last], noise, options.max_speed, str(path), table.columns == POSES)
     track.check()
     remarks += track.remarks(t[0], t[-1])
     return track, table

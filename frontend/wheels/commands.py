@@ -4,27 +4,19 @@ A robot follows its commands late, and by the wheels' size, load and slip only r
 """
 
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.se2 import Array, Ints, summed
-from .encoder import roll
-from .holes import Holes, find_holes
-from .track import Track, TrackNoise
+from ...core.se2 import Array
+from .held import Held, way
+from .track import TrackNoise
 from .units import fast_turns
 
 FOLLOWED = TrackNoise(forward=0.1, turning=0.2, turning_by_turn=0.3)
 """Default noise. Of a rover without encoders, whose motors turn as their loads let them, `bench noise` measured 0.07
 forward and, from the turns that were commanded, 0.24 and 0.40."""
-
-LARGEST_TURN = 0.1
-"""rad between two poses of the way; a straight line between these is at most 1.3 % of it off the arc."""
-
-MOST_POSES = 1_000_000
-"""More turns are of rates in other units, or of times that are."""
 
 
 class Speeds(NamedTuple):
@@ -58,40 +50,27 @@ class Commands:
 
 
 @dataclass(frozen=True, eq=False)
-class Commanded(Track):
-    """The way that a robot drives which follows its commands, as a track whose sum is lost where commands are."""
+class Commanded(Held):
+    """The way that a robot drives which follows its commands."""
 
+    sudden: bool = True
     commands: Commands = field(default_factory=Commands)
-    rates: Array = field(default_factory=lambda: np.zeros((0, 2)))  # (m, 2) m/s and rad/s
-    rows: Ints = field(default_factory=lambda: np.zeros(0, np.int64))  # (m,) the poses at the times of commands
 
     @classmethod
     def by(cls, given: Speeds, commands: Commands, max_speed: float, source: str) -> "Commanded":
         """The way by the speeds that were `given`. InputError where it is unknown or endless."""
         rates = commands.rates(given, source)
-        pieces = np.maximum(np.ceil(np.abs(rates[:-1, 1]) * np.diff(given.t) / LARGEST_TURN), 1)
-        if not pieces.sum() < MOST_POSES:
-            turned = pieces.sum() * LARGEST_TURN
-            raise InputError(f"{source}: the robot turns by {turned:.4g} rad in all, expected rad/s, s and m/s.")
-        rows = np.concatenate(([0], np.cumsum(pieces))).astype(np.int64)
-        t = np.interp(np.arange(rows[-1] + 1), rows, given.t)
-        held = rates[np.searchsorted(rows, np.arange(len(t)), "right") - 1]
+        t, poses, rows = way(given.t, rates, source)
         return cls(
             t + commands.delay,
-            driven(t, held),
+            poses,
             commands.noise,
             max_speed,
             source,
-            bridged=False,
-            commands=commands,
             rates=rates,
             rows=rows,
+            commands=commands,
         )
-
-    @cached_property
-    def holes(self) -> Holes:
-        """The times without commands."""
-        return find_holes(self.t[self.rows], lambda rows: self._moved(self.rows[rows]))
 
     @property
     def readings(self) -> str:
@@ -106,11 +85,3 @@ class Commanded(Track):
     def settings(self) -> dict[str, Any]:
         """The commands and their noise."""
         return {"commands": {name: value for name, value in asdict(self.commands).items() if value is not None}}
-
-
-def driven(t: Array, rates: Array) -> Array:
-    """(m, 3) the poses at `t` (m,), s, of a robot that holds each of `rates` (m, 2), m/s and rad/s, until the next.
-
-    It starts at the origin and drives arcs.
-    """
-    return summed(np.zeros(3), roll(rates[:-1] * np.diff(t)[:, None], "arc")[0])

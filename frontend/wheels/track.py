@@ -10,13 +10,19 @@ from ...core.elementary import hypot
 from ...core.errors import InputError
 from ...core.factors import Odometry
 from ...core.se2 import Array, Ints, between
+from ...core.se2 import compose as applied
 from .counters import MAX_SPEED
+from .diffusion import along, even, spread
 from .encoder import Floors, compose
 from .holes import Holes, find_holes
 from .motion import in_order
 from .units import odd_units
 
 ROWS = 100_000  # readings that are composed at once
+
+LARGEST_TURN, FINE_TURN = 0.1, 0.02
+"""rad between two readings, beyond which they have poses on an arc between them, and rad between these. A straight line
+is off an arc by an eighth of the turn, times its length."""
 
 
 class Poses(NamedTuple):
@@ -35,11 +41,13 @@ class TrackNoise:
     turning_by_turn: float = 0.02  # rad per root radian turned
     floors: Floors = field(default_factory=Floors)
 
+    def variances(self, way: Array, turn: Array) -> tuple[Array, Array]:
+        """(...,) each, of the way ahead, m^2, and of the turn, rad^2, of motions over `way`, m, and by `turn`, rad."""
+        return self.forward**2 * way, self.turning**2 * way + self.turning_by_turn**2 * np.abs(turn)
+
     def cov(self, delta: Array) -> Array:
-        """(..., 3, 3) covariances of the motions `delta` (..., 3)."""
-        way, turn = hypot(delta[..., 0], delta[..., 1]), np.abs(delta[..., 2])
-        heading = self.turning**2 * way + self.turning_by_turn**2 * turn
-        return np.stack((self.forward**2 * way, np.zeros_like(way), heading), axis=-1)[..., None] * np.eye(3)
+        """(..., 3, 3) covariances of the motions `delta` (..., 3), as arcs: the sum of those of any pieces of them."""
+        return spread(delta, *self.variances(hypot(*even(delta)), delta[..., 2]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +81,23 @@ class Track:
         """The times without readings."""
         return find_holes(self.t, self._moved)
 
+    @cached_property
+    def _way(self) -> Poses:
+        """The poses, and more of them along arcs, but in no hole."""
+        if len(self.t) < 2:
+            return Poses(self.t, self.poses)
+        moved = between(self.poses[:-1], self.poses[1:])
+        pieces = pieces_of(moved[:, 2]).astype(np.int64)
+        pieces[self.holes.between(self.t)] = 1
+        if (pieces == 1).all():
+            return Poses(self.t, self.poses)
+        row = np.repeat(np.arange(len(moved)), pieces)
+        share = (np.arange(len(row)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[row]
+        t = self.t[row] + share * np.diff(self.t)[row]
+        poses = applied(self.poses[row], along(moved[row], share))
+        poses[share == 0] = self.poses[row[share == 0]]
+        return Poses(np.append(t, self.t[-1]), np.concatenate((poses, self.poses[-1:])))
+
     def _moved(self, rows: Ints) -> tuple[Array, Array]:
         heading = np.unwrap(self.poses[:, 2])[rows]
         return hypot(*np.diff(self.poses[rows, :2], axis=0).T), np.diff(heading)
@@ -84,7 +109,7 @@ class Track:
 
     def motions(self, at: Array) -> Odometry:
         """The motions between consecutive times `at` (n,), s, as columns: (n - 1, 3) and (n - 1, 3, 3)."""
-        first, last = np.searchsorted(self.t, at[:-1], "right"), np.searchsorted(self.t, at[1:], "left")
+        first, last = np.searchsorted(self._way.t, at[:-1], "right"), np.searchsorted(self._way.t, at[1:], "left")
         delta, cov = np.empty((len(first), 3)), np.empty((len(first), 3, 3))
         inside = np.maximum(last - first, 0)
         for count in np.unique(inside):
@@ -98,13 +123,14 @@ class Track:
 
     def _between(self, start: Array, end: Array, first: Ints, count: int) -> Array:
         """(m, count + 1, 3) the motions from `start` to `end` (m,) over the `count` readings from `first` (m,) on."""
-        before, after = np.maximum(first - 1, 0), np.minimum(first + count, len(self.t) - 1)
+        t, path = self._way
+        before, after = np.maximum(first - 1, 0), np.minimum(first + count, len(t) - 1)
         rows = np.column_stack((before, first[:, None] + np.arange(count), after))
-        heading = np.unwrap(self.poses[rows, 2], axis=1)
-        columns = np.stack((self.poses[rows, 0], self.poses[rows, 1], heading), axis=-1)
+        heading = np.unwrap(path[rows, 2], axis=1)
+        columns = np.stack((path[rows, 0], path[rows, 1], heading), axis=-1)
         poses = columns.copy()
-        poses[:, 0] = _at(start, self.t[before], self.t[rows[:, 1]], columns[:, 0], columns[:, 1])
-        poses[:, -1] = _at(end, self.t[rows[:, -2]], self.t[after], columns[:, -2], columns[:, -1])
+        poses[:, 0] = _at(start, t[before], t[rows[:, 1]], columns[:, 0], columns[:, 1])
+        poses[:, -1] = _at(end, t[rows[:, -2]], t[after], columns[:, -2], columns[:, -1])
         return between(poses[:, :-1], poses[:, 1:])
 
     def _unknown(self, start: float, end: float) -> Array:
@@ -112,7 +138,7 @@ class Track:
         unknown = self.holes.noise(start, end, position=self.bridged, heading=self.bridged)
         inside = np.maximum(np.minimum(self.holes.end, end) - np.maximum(self.holes.start, start), 0.0)
         way, turn = (self.holes.speed * inside).sum(), (self.holes.turning * inside).sum()
-        forward, _, heading = np.diag(self.noise.cov(np.array([[way, 0.0, turn]]))[0])
+        forward, heading = self.noise.variances(way, turn)
         return unknown + np.array([forward, 0.0, heading]) + np.array([1.0, 1.0, 0.0]) * heading * way**2 / 3
 
     def remarks(self, start: float, end: float) -> list[str]:
@@ -123,6 +149,12 @@ class Track:
     def settings(self) -> dict[str, Any]:
         """The noise."""
         return {"odometry": asdict(self.noise)}
+
+
+def pieces_of(turns: Array) -> Array:
+    """(n,) pieces of FINE_TURN at most, of arcs by `turns` (n,), rad; 1 up to LARGEST_TURN, but for rounding."""
+    turns = np.abs(turns) * (1 - 1e-9)
+    return np.where(turns <= LARGEST_TURN, 1.0, np.ceil(turns / FINE_TURN))
 
 
 def _at(t: Array, before: Array, after: Array, low: Array, high: Array) -> Array:

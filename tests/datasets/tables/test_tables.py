@@ -125,6 +125,43 @@ def test_a_clock_that_stamps_rows_alike_changes_no_motion(files: dict[str, Any],
     np.testing.assert_allclose(log.delta[1:], made(files).log.delta[1:], atol=1e-9)
 
 
+@pytest.mark.parametrize("hz", [10, 2, 1])
+def test_speeds_at_any_rate_are_the_same_motions_with_the_same_noise(
+    files: dict[str, Any], tmp_path: Path, hz: int
+) -> None:
+    """At 1 Hz a row turns by 0.4 rad: keyframes of 0.2 s within it are on its arc, to an eighth of a chord's turn."""
+    expected = made(files | {"every": 0.2}).log
+    t = np.arange(30 * hz + 1) / hz
+    rows = np.column_stack((t, np.full_like(t, 0.5), np.full_like(t, 0.4)))
+    given = files | {"every": 0.2, "odometry": csv(tmp_path / "few.csv", "t,v,omega", rows)}
+    log = made(given).log
+    both = np.isin(np.round(log.t[1:], 6), np.round(expected.t[1:], 6))
+    assert both.sum() > 140
+    delta, cov = log.delta[1:][both][:140], log.delta_cov[1:][both][:140]
+    np.testing.assert_allclose(delta, expected.delta[1:141], atol=0.05 * 0.02 / 4)
+    np.testing.assert_allclose(cov, expected.delta_cov[1:141], atol=0.03 * 0.05**2 * 0.1)
+
+
+def test_speeds_may_be_those_since_the_row_before_or_at_its_time(files: dict[str, Any], tmp_path: Path) -> None:
+    t = np.arange(30.0)
+    ramp = np.column_stack((t, 0.1 + 0.01 * t, np.full_like(t, 0.2)))
+    before = np.column_stack((t[1:], ramp[:-1, 1:]))
+    held, late, middle = (
+        made(files | {"odometry": csv(tmp_path / f"{name}.csv", "t,v,omega", rows)} | more).log.delta[1:]
+        for name, rows, more in (
+            ("held", ramp, {}),
+            ("late", np.concatenate((ramp[:1], before)), {"speeds": "since-last"}),
+            ("middle", ramp - np.array([0.0, 0.005, 0.0]), {"speeds": "at-time"}),
+        )
+    )
+    np.testing.assert_allclose(late, held, atol=1e-12)
+    np.testing.assert_allclose(middle[:-1], held[:-1], atol=1e-12)
+    refused(
+        "option speeds=at-time of dataset csv: .*odometry.csv has t,x,y,heading, expected t,v,omega, or",
+        made, files | {"speeds": "at-time"},
+    )  # fmt: skip
+
+
 def test_points_ahead_and_to_the_left_are_ranges_and_bearings(files: dict[str, Any], tmp_path: Path) -> None:
     expected = made(files).log
     t, ids, r, b = np.loadtxt(files["detections"], delimiter=",", skiprows=1).T
