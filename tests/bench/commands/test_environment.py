@@ -32,7 +32,7 @@ MISSING = ["module://not_installed.backend_inline", "no_such_backend"]
 def test_a_backend_of_matplotlib_that_is_not_here_does_not_matter_to_a_picture(
     tmp_path: Path, log_folder: Path, backend: str
 ) -> None:
-    done = bench("show", log_folder, "--out", tmp_path / "log.png", MPLBACKEND=backend)
+    done = bench("show", log_folder, "--out", tmp_path / "log.png", "--quiet", MPLBACKEND=backend)
     assert (done.returncode, done.stderr) == (0, "")
     assert (tmp_path / "log.png").stat().st_size > 1000
 

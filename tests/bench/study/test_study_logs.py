@@ -327,7 +327,7 @@ def test_on_a_disk_that_is_full_at_once_nothing_is_kept(
     monkeypatch.setattr(stores, "writable", full)
     told = r"results\.sqlite: cannot be written to: database or disk is full\. No cell had been run: nothing is kept\.$"
     with pytest.raises(InputError, match=told):
-        go(tmp_path)
+        go(tmp_path, STUDY + "#" * 20_000)  # the record has the file's text
     assert list(tmp_path.iterdir()) == []
 
 
