@@ -4,7 +4,7 @@ A scan is a generator. It yields each fault as an error, continues as well as it
 where it cannot continue it raises the error. `strict` makes a reader of it that raises the first.
 """
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from typing import TypeVar
 
 from .errors import InputError
@@ -13,12 +13,23 @@ T = TypeVar("T")
 Scan = Generator[InputError, None, T]
 
 
+def told(scan: Scan[T], tell: Callable[[InputError], None]) -> T:
+    """Returns the result of `scan`; calls `tell` with each fault as it is found."""
+    while True:
+        try:
+            fault = next(scan)
+        except StopIteration as end:
+            return end.value
+        tell(fault)
+
+
 def strict(scan: Scan[T]) -> T:
     """Returns the result of `scan`; raises its first fault."""
-    try:
-        raise next(scan)
-    except StopIteration as end:
-        return end.value
+    return told(scan, _raise)
+
+
+def _raise(fault: InputError) -> None:
+    raise fault
 
 
 def attempted(scan: Scan[T]) -> Scan[T | None]:

@@ -1,13 +1,15 @@
 """`bench validate`: lists everything that is wrong with a log, and what is legal yet odd."""
 
 import argparse
+import itertools
 from pathlib import Path
 
 import numpy as np
 
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Dataset
-from ...core.scan import Scan, attempted
+from ...core.scan import Scan, attempted, told
+from ...core.scan import counted as faults_counted
 from ...datasets.formats import log_folder
 from ...datasets.inertial.open import NOTE
 from ...frontend.inertial.tilts import LEVELS
@@ -97,16 +99,14 @@ def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argpars
 
 def _printed(scan: Scan[Dataset | None], shown: float, stages: Stages) -> tuple[Dataset | None, int]:
     """Prints problems, so many at most; returns the dataset and their number."""
-    total = 0
-    while True:
-        try:
-            problem = next(scan)
-        except StopIteration as end:
-            return end.value, total
-        total += 1
-        if total <= shown:
+    numbers = itertools.count(1)
+
+    def tell(problem: InputError) -> None:
+        if next(numbers) <= shown:
             stages.stop()
             print(problem)
+
+    return told(faults_counted(scan), tell)
 
 
 def _scan(variant: DatasetVariant, seed: int) -> Scan[Dataset | None]:

@@ -18,6 +18,7 @@ from ...datasets.remarks import refuse
 from ..measure.cell import Result
 from ..measure.repeats import over_rounds
 from ..plan.work import PlannedCell, Work
+from ..record.database import Unwritable
 from ..record.lock import claimed
 from ..record.schema import FAILED, FILE, KEY, ROUND, Row
 from ..record.store import Known, Store
@@ -77,15 +78,17 @@ About = Callable[[Mapping[str, Any]], Mapping[str, Any]]  # known facts -> facts
 def run(work: Work, folder: Path, executor: Executor, request: RunRequest, about: About, watcher: Watcher) -> Tally:
     """Runs the cells of `work` that the record in `folder` has no result of.
 
-    InputError where the folder cannot be used, or where a log that is needed cannot be made. A record without planned
-    cells is removed again.
+    InputError where the folder cannot be used or written to, or where a log that is needed cannot be made. A record
+    without planned cells is removed again.
     """
     with claimed(folder):
         try:
             with Store(folder, writing=True) as store:
                 return _Engine(work, store, executor, watcher).run(request, about)
-        except BaseException:
-            _discard_unless_begun(folder)
+        except BaseException as error:
+            left = _discard_unless_begun(folder)
+            if isinstance(error, Unwritable):
+                raise Unwritable(f"{error} {left}".rstrip()) from None
             raise
 
 
@@ -268,12 +271,17 @@ def _planned(cell: PlannedCell, log: str, key: str | None) -> tuple[Any, ...]:
     return (*cell.cell.key, dict(cell.parameters), log, key, of.name, of.cluster)
 
 
-def _discard_unless_begun(folder: Path) -> None:
+def _discard_unless_begun(folder: Path) -> str:
+    """Removes a record without planned cells; says what then is in the folder, "" where that cannot be read."""
+    if not (folder / FILE).exists():
+        return f"There is no {FILE}: nothing is kept."
     with contextlib.suppress(InputError):
         with Store(folder) as store:
             if store.planned():
-                return
+                return "What was written before is safe."
         for path in (*folder.glob(f"{FILE}*"), *(folder / LOGS).glob("*.npz")):
             path.unlink(missing_ok=True)
         with contextlib.suppress(OSError):  # not there, or not empty
             (folder / LOGS).rmdir()
+        return "No cell had been run: nothing is kept."
+    return ""

@@ -16,6 +16,7 @@ from ...core.files import write_whole
 from ...core.se2 import wrap
 from ...datasets import archive
 from ...datasets.truth import digest
+from ..record.database import Unwritable
 from ..record.store import Known
 from ..workers.batch import KeptLog, digested
 from .key import hashed
@@ -51,13 +52,13 @@ class LogFiles:
         return next((one for one in kept if one is not None and same(one, made)), None)
 
     def keep(self, dataset: str, known: Known, content: bytes) -> None:
-        """Writes the archive of such a log; InputError where it cannot be written."""
+        """Writes the archive of such a log; Unwritable where it cannot be written."""
         path = self.entry(dataset, known).path
         try:
             path.parent.mkdir(exist_ok=True)
             write_whole(path, content)
         except OSError as error:
-            raise InputError(f"{path}: cannot be written: {error.strerror}. What was written before is safe.") from None
+            raise Unwritable(f"{path}: cannot be written: {error.strerror}.") from None
 
     def tidy(self) -> None:
         """Removes what a killed writer has left."""

@@ -15,6 +15,10 @@ class Empty(InputError):
     """A record without tables: its writer was killed before it wrote anything."""
 
 
+class Unwritable(InputError):
+    """A file of a run or a study that cannot be written to, as on a full disk; the engine adds what is left."""
+
+
 def damaged(path: Path, error: object) -> InputError:
     """Makes the refusal of a file that cannot be read."""
     said = " ".join(str(error).split())[:300]
@@ -30,7 +34,7 @@ def unwritable(path: Path, error: Exception) -> InputError:
     code = getattr(error, "sqlite_errorname", "")
     if not code or code.startswith(DAMAGED):  # a failed check has no code
         return damaged(path, error)
-    return InputError(f"{path}: cannot be written to: {error}. What was written before is safe.")
+    return Unwritable(f"{path}: cannot be written to: {error}.")
 
 
 def writable(folder: Path) -> sqlite3.Connection:

@@ -84,21 +84,28 @@ def _in_turn(dispatcher: Any, compile_: Callable[..., Any]) -> Callable[..., Any
         known = dispatcher.overloads.get(tuple(signature)) if isinstance(signature, tuple) else None
         if known is not None:
             return known.entry_point
-        with contextlib.suppress(OSError):  # a file system without locks
-            fcntl.lockf(_locks(dispatcher._cache.cache_path), fcntl.LOCK_EX, 1, place)
-        collecting = gc.isenabled()
         _at_work.append(dispatcher)
-        gc.disable()  # a compiler makes millions of objects that live until it ends: looking for garbage takes a tenth
         try:
-            return compile_(signature)
+            with contextlib.suppress(OSError):  # a file system without locks
+                fcntl.lockf(_locks(dispatcher._cache.cache_path), fcntl.LOCK_EX, 1, place)
+            return _undisturbed(compile_, signature)
         finally:
             _at_work.pop()
-            if collecting:
-                gc.enable()
             with contextlib.suppress(OSError):
                 fcntl.lockf(_locks(dispatcher._cache.cache_path), fcntl.LOCK_UN, 1, place)
 
     return found
+
+
+def _undisturbed(compile_: Callable[..., Any], signature: Any) -> Any:
+    """Compiles without looking for garbage, which takes a tenth: a compiler makes millions of objects that it needs."""
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        return compile_(signature)
+    finally:
+        if collecting:
+            gc.enable()
 
 
 @cache
@@ -118,11 +125,11 @@ _dispatchers: list[Any] = []
 
 
 _at_work: list[Any] = []
-"""Functions that are being compiled or loaded, each called by the one before."""
+"""Functions that are being compiled or loaded, or that another process compiles; each is called by the one before."""
 
 
 def compiling() -> bool:
-    """Tells, also in another thread, if a function is being compiled, and not loaded from disk."""
+    """Tells, also in another thread, if a function is being compiled, here or elsewhere, and not loaded from disk."""
     return any(not kept(dispatcher) for dispatcher in tuple(_at_work))
 
 

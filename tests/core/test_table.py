@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from refusals import refused
+from slamduel.core import scan as scans
 from slamduel.core import table
 from slamduel.core.errors import InputError
 from slamduel.core.scan import Scan, attempted, counted, strict
@@ -130,6 +131,19 @@ def test_a_strict_scan_raises_the_first_fault():
 def test_an_attempted_scan_yields_what_it_raises():
     assert [str(fault) for fault in attempted(faulty(2, True))] == ["fault 0.", "fault 1.", "the end."]
     assert strict(attempted(faulty(0, False))) == "read"
+
+
+def test_faults_are_told_as_they_are_found():
+    heard = list[str]()
+
+    def scan() -> Scan[str]:
+        yield from faulty(2, False)
+        heard.append("between")
+        return (yield from faulty(1, False))
+
+    assert scans.told(scan(), lambda fault: heard.append(str(fault))) == "read"
+    assert heard == ["fault 0.", "fault 1.", "between", "fault 0."]
+    refused(r"the end\.", scans.told, faulty(2, True), heard.append)
 
 
 @pytest.mark.parametrize("faults", [0, 3])

@@ -78,6 +78,7 @@ def test_a_given_map_is_held_where_it_is(drive: Dataset) -> None:
         make("g2o", joint)
 
 
+@pytest.mark.usefixtures("no_report")
 @pytest.mark.parametrize("name", ["g2o", "g2o[every=5]"])
 def test_where_it_is_not_installed_its_cells_are_skipped_and_others_run(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

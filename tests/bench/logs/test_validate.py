@@ -12,6 +12,7 @@ import pytest
 from command import refused
 from slamduel.bench.cli import main
 from slamduel.bench.commands.validate import SHOWN
+from slamduel.bench.contradiction.remark import STAGES
 from slamduel.bench.words.console import COMPILING
 from slamduel.core.factors import UNKNOWN, Dataset, Log, Prior
 from slamduel.datasets.formats import log_folder
@@ -29,7 +30,8 @@ def validated(capsys: pytest.CaptureFixture[str]) -> Validated:
     def lines(status: int, *words: str | Path) -> list[str]:
         assert main(["validate", *map(str, words)]) == status
         printed = capsys.readouterr()
-        slow = ("reading ", "looking ", "trying ", COMPILING)  # said of what takes long, as on a machine at work
+        # said of what takes long, as on a machine at work
+        slow = ("reading ", *STAGES, "counting ", "trying ", COMPILING)
         assert all(line.startswith(slow) for line in printed.err.splitlines())
         return printed.out.splitlines()
 

@@ -51,6 +51,7 @@ def test_rings_and_rays_are_what_was_measured(folder: Path, seen: View) -> None:
     assert seen.rings
 
 
+@pytest.mark.usefixtures("no_report")
 def test_rings_are_less_the_estimated_scale(tmp_path: Path) -> None:
     out = tmp_path / "run"
     world = WORLD.replace("]", ",range_scale=0.2]")

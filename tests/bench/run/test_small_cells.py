@@ -150,6 +150,7 @@ def test_load_that_makes_every_time_a_fifth_longer_changes_nothing_beyond_that(s
         assert chosen(took) == {"ekf"}
 
 
+@pytest.mark.usefixtures("no_report")
 def test_the_command_line_compares_costs_where_nothing_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

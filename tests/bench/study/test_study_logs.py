@@ -2,6 +2,8 @@
 
 import pickle
 import re
+import shutil
+import sqlite3
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +19,8 @@ from slamduel.bench.engine.log_files import FOLDER, LogFiles, same
 from slamduel.bench.engine.request import RunRequest
 from slamduel.bench.measure.cell import Result
 from slamduel.bench.plan import reference
+from slamduel.bench.record import store as stores
+from slamduel.bench.record.database import writable
 from slamduel.bench.record.store import Known, Store
 from slamduel.bench.study.estimate import estimate
 from slamduel.bench.study.file import made
@@ -308,10 +312,59 @@ def test_it_reaches_a_machine_that_has_no_such_file(tmp_path: Path, monkeypatch:
         dask_task.order(one, {}, alone=False)
 
 
-def test_a_folder_that_cannot_be_written_to_is_said_in_a_sentence(tmp_path: Path, workshop: Workshop) -> None:
+UNWRITABLE = r"logs/linear-\w+.npz: cannot be written: [\w ]*\. "
+
+
+def test_on_a_disk_that_is_full_at_once_nothing_is_kept(
+    tmp_path: Path, workshop: Workshop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(folder: Path) -> sqlite3.Connection:
+        db = writable(folder)
+        pages = db.execute("PRAGMA page_count").fetchone()[0]
+        db.execute(f"PRAGMA max_page_count = {pages}")
+        return db
+
+    monkeypatch.setattr(stores, "writable", full)
+    told = r"results\.sqlite: cannot be written to: database or disk is full\. No cell had been run: nothing is kept\.$"
+    with pytest.raises(InputError, match=told):
+        go(tmp_path, STUDY + "#" * 20_000)  # the record has the file's text
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_plan_whose_first_log_cannot_be_written_is_safe(tmp_path: Path, workshop: Workshop) -> None:
     (tmp_path / FOLDER).write_text("")
-    with pytest.raises(InputError, match=r"logs/linear-\w+.npz: cannot be written: .*\. What was written before"):
+    with pytest.raises(InputError, match=UNWRITABLE + r"What was written before is safe\.$"):
         go(tmp_path)
+    with Store(tmp_path) as store:
+        assert len(store.planned()) == 6
+
+
+def test_what_was_written_before_a_log_that_cannot_be_is_safe(tmp_path: Path, workshop: Workshop) -> None:
+    go(tmp_path)
+    with Store(tmp_path) as store:
+        before = store.statuses()
+    shutil.rmtree(tmp_path / FOLDER)
+    (tmp_path / FOLDER).write_text("")
+    with pytest.raises(InputError, match=UNWRITABLE + r"What was written before is safe\.$"):
+        go(tmp_path, STUDY.replace("seeds = 2", "seeds = 3"))
+    with Store(tmp_path) as store:
+        assert len(before) == 6
+        assert store.statuses() == before
+
+
+def test_a_folder_that_is_gone_meanwhile_is_not_called_safe(
+    tmp_path: Path, workshop: Workshop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go(tmp_path / "out")
+    keep = LogFiles.keep
+
+    def gone(files: LogFiles, dataset: str, known: Known, content: bytes) -> None:
+        shutil.rmtree(tmp_path / "out")
+        keep(files, dataset, known, content)
+
+    monkeypatch.setattr(LogFiles, "keep", gone)
+    with pytest.raises(InputError, match=UNWRITABLE + r"There is no results\.sqlite: nothing is kept\.$"):
+        go(tmp_path / "out", STUDY.replace("seeds = 2", "seeds = 3"))
 
 
 def test_what_a_killed_writer_has_left_goes(tmp_path: Path, workshop: Workshop) -> None:

@@ -107,6 +107,23 @@ def test_a_compiler_at_work_is_told_from_code_that_is_loaded(house: Path) -> Non
         assert done.stdout.split() == [str(at_work), "False"]
 
 
+@pytest.mark.slow
+def test_who_waits_for_the_compiler_of_another_process_is_told_so(house: Path) -> None:
+    """Asked where `outer`, `middle` and `inner` each wait for their lock; what is loaded waits for nothing long."""
+    ask = (
+        "from house.floor import compiled; from house.floor.room._outer import outer\n"
+        "lock, said = compiled.fcntl.lockf, []\n"
+        "def lockf(file, kind, *rest):\n"
+        "    if kind == compiled.fcntl.LOCK_EX: said.append(compiled.compiling())\n"
+        "    return lock(file, kind, *rest)\n"
+        "compiled.fcntl.lockf = lockf; outer(1.0); print(*said)"
+    )
+    words = [sys.executable, "-c", ask]
+    for told in (["True"] * 3, ["False"]):
+        done = subprocess.run(words, cwd=house.parent, check=True, capture_output=True, text=True)
+        assert done.stdout.split() == told
+
+
 def test_numba_has_the_private_parts_that_are_relied_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """`compiled` uses a dispatcher's cache file, `get_call_template` and `compile`; `_arrays` uses `populate_array`."""
     dispatcher: Any = _planar.wrap

@@ -190,5 +190,8 @@ def test_commands_of_a_bag_count_where_robot_toml_asks_for_them(tmp_path: Path, 
 def test_what_was_measured_counts_before_commands(tmp_path: Path) -> None:
     said = [bags.image(100 * MS, PIXELS), *(bags.counts(k * MS, k, k, k, k) for k in range(1, 9))]
     path = bags.write(tmp_path, "ros1", [*said, bags.twist(50 * MS, 0.5, 0.4)])
-    assert isinstance(read(path, Topics(), commands=True).readings, Ticks)
-    assert isinstance(read(path, Topics(commands="/cmd_vel")).readings, Speeds)
+    measured, commanded = read(path, Topics(), commands=True).readings, read(path, Topics(commands="/cmd_vel")).readings
+    assert isinstance(measured, Ticks)
+    np.testing.assert_array_equal(measured.counts, np.repeat(np.arange(1, 9)[:, None], measured.counts.shape[1], 1))
+    assert isinstance(commanded, Speeds)
+    np.testing.assert_array_equal(commanded.speeds, [[0.5, 0.4]])

@@ -161,9 +161,8 @@ def test_corners_in_the_wrong_order_have_no_pose() -> None:
 
 
 @pytest.mark.parametrize("rays", [np.zeros((4, 2)), np.full((4, 2), np.nan)], ids=["a point", "not numbers"])
-def test_corners_of_no_square_have_no_pose_that_is_not_finite(rays: Array) -> None:
-    for solution in square_poses(rays, PIXEL**2 * np.eye(8), SIDE):
-        assert np.isfinite(solution.pose).all()
+def test_corners_of_no_square_have_no_pose(rays: Array) -> None:
+    assert square_poses(rays, PIXEL**2 * np.eye(8), SIDE) == []
 
 
 def test_a_covariance_without_an_inverse_has_no_pose() -> None:
