@@ -70,7 +70,7 @@ def sincos(angle: ArrayLike) -> SinCos:
     x = np.asarray(angle, np.float64)
     if not x.ndim:
         s, c = sincos_of_one(float(x))
-        return SinCos(np.float64(s), np.float64(c))
+        return SinCos(np.asarray(s)[()], np.asarray(c)[()])
     if x.size <= BLOCK:
         return _sincos(x)
     sine, cosine, angles = np.empty(x.shape), np.empty(x.shape), x.reshape(-1)
@@ -94,7 +94,7 @@ def _sincos(x: Array) -> SinCos:
 
 
 def sincos_of_one(x: float) -> tuple[float, float]:
-    """Sine and cosine of `x` (rad): the same bits without numpy's overhead for scalars, which is tens of microseconds."""
+    """Sine and cosine of `x` (rad): the same bits without numpy's overhead for scalars."""
     if not math.isfinite(x):
         return math.nan, math.nan
     if abs(x) > _FAR:

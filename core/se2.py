@@ -19,7 +19,7 @@ Ints = NDArray[np.int64]
 def wrap(angle: Array) -> Array:
     """Wraps `angle` (rad) to (-pi, pi]; an angle already there is returned bit for bit."""
     if isinstance(angle, float):
-        return np.float64(wrapped(angle))
+        return np.asarray(wrapped(angle))[()]
     turned = angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi))
     turned = np.where(turned <= -np.pi, np.pi, np.minimum(turned, np.pi))  # rounding may leave the range by an ulp
     return np.where((-np.pi < angle) & (angle <= np.pi), angle, turned)

@@ -59,7 +59,7 @@ def inverse(cov: Array) -> Array:
 
 
 def _inverse_of_one(cov: list[list[float]]) -> Array | None:
-    """The same bits for one matrix (3, 3) in a fiftieth of the time; None where a pivot is not between TINY and HUGE."""
+    """The same bits for one matrix (3, 3) in a fiftieth of the time; None if a pivot is not within TINY and HUGE."""
     (a, _, _), (b, d, _), (c, e, f) = cov
     if not TINY < a < HUGE:
         return None

@@ -90,7 +90,7 @@ def test_the_gradient_is_that_of_the_cost() -> None:
     H, g = np.empty((3, 3)), np.empty(3)
     normal_equations(submap, scan, pose, 10.0, 4, 0.04, True, lines_of(scan), H, g)  # so wide that the loss is 1
     again, lines = (np.empty((3, 3)), np.empty(3)), lines_of(scan)
-    normal_equations(submap, scan, pose + (0.05, 0.1, 0.03), 10.0, 4, 0.04, True, lines, *again)
+    normal_equations(submap, scan, np.add(pose, (0.05, 0.1, 0.03)), 10.0, 4, 0.04, True, lines, *again)
     assert (again[0] != H).any()
     normal_equations(submap, scan, pose, 10.0, 4, 0.04, True, lines, *again)
     assert (again[0] == H).all()  # lines from another pose

@@ -8,8 +8,17 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import distance_transform_edt
 
 from slamduel.core.se2 import Array
-from slamduel.frontend.laser._search import ANYWHERE, FULL, LEVELS, Bytes, Search, branch_and_bound, coarser, correlated
-from slamduel.frontend.laser._search import likelihoods
+from slamduel.frontend.laser._search import (
+    ANYWHERE,
+    FULL,
+    LEVELS,
+    Bytes,
+    Search,
+    branch_and_bound,
+    coarser,
+    correlated,
+    likelihoods,
+)
 from slamduel.frontend.laser.submap import stamp
 from slamduel.frontend.maps._grid import HIT, THROUGH, Mask
 
@@ -110,7 +119,7 @@ def test_the_field_is_a_gaussian_of_the_distance_to_the_nearest_wall(cell: float
     cells[..., :2] = rng.integers(1, 5, (60, 90, 2)) * (rng.random((60, 90, 1)) < 0.02)
     top, bottom, left, right = box = (7, 55, 0, 81)
     wall = (cells[..., HIT] > 0) & (cells[..., HIT] >= 0.25 * (cells[..., HIT] + cells[..., THROUGH]))
-    distance = cell * distance_transform_edt(~wall[top:bottom, left:right])
+    distance = cell * np.asarray(distance_transform_edt(~wall[top:bottom, left:right]))
     expected = FULL * np.exp(-0.5 * (distance / sd) ** 2)
     found = likelihoods(cells, box, 0.25, stamp(cell, sd))
     assert wall.sum() > 50
@@ -128,7 +137,7 @@ def test_the_small_search_finds_what_trying_every_pose_does() -> None:
         centre = np.append(origin + rng.uniform(1, 3, 2), rng.uniform(-3, 3))
         tried = list[tuple[float, Array]]()
         for turn, p, q in product(range(-7, 8), range(-4, 5), range(-4, 5)):
-            pose = centre + (p * 0.08, q * 0.08, turn * 0.03)
+            pose = np.add(centre, (p * 0.08, q * 0.08, turn * 0.03))
             c, s = np.cos(pose[2]), np.sin(pose[2])
             at = np.floor((points @ np.array([[c, s], [-s, c]]) + pose[:2] - origin) / CELL).astype(int)
             at = at[((at >= 0) & (at < field.shape)).all(axis=1)]
