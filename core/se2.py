@@ -5,10 +5,12 @@ takes one pose or a batch of them, on leading axes. Jacobians are with respect t
 covariance propagated through them stays one of (x, y, heading).
 """
 
+from math import ceil, isfinite, pi
+
 import numpy as np
 from numpy.typing import NDArray
 
-from .elementary import sincos
+from .elementary import sincos, sincos_of_one
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -16,13 +18,29 @@ Ints = NDArray[np.int64]
 
 def wrap(angle: Array) -> Array:
     """Wraps `angle` (rad) to (-pi, pi]; an angle already there is returned bit for bit."""
+    if isinstance(angle, float):
+        return np.asarray(wrapped(angle))[()]
     turned = angle - 2 * np.pi * np.ceil((angle - np.pi) / (2 * np.pi))
     turned = np.where(turned <= -np.pi, np.pi, np.minimum(turned, np.pi))  # rounding may leave the range by an ulp
     return np.where((-np.pi < angle) & (angle <= np.pi), angle, turned)
 
 
+def wrapped(angle: float) -> float:
+    """The same bits for a single angle, without numpy's overhead for scalars."""
+    if -pi < angle <= pi:
+        return float(angle)
+    if not isfinite(angle):
+        return float("nan")
+    turned = angle - 2 * pi * ceil((angle - pi) / (2 * pi))
+    return pi if turned <= -pi or turned > pi else turned
+
+
 def compose(a: Array, b: Array) -> Array:
     """The pose a + b of Smith, Self and Cheeseman: motion `b`, in the body frame of `a`, applied to `a`. (..., 3)."""
+    if a.ndim == b.ndim == 1:  # a twentieth of the time, the same bits
+        (x, y, heading), (dx, dy, turn) = a.tolist(), b.tolist()
+        s, c = sincos_of_one(heading)
+        return np.array((x + c * dx - s * dy, y + s * dx + c * dy, wrapped(heading + turn)))
     s, c = sincos(a[..., 2])
     x = a[..., 0] + c * b[..., 0] - s * b[..., 1]
     y = a[..., 1] + s * b[..., 0] + c * b[..., 1]
@@ -64,6 +82,11 @@ def inverse(a: Array) -> Array:
 
 def between(a: Array, b: Array) -> Array:
     """The motion from `a` to `b` in the body frame of `a`: compose(a, between(a, b)) == b. (..., 3)."""
+    if a.ndim == b.ndim == 1:
+        (x, y, heading), (to_x, to_y, to_heading) = a.tolist(), b.tolist()
+        s, c = sincos_of_one(heading)
+        dx, dy = to_x - x, to_y - y
+        return np.array((c * dx + s * dy, -s * dx + c * dy, wrapped(to_heading - heading)))
     s, c = sincos(a[..., 2])
     dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     return np.stack((c * dx + s * dy, -s * dx + c * dy, wrap(b[..., 2] - a[..., 2])), axis=-1)
@@ -88,5 +111,5 @@ def rotation(heading: float) -> Array:
 
     It transforms a covariance of (dx, dy, dheading) from a body frame at `heading` to the world: R @ cov @ R.T.
     """
-    s, c = sincos(heading)
+    s, c = sincos_of_one(float(heading))
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

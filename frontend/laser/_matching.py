@@ -8,7 +8,7 @@ import numpy as np
 from ...core.kernels._planar import wrap
 from ...core.kernels._small import cholesky, solve
 from ...core.kernels.compiled import compiled
-from ...core.se2 import Array
+from ...core.se2 import Array, Ints
 from ..maps._grid import DX, DY, HIT, Cells, Grid, is_wall
 
 LINE = 2
@@ -52,6 +52,13 @@ class Hold(NamedTuple):
     information: Array  # (3, 3) in the submap's axes
 
 
+class Lines(NamedTuple):
+    """The line that each point of a scan was last compared with: most belong to the same one at the next pose."""
+
+    cells: Ints  # (k, 2) the cell that it is laid around; below 0 at first
+    values: Array  # (k, 6) of `line`
+
+
 @compiled
 def match(
     grid: Grid, points: Array, start: Array, hold: Hold, sd: float, reach: int, iterations: int
@@ -65,13 +72,14 @@ def match(
     """
     pose, step = start.copy(), np.empty(3)
     H, g, A = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    lines = Lines(np.full((len(points), 2), -1), np.empty((len(points), 6)))
     explained = 0
     for turn in range(iterations):
         within = reach if turn < EARLY else (min(reach, NEARER) if turn < MIDDLE else min(reach, NEAREST))
         furthest = within * grid.size
         if turn >= EARLY:
             furthest = min(furthest, CLOSER if turn < MIDDLE else CLOSEST)
-        explained = normal_equations(grid, points, pose, sd, within, furthest**2, turn > EARLY, H, g)
+        explained = normal_equations(grid, points, pose, sd, within, furthest**2, turn > EARLY, lines, H, g)
         off = (pose[0] - hold.pose[0], pose[1] - hold.pose[1], wrap(pose[2] - hold.pose[2]))
         for i in range(3):
             for j in range(3):
@@ -91,9 +99,13 @@ def match(
 
 @compiled
 def normal_equations(
-    grid: Grid, points: Array, pose: Array, sd: float, within: int, furthest: float, settled: bool, H: Array, g: Array
-) -> int:
-    """Fills J' W J (3, 3) and J' W r (3,) at `pose`; returns the number of points that are explained."""
+    grid: Grid, points: Array, pose: Array, sd: float, within: int, furthest: float, settled: bool, lines: Lines,
+    H: Array, g: Array,
+) -> int:  # fmt: skip
+    """Fills J' W J (3, 3) and J' W r (3,) at `pose`; returns the number of points that are explained.
+
+    `lines` has those of the poses before, and gets those of this one.
+    """
     cells, origin, size, share = grid  # taken apart here: in an inner loop it costs a fifth of the time
     H[:] = 0.0
     g[:] = 0.0
@@ -105,7 +117,11 @@ def normal_equations(
         i, j, d2 = nearest(cells, size, share, x, y, within)
         if i < 0 or d2 > furthest:
             continue
-        mx, my, nx, ny, along, across = line(cells, size, share, i, j)
+        known = lines.values[k]
+        if lines.cells[k, 0] != i or lines.cells[k, 1] != j:
+            lines.cells[k, 0], lines.cells[k, 1] = i, j
+            known[0], known[1], known[2], known[3], known[4], known[5] = line(cells, size, share, i, j)
+        mx, my, nx, ny, along, across = known[0], known[1], known[2], known[3], known[4], known[5]
         if along > LONG and across < THIN * along:
             r = nx * (x - mx) + ny * (y - my)
             variance = sd * sd + ACROSS * across

@@ -41,24 +41,39 @@ class Guesses(NamedTuple):
 
     wheels: Hold | None  # by their motion since the scan before; None without wheels
     since: Hold | None  # by their motion since the anchor; None without one
-    carried: Hold  # by the motion before
-    still: Hold  # where the scan before was
+    last: Array  # (3,) where the scan before was
+    carried: Array  # (3,) by the motion before
     odd: bool  # the wheels do what no robot does
     cov: Array  # (3,) variances of the difference between the motions to two scans, m² and rad²
+    blind: float  # sd, m and rad, of a motion that only the motion before tells
+
+    @property
+    def first(self) -> Hold:
+        """The most trusted one."""
+        return self.wheels or self._by_motion()[0]
 
     @property
     def all(self) -> list[Hold]:
-        """All that there are, the most trusted one first."""
-        return [one for one in (self.wheels, self.since, self.carried, self.still) if one is not None]
+        """All that there are, the most trusted one first; most scans need no more than that."""
+        return [one for one in (self.wheels, self.since, *self._by_motion()) if one is not None]
+
+    def _by_motion(self) -> tuple[Hold, Hold]:
+        """By the motion before, and standing still."""
+        blind = np.eye(3) / self.blind**2
+        if self.wheels is None:
+            return Hold(self.carried, blind), Hold(self.last, blind)
+        R = rotation(float(self.last[2]))
+        cov = R @ np.diag(np.minimum(self.cov, self.blind**2)) @ R.T
+        return Hold(self.carried, inverse(cov)), Hold(self.last, blind)
 
     @property
     def vague(self) -> float:
         """The logarithm of the volume in which the motion before has the pose, over that of a steady robot."""
         return 0.5 * float(np.log(self.cov / np.array([STEADY, STEADY, STEADY_TURN]) ** 2).sum())
 
-    def surprise(self, last: Array, pose: Array) -> float:
-        """Squared distance of the motion from `last` to `pose` from the motion before it."""
-        off = between(last, pose) - between(last, self.carried.pose)
+    def surprise(self, pose: Array) -> float:
+        """Squared distance of the motion to `pose` from the motion before it."""
+        off = between(self.last, pose) - between(self.last, self.carried)
         off[2] = wrap(off[2])
         return float((off * off / self.cov).sum())
 
@@ -76,9 +91,9 @@ def guesses(
     d, uneven = min(longer, SECOND) ** 2, abs(times[1] - times[0]) / max(longer, 1e-3)
     way = STEADY + SPEEDS_UP * d + uneven * float(np.hypot(moved[0], moved[1]))
     sd = np.array([way, way, STEADY_TURN + TURNS_UP * d + uneven * abs(moved[2])])
-    blind, carried = np.eye(3) / s.blind**2, compose(last, before)
+    carried = compose(last, before)
     if motion is None:
-        return Guesses(None, None, Hold(carried, blind), Hold(last, blind), False, sd * sd)
+        return Guesses(None, None, last, carried, False, sd * sd, s.blind)
     off = motion - before
     off[2] = wrap(off[2])
     if motion.any():
@@ -90,8 +105,7 @@ def guesses(
     if anchor is not None:
         moved = compose(anchor.moved, motion)
         since = held(anchor.pose, moved, wheels_cov(moved, s))
-    smooth = held(last, before, np.diag(np.minimum(sd * sd, s.blind**2)))
-    return Guesses(by_wheels, since, smooth, Hold(last, blind), odd, sd * sd)
+    return Guesses(by_wheels, since, last, carried, odd, sd * sd, s.blind)
 
 
 def held(start: Array, motion: Array, cov: Array) -> Hold:

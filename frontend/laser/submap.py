@@ -1,11 +1,12 @@
 """A submap: some metres of path drawn into a grid, which scans are matched with."""
 
-import cv2
+from functools import cache
+
 import numpy as np
 
 from ...core.se2 import Array
-from ..maps._grid import Box, Cells, Grid, Mask, insert, walls, walls_within
-from ._search import ANYWHERE, FULL, LEVELS, Bytes, Search, branch_and_bound, coarser
+from ..maps._grid import Box, Cells, Grid, insert, walls_within
+from ._search import ANYWHERE, FULL, LEVELS, Bytes, Search, branch_and_bound, coarser, likelihoods
 from .packed import Packed
 from .scanner import Scan, Scanner
 from .settings import Settings
@@ -83,15 +84,11 @@ class Submap:
         return Grid(self.cells, self.origin, self.settings.cell, self.settings.share)
 
     @property
-    def walls(self) -> Mask:
-        """(n, m) which cells are walls."""
-        return walls(self.cells, self.settings.share)
-
-    @property
     def pyramid(self) -> tuple[Bytes, ...]:
         """The field of likelihoods and its maxima over ever larger squares, of a finished submap; see `_search`."""
         if self._pyramid is None:
-            levels = [likelihoods(self.walls, self.settings.cell, self.settings.field_sd)]
+            rows, columns, _ = self.cells.shape
+            levels = [self._field((0, rows, 0, columns), self.settings.field_sd)]
             for level in range(1, LEVELS):
                 levels.append(coarser(levels[-1], 1 << (level - 1)))
             self._pyramid = tuple(levels)
@@ -108,15 +105,17 @@ class Submap:
         half = int(reach / self.settings.cell)
         first = np.clip(middle - half, 0, np.array(self.cells.shape[:2]) - 1)
         last = np.clip(middle + half, first + 1, self.cells.shape[:2])
-        part = np.ascontiguousarray(self.cells[first[0] : last[0], first[1] : last[1]])
-        return likelihoods(walls(part, self.settings.share), self.settings.cell, sd), (
-            self.origin + self.settings.cell * first
-        )
+        box = int(first[0]), int(last[0]), int(first[1]), int(last[1])
+        return self._field(box, sd), self.origin + self.settings.cell * first
+
+    def _field(self, box: Box, sd: float) -> Bytes:
+        return likelihoods(self.cells, box, self.settings.share, stamp(self.settings.cell, sd))
 
 
-def likelihoods(wall: Mask, size: float, sd: float) -> Bytes:
-    """A Gaussian of the distance to the nearest wall, `sd` (m), as bytes."""
-    if not wall.any():
-        return np.zeros(wall.shape, np.uint8)
-    distance = size * cv2.distanceTransform((~wall).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+@cache
+def stamp(size: float, sd: float) -> Bytes:
+    """The field around one wall in cells of that size, as far as it is not 0: a Gaussian, `sd` (m), as bytes."""
+    reach = int(sd * np.sqrt(2 * np.log(2 * FULL)) / size) + 1
+    off = np.arange(-reach, reach + 1)
+    distance = size * np.sqrt((off[:, None] ** 2 + off**2).astype(np.float32))
     return np.round(FULL * np.exp(-0.5 * (distance / sd) ** 2)).astype(np.uint8)

@@ -180,7 +180,7 @@ class Tracker:
         if len(past) > 1:
             moved, earlier = between(past[-2].pose, last.pose), last.t - past[-2].t
         guess = guesses(last.pose, moved, (earlier, t - last.t), motion, last.anchor, s)
-        first, doubtful = guess.all[0], guess.odd or last.anchor is not None
+        first, doubtful = guess.first, guess.odd or last.anchor is not None
 
         def placed(start: Array, hold: Hold, reach: int, matched: bool = True) -> Placed:
             pose, information, explained = start, np.zeros((3, 3)), 0.0
@@ -189,7 +189,7 @@ class Tracker:
                 if abs(wrap(pose[2] - start[2])) > TURNED:
                     pose, information, explained = match(grid, scan.few, pose, hold, s.sd, reach, ITERATIONS)
                 explained += UNKNOWN * (1 - max(known(grid, pose, scan.few), explained))
-            score, by = explained - COST * min(guess.surprise(last.pose, pose), JERK), hold if matched else None
+            score, by = explained - COST * min(guess.surprise(pose), JERK), hold if matched else None
             if motion is None:
                 return Placed(t, scan, pose, information, explained, score, 0.0, True, hold=by)
             anchor, agrees = None, distance(pose, first) < APART

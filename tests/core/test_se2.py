@@ -65,6 +65,23 @@ def test_a_wrapped_angle_is_in_range_and_the_same_direction(angle: float):
     assert abs(turns - round(turns)) < 1e-11
 
 
+def test_one_pose_has_the_bits_of_many() -> None:
+    rng = np.random.default_rng(5)
+    a, b = rng.normal(size=(2, 5000, 3)) * 10.0 ** rng.uniform(-6, 6, (2, 5000, 1))
+    turns = np.array([0.0, -0.0, np.pi, -np.pi, 3 * np.pi, -3 * np.pi, 1e300, np.nan, np.inf, -np.inf])
+    a = np.concatenate((a, np.column_stack((np.zeros((100, 2)), np.repeat(turns, 10)))))
+    b = np.concatenate((b, np.column_stack((-np.zeros((100, 2)), np.tile(turns, 10)))))
+    with np.errstate(invalid="ignore"):
+        for function in (se2.compose, se2.between):
+            one_by_one = np.array([function(*pair) for pair in zip(a, b, strict=True)])
+            together = function(a, b)
+            np.testing.assert_array_equal(together, one_by_one)
+            there = ~np.isnan(together)
+            np.testing.assert_array_equal(np.signbit(together[there]), np.signbit(one_by_one[there]))
+        angles = np.concatenate((a[:, 2], turns))
+        np.testing.assert_array_equal(se2.wrap(angles), [se2.wrap(angle) for angle in angles])
+
+
 def test_pi_is_in_range_and_minus_pi_is_not():
     np.testing.assert_array_equal(se2.wrap(np.array([np.pi, -np.pi, 3 * np.pi])), np.pi)
 

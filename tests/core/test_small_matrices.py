@@ -32,3 +32,19 @@ def test_what_is_not_positive_definite_has_none() -> None:
     cov = np.array([np.eye(2), [[1.0, 2.0], [2.0, 1.0]]])
     for found in (cholesky(cov), inverse(cov)):
         assert np.isfinite(found).all((1, 2)).tolist() == [True, False]
+
+
+def test_one_inverse_has_the_bits_of_many() -> None:
+    root = rng.normal(size=(2000, 3, 3)) * 10.0 ** rng.uniform(-4, 4, (2000, 3, 1))
+    root[::3, 1:, 0] = root[::5, 2, :2] = 0.0  # axes that know nothing of each other: zeros, and their signs
+    cov = root @ root.swapaxes(1, 2)
+    odd = np.array([
+        np.eye(3), np.diag([1.0, 0.0, 1.0]), np.diag([1.0, 1.0, -1.0]), np.diag([1e-300, 1.0, 1.0]),
+        np.diag([1.0, 1e250, 1.0]), np.diag([1.0, np.nan, 1.0]), np.full((3, 3), np.inf), -np.eye(3), np.zeros((3, 3)),
+    ])  # fmt: skip
+    for some in (cov, -cov, cov * np.array([1.0, -1.0, 1.0]), odd):
+        with np.errstate(invalid="ignore"):  # infinity times zero
+            together, one_by_one = inverse(some), np.array([inverse(one) for one in some])
+        np.testing.assert_array_equal(together, one_by_one)
+        there = ~np.isnan(together)
+        np.testing.assert_array_equal(np.signbit(together[there]), np.signbit(one_by_one[there]))

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from slamduel.core.se2 import Array, act, between, compose, inverse
-from slamduel.frontend.laser._matching import Hold, line, match, nearest, normal_equations
+from slamduel.frontend.laser._matching import Hold, Lines, line, match, nearest, normal_equations
 from slamduel.frontend.maps._grid import (
     HIT,
     Cells,
@@ -31,6 +31,11 @@ def room(width: float = 4.0, height: float = 3.0, spacing: float = 0.03) -> Arra
     right[: len(y) // 3] -= 0.5
     sides = [(x, np.full(len(x), -height / 2)), (x, np.full(len(x), height / 2)), (left, y), (right, y)]
     return np.concatenate([np.stack(side, axis=-1) for side in sides])
+
+
+def lines_of(points: Array) -> Lines:
+    """Of points that were not compared with any yet."""
+    return Lines(np.full((len(points), 2), -1), np.empty((len(points), 6)))
 
 
 def drawn(points: Array, poses: list[Array]) -> Grid:
@@ -83,7 +88,13 @@ def test_the_gradient_is_that_of_the_cost() -> None:
     submap, scan = drawn(room(), POSES), room(spacing=0.11)
     pose = np.array([0.02, -0.015, 0.01])
     H, g = np.empty((3, 3)), np.empty(3)
-    normal_equations(submap, scan, pose, 10.0, 4, 0.04, True, H, g)  # so wide that the loss is 1
+    normal_equations(submap, scan, pose, 10.0, 4, 0.04, True, lines_of(scan), H, g)  # so wide that the loss is 1
+    again, lines = (np.empty((3, 3)), np.empty(3)), lines_of(scan)
+    normal_equations(submap, scan, np.add(pose, (0.05, 0.1, 0.03)), 10.0, 4, 0.04, True, lines, *again)
+    assert (again[0] != H).any()
+    normal_equations(submap, scan, pose, 10.0, 4, 0.04, True, lines, *again)
+    assert (again[0] == H).all()  # lines from another pose
+    assert (again[1] == g).all()
     held = []
     for x, y in act(pose, scan) - ORIGIN:
         i, j, d2 = nearest(submap.cells, CELL, SHARE, x, y, 4)

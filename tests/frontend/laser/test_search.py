@@ -1,12 +1,26 @@
 """Correlative search, against trying every pose, and its pyramid, against maxima over squares."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import distance_transform_edt
 
 from slamduel.core.se2 import Array
-from slamduel.frontend.laser._search import ANYWHERE, FULL, LEVELS, Bytes, Search, branch_and_bound, coarser, correlated
-from slamduel.frontend.laser.submap import likelihoods
+from slamduel.frontend.laser._search import (
+    ANYWHERE,
+    FULL,
+    LEVELS,
+    Bytes,
+    Search,
+    branch_and_bound,
+    coarser,
+    correlated,
+    likelihoods,
+)
+from slamduel.frontend.laser.submap import stamp
+from slamduel.frontend.maps._grid import HIT, THROUGH, Mask
 
 CELL = 0.05
 
@@ -18,6 +32,12 @@ def pyramid(field: Bytes) -> tuple[Bytes, ...]:
     return tuple(levels)
 
 
+def field_of(wall: Mask, sd: float) -> Bytes:
+    cells = np.zeros((*wall.shape, 4), np.float32)
+    cells[wall, HIT] = 1
+    return likelihoods(cells, (0, wall.shape[0], 0, wall.shape[1]), 0.25, stamp(CELL, sd))
+
+
 def room(rng: np.random.Generator, side: int = 80) -> Bytes:
     """A field with some straight walls."""
     wall = np.zeros((side, side), np.bool_)
@@ -27,7 +47,7 @@ def room(rng: np.random.Generator, side: int = 80) -> Bytes:
             wall[at, first : last + 1] = True
         else:
             wall[first : last + 1, at] = True
-    return likelihoods(wall, CELL, 0.1)
+    return field_of(wall, 0.1)
 
 
 def brute_force(
@@ -92,11 +112,49 @@ def test_a_level_is_the_maximum_over_squares() -> None:
         assert (found == expected).all()
 
 
+@pytest.mark.parametrize(("cell", "sd"), [(0.05, 0.1), (0.05, 0.08), (0.02, 0.1), (0.3, 0.1)])
+def test_the_field_is_a_gaussian_of_the_distance_to_the_nearest_wall(cell: float, sd: float) -> None:
+    rng = np.random.default_rng(4)
+    cells = np.zeros((60, 90, 4), np.float32)
+    cells[..., :2] = rng.integers(1, 5, (60, 90, 2)) * (rng.random((60, 90, 1)) < 0.02)
+    top, bottom, left, right = box = (7, 55, 0, 81)
+    wall = (cells[..., HIT] > 0) & (cells[..., HIT] >= 0.25 * (cells[..., HIT] + cells[..., THROUGH]))
+    distance = cell * np.asarray(distance_transform_edt(~wall[top:bottom, left:right]))
+    expected = FULL * np.exp(-0.5 * (distance / sd) ** 2)
+    found = likelihoods(cells, box, 0.25, stamp(cell, sd))
+    assert wall.sum() > 50
+    assert np.abs(found - expected).max() <= 0.5 + 255 * 1e-5  # rounded to a byte, from single precision
+    nothing = likelihoods(np.zeros_like(cells), box, 0.25, stamp(cell, sd))
+    assert nothing.shape == found.shape
+    assert not nothing.any()
+
+
+def test_the_small_search_finds_what_trying_every_pose_does() -> None:
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        field, origin = room(rng), rng.uniform(-1, 1, 2)
+        points = thinned(rng.uniform(-1.5, 1.5, (int(rng.integers(1, 90)), 2)))
+        centre = np.append(origin + rng.uniform(1, 3, 2), rng.uniform(-3, 3))
+        tried = list[tuple[float, Array]]()
+        for turn, p, q in product(range(-7, 8), range(-4, 5), range(-4, 5)):
+            pose = np.add(centre, (p * 0.08, q * 0.08, turn * 0.03))
+            c, s = np.cos(pose[2]), np.sin(pose[2])
+            at = np.floor((points @ np.array([[c, s], [-s, c]]) + pose[:2] - origin) / CELL).astype(int)
+            at = at[((at >= 0) & (at < field.shape)).all(axis=1)]
+            far = (p * p + q * q) * (0.08 / 0.6) ** 2 + (turn * 0.03 / 0.5) ** 2
+            tried.append((field[tuple(at.T)].sum(dtype=np.int64) * np.exp(-0.5 * far), pose))
+        found = correlated(field, origin, CELL, Search(points, centre, 0.3, 0.2, 0.03), 0.08, 0.6, 0.5)
+        best = max(score for score, _ in tried)
+        mine = min(tried, key=lambda one: np.abs(one[1] - found).max())
+        assert np.abs(mine[1] - found).max() < 1e-9
+        assert mine[0] > best - 2 * FULL  # a point on a cell's edge may be in the next one
+
+
 def test_the_small_search_prefers_what_is_near_to_what_is_as_good() -> None:
     """A corridor: along it every place is as good as any other."""
     wall = np.zeros((200, 60), np.bool_)
     wall[:, [10, 50]] = True
-    field = likelihoods(wall, CELL, 0.08)
+    field = field_of(wall, 0.08)
     x = np.linspace(-2, 2, 41)
     points = thinned(np.concatenate((np.stack((x, np.full(41, 1.0)), -1), np.stack((x, np.full(41, -1.0)), -1))))
     true = np.array([5.025, 1.525, 0.0])
