@@ -24,6 +24,10 @@ LEVELS = "levels"  # by gravity, among a log's notes
 
 STEEP = np.deg2rad(20.0)  # mean tilt beyond which the axes are others than stated, and levels mean nothing
 UNSURE = 3.0  # times the median standard deviation of a level, beyond which one after a gap is too uncertain
+RAMP, LASTS = (
+    np.deg2rad(2.0),
+    2.0,
+)  # rad, s: a mean level over that time that is further off is of a ramp, not of rocking
 BLOCKS = 8  # parts of a drive whose means scatter by how unsure the mean of all is
 SPAN, GRID = 1.0, 0.05  # s over which the wheels' speed is a mean, and between the motions that it is made of
 
@@ -114,6 +118,7 @@ def tilts(imu: Imu, stood: Standing | None, motion: Motion, remarks: list[str]) 
     """The tilts of a body by its readings; the wheels' speed takes the robot's own acceleration off.
 
     None where they are `unlevelled`, and, with one of the `remarks`, where gravity is not along the robot's z axis.
+    Another one is of ramps.
     """
     if unlevelled(imu, motion):
         return None
@@ -140,7 +145,26 @@ def tilts(imu: Imu, stood: Standing | None, motion: Motion, remarks: list[str]) 
     bent = (between**2).mean(axis=0) / 64 if len(between) else np.zeros(2)  # a straight line is off by up to 1/8
     rocking = np.sqrt(np.maximum((known**2 - own[~unsure]).mean(axis=0) - of_mean, 0.0))
     sd = np.sqrt(own + of_mean + bent)
+    remarks += _ramps(imu, angles, float(np.sqrt(of_mean.max())))
     return Tilts(imu.t, angles, sd, wider, imu.missing, unsure, rocking, mean, found, imu.source)
+
+
+def _ramps(imu: Imu, angles: Array, unsure: float) -> list[str]:
+    """The remark on a robot that leans longer than it rocks, [] without; the mean is known to `unsure`, rad."""
+    count = max(round(LASTS * imu.rate), 1)
+    ways = np.concatenate((np.zeros((1, 2)), np.cumsum(angles - np.median(angles, axis=0), axis=0)))
+    means = np.abs(ways[count:] - ways[:-count]).max(axis=1) / count
+    lost = np.concatenate(([0], np.cumsum(imu.missing)))
+    means = means[lost[count - 1 :] == lost[: len(lost) - count + 1]]  # of readings without a gap
+    steep = means > RAMP
+    if not steep.any():
+        return []
+    said = (
+        f"{imu.source}: the robot leans by up to {np.rad2deg(means.max()):.2g} degrees for {LASTS:g} s or longer, "
+        f"{steep.sum() * imu.usual:.2g} s in all, as on a ramp: it is levelled there, but the wheels' way is along the "
+        f"slope, and the mean that is taken off as the unit's own tilt is unsure by {np.rad2deg(unsure):.2g} degrees"
+    )
+    return [said]
 
 
 def unlevelled(imu: Imu, motion: Motion) -> str:

@@ -157,6 +157,39 @@ def test_outside_the_readings_and_in_their_gaps_nothing_is_known() -> None:
     assert found.at(5.0, 0.02) is not None
 
 
+RISES = 0.1  # rad
+
+
+@pytest.mark.parametrize("seed", first_quick(range(8), 2))
+def test_on_a_ramp_levels_follow_it_and_a_remark_says_so(seed: int) -> None:
+    """By the change of the levels from the plane to the ramp, which the mean has no part in, and by all of them."""
+    one, remarks = lively_drive(seed, 40.0, hills=0.0, sway=0.02, ramp=RISES), list[str]()
+    found = tilts(one.imu, None, Track(one.t, one.odometry.poses, TrackNoise()), remarks)
+    assert found is not None
+    off = found.angles - np.column_stack((one.pitch, one.roll))
+    ramp, plane = ((one.t > 0.46 * 40) & (one.t < 0.59 * 40)), (one.t > 3) & (one.t < 0.43 * 40)
+    climbed = found.angles[ramp].mean(axis=0) - found.angles[plane].mean(axis=0)
+    sways = np.column_stack((one.pitch, one.roll))
+    expected = sways[ramp].mean(axis=0) - sways[plane].mean(axis=0)
+    np.testing.assert_allclose(climbed, expected, atol=np.deg2rad(0.5))
+    assert expected[0] == pytest.approx(-RISES, abs=0.01)
+    assert (off**2 / found.sd**2).mean() < 3.0
+    assert np.abs(off[:, 0].mean()) > np.deg2rad(0.4)  # the mean that was taken off has the ramp in it, and
+    assert found.sd[:, 0].mean() > np.deg2rad(0.4)  # each level is stated so
+    (remark,) = remarks
+    assert "imu: the robot leans by up to " in remark
+    assert " s in all, as on a ramp: it is levelled there, but the wheels' way is along the slope" in remark
+
+
+@pytest.mark.parametrize("seed", first_quick(range(8), 2))
+def test_without_a_ramp_nothing_is_said_of_one(seed: int) -> None:
+    one, remarks = lively_drive(seed, 30.0, hills=0.0, sway=0.02), list[str]()
+    motion = Track(one.t, one.odometry.poses, TrackNoise())
+    assert tilts(one.imu, None, motion, remarks) is not None
+    assert tilts(without(one.imu, 11.0, 13.0), None, motion, remarks) is not None
+    assert remarks == []
+
+
 GAPS = (0.5, 2.0, 5.0)  # s
 AFTER = 2.0  # s after a gap in which levels are judged
 
