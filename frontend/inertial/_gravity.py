@@ -4,7 +4,7 @@ import numpy as np
 
 from ...core.kernels._small import inverse, rodrigues
 from ...core.kernels.compiled import compiled
-from ...core.se2 import Array, Ints
+from ...core.se2 import Array
 
 G = 9.80665  # m/s^2
 
@@ -17,7 +17,6 @@ def follow_gravity(
     used: Array,
     turned: Array,
     settings: Array,
-    anew: Ints,
     starts: Array,
     bias: Array,
     up: Array,
@@ -27,9 +26,9 @@ def follow_gravity(
 
     The state (9,) is the direction, the bias of the gyro and the acceleration of the robot, which is of first order, as
     in Luinge and Veltink (2005). `dt` (n,) s are the times since the reading before, `gyro` (n, 3) the mean rates
-    meanwhile, `turned` (n,) rad^2/s how unsure they are, `used` (n,) 1 where `accel` (n, 3) counts. At the readings
-    `anew` (m,), ascending, the first one being the first of all, it begins with a direction of `starts` (m, 3): of what
-    was before it keeps the bias alone. `bias` (6,) is the first one of the gyro and its standard deviations.
+    meanwhile, `turned` (n,) rad^2/s how unsure they are, `used` (n,) 1 where `accel` (n, 3) counts. It begins with the
+    direction of `starts` (n, 3), at the first reading and wherever else that is not zero: of what was before it keeps
+    the bias alone. `bias` (6,) is the first one of the gyro and its standard deviations.
     `settings`: the accelerometer's variance, (m/s^2)^2, the acceleration's standard deviation and time constant, the
     drift of the bias, (rad/s)^2/s, and the variance of a direction where it begins.
     """
@@ -39,12 +38,11 @@ def follow_gravity(
     S, W, PH, gain = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((9, 3)), np.zeros((9, 3))
     for i in range(3):
         x[3 + i], P[3 + i, 3 + i] = bias[i], bias[3 + i] ** 2
-    total, begun = 0.0, 0
+    total = 0.0
     for k in range(len(dt)):
         h = dt[k]
-        if begun < len(anew) and anew[begun] == k:
-            _begin(x, P, starts[begun], first, push**2, drift * h)
-            begun += 1
+        if starts[k, 0] != 0.0 or starts[k, 1] != 0.0 or starts[k, 2] != 0.0:
+            _begin(x, P, starts[k], first, push**2, drift * h)
         elif h > 0.0:
             for i in range(3):
                 turn[i] = (x[3 + i] - gyro[k, i]) * h  # the world turns the other way

@@ -65,14 +65,13 @@ def levels(imu: Imu, stood: Standing | None = None, speed: Array | None = None) 
     bias = np.concatenate((np.zeros(3), np.full(3, BIAS)))
     if stood is not None and stood.bias is not None and stood.sd is not None:
         bias = np.concatenate((stood.bias, np.hypot(stood.sd, DRIFT * np.sqrt(abs(stood.bias_at - imu.t[0])))))
-    anew = begins(imu)
-    starts = _directions(imu, accel, anew)
+    starts = _directions(imu, accel, begins(imu))
     up, cov = np.empty((len(imu), 3)), np.empty((len(imu), 3, 3))
     noise = _white(accel)
 
     def run(push: float, lasting: float) -> float:
         settings = np.array([noise, push, lasting, DRIFT**2, BEGIN**2])
-        return follow_gravity(dt, mean, accel, used, turned, settings, anew, starts, bias, up, cov)
+        return follow_gravity(dt, mean, accel, used, turned, settings, starts, bias, up, cov)
 
     push, _ = _likeliest(run, PUSHES, (USUAL,))
     near = [one for one in PUSHES if push / 3 < one < 3 * push]
@@ -98,10 +97,12 @@ def begins(imu: Imu) -> Ints:
 
 
 def _directions(imu: Imu, accel: Array, anew: Ints) -> Array:
-    """(m, 3) the mean directions of the `FIRST` seconds from the readings `anew` (m,) on, up to the next of these."""
+    """(n, 3) at the readings `anew` (m,) the mean direction of `FIRST` s from there to the next of these; else zero."""
     ends = np.minimum(np.searchsorted(imu.t, imu.t[anew] + FIRST, "right"), np.append(anew[1:], len(imu)))
     mean = np.array([accel[a:b].mean(axis=0) for a, b in zip(anew.tolist(), ends.tolist(), strict=True)])
-    return mean / np.linalg.norm(mean, axis=1, keepdims=True)
+    out = np.zeros((len(imu), 3))
+    out[anew] = mean / np.linalg.norm(mean, axis=1, keepdims=True)
+    return out
 
 
 def _likeliest(run: _Run, pushes: Sequence[float], lasting: Sequence[float]) -> tuple[float, float]:
