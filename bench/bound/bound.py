@@ -2,8 +2,9 @@
 
 The error's covariance is no smaller than the inverse of the information that all factors and priors have, linearised at
 the true path and landmarks (Tichavsky, Muravchik and Nehorai, IEEE Transactions on Signal Processing 46(5), 1998).
-Constant errors of sensors are unknowns with their priors. Ids are the true ones, so that it bounds those who have to
-find them, too. The bound of an aligned path is without the part of that covariance that the alignment takes away.
+Constant errors of sensors are unknowns with their priors, and so is the bias of a gyro, which walks. Ids are the true
+ones, so that it bounds those who have to find them, too. The bound of an aligned path is without the part of that
+covariance that the alignment takes away.
 """
 
 from typing import NamedTuple
@@ -38,7 +39,7 @@ class Bound(NamedTuple):
 
 
 def bound(log: Log, truth: Truth | None) -> Bound | None:
-    """Computes it; None where truth or precision does not suffice, with a gyro, or where the log is too large."""
+    """Computes it; None where truth or precision does not suffice, or where the log is too large."""
     if no_bound(log, truth) or (known := known_log(log, truth)) is None:
         return None
     try:
@@ -59,8 +60,6 @@ def no_bound(log: Log, truth: Truth | None) -> str:
         return f"the log has more than {LONGEST:,} steps"
     if log.prior.start != "known":
         return "the robot's start is unknown"
-    if log.gyro is not None:
-        return "the log has turns by a gyro"
     known = known_log(log, truth)
     if known is None:
         return missing(log, truth)

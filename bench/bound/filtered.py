@@ -3,6 +3,8 @@
 Its state has a few sums over the path besides, what an alignment with the truth takes away: with p_k the position at
 step k and weights w_k they are s = sum of w_k p_k. An estimate of step l is not correlated with what was measured up to
 then, so that the errors at steps k < l have the covariance of p_k and p_l given these measurements.
+
+The bias of a gyro is one more number of the state, which walks. A motion and its turn are split as in `core/gyro.py`.
 """
 
 from typing import NamedTuple
@@ -10,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from ...backends.constant_errors import fitted
+from ...backends.constant_errors import HELD, fitted
 from ...backends.models import sight
-from ...core.factors import Systematic
+from ...core.factors import Log
+from ...core.gyro import conditioned
 from ...core.partial import RANGE
 from ...core.se2 import Array, Ints
 from ...core.truth.errors import rows_of
@@ -39,6 +42,16 @@ class _Rows(NamedTuple):
     cov: Array  # (k, d, d)
 
 
+class _Turned(NamedTuple):
+    """A step's motion by wheels and gyro: what both tell of the bias, and the motion given that."""
+
+    walk: float  # (rad/s)^2, of the bias since the row before
+    dt: Array  # (1, 1) s, the derivative by the bias of what is told of it
+    told_var: Array  # (1, 1) rad^2
+    cov: Array  # (3, 3) of the motion
+    slope: Array  # (3,) the derivative of the motion by the bias
+
+
 def filtered(known: KnownLog, weights: Array) -> Filtered:
     """Filters; `weights` (a, n, 2) are those of the sums. Diverged where a landmark is at the robot's place."""
     log, path = known.log, known.path
@@ -47,14 +60,23 @@ def filtered(known: KnownLog, weights: Array) -> Filtered:
     rows = [one for one in state.rows() if len(one.step)]
     firsts = [np.searchsorted(one.step, np.arange(len(log) + 1)) for one in rows]
     P, cov, online = state.P, np.empty((len(log), 3, 3)), np.zeros(sums)
-    added = slice(3, 3 + sums)
+    added, turns, bias = slice(3, 3 + sums), _turns(log), state.bias
     for k in range(len(log)):
         n = state.used[k]
         if k:
+            moved, turn = log.delta_cov[k], turns.get(k)
+            if turn is not None:
+                P[bias, bias] += turn.walk
+                _update(P[:n, :n], np.array([bias]), turn.dt, turn.told_var)
+                moved = turn.cov
             F = _lever(path[k, :2] - path[k - 1, :2])
             P[:3, :n] = F @ P[:3, :n]
             P[:n, :3] = P[:n, :3] @ F.T
-            P[:3, :3] += _turned(log.delta_cov[k], path[k - 1, 2])
+            if turn is not None:
+                by = _to_world(path[k - 1, 2]) @ turn.slope
+                P[:3, :n] += by[:, None] * P[bias, :n]
+                P[:n, :3] += P[:n, bias, None] * by
+            P[:3, :3] += _turned(moved, path[k - 1, 2])
         for one, first in zip(rows, firsts, strict=True):
             for r in range(first[k], first[k + 1]):
                 _update(P[:n, :n], one.entries[r], one.jacobian[r], one.cov[r])
@@ -70,7 +92,7 @@ def filtered(known: KnownLog, weights: Array) -> Filtered:
 
 
 class _State:
-    """The state: the pose, the sums, constant errors, then landmarks and kept poses in the order of their coming."""
+    """The state: pose, sums, constant errors, the bias of a gyro, then landmarks and kept poses as they come."""
 
     def __init__(self, known: KnownLog, sums: int) -> None:
         log, prior = known.log, known.log.prior
@@ -84,9 +106,11 @@ class _State:
         comes = np.full(len(self.ids), len(log))
         np.minimum.at(comes, which, np.concatenate((np.zeros(len(given), np.int64), step)))
         kept = np.unique(log.loop_to)
-        constants = _constants(prior.systematic, len(self.ids))
+        constants = _constants(log, len(self.ids))
         self._constant = 3 + sums
         first = self._constant + len(constants)
+        self.bias = first - 1
+        """The entry of the bias of a gyro, if there is one."""
         size = np.concatenate((np.full(len(self.ids), 2), np.full(len(kept), 3)))
         order = np.argsort(np.concatenate((comes, kept)), kind="stable")
         at = np.empty(len(order), np.int64)
@@ -183,10 +207,27 @@ class _State:
         return _Rows(step, entries, J, _turned(log.loop_cov, path[to, 2]))
 
 
-def _constants(sds: Systematic, landmarks: int) -> Array:
-    """Standard deviations of constant errors: scale and offset of ranges, of all or of each, and a heading's."""
+def _constants(log: Log, landmarks: int) -> Array:
+    """Standard deviations of constant errors: scale and offset of ranges, of all or of each, and a heading's.
+
+    With a gyro also that of its bias at the first turn.
+    """
+    sds, gyro = log.prior.systematic, log.gyro
     ranges = (sds.range_scale, sds.range_offset) * (landmarks if sds.each else 1)
-    return np.array((*ranges, sds.heading_offset))
+    bias = () if gyro is None else (max(np.sqrt(gyro.prior.sd**2 + gyro.walk[:1].sum()), HELD),)
+    return np.array((*ranges, sds.heading_offset, *bias))
+
+
+def _turns(log: Log) -> dict[int, _Turned]:
+    """The motions with turns by a gyro, by their step."""
+    gyro = log.gyro
+    if gyro is None:
+        return {}
+    split = conditioned(log.delta[gyro.step], log.delta_cov[gyro.step], gyro.turn, gyro.var, gyro.dt)
+    walk = gyro.walk.copy()
+    walk[:1] = 0.0  # is in the bias at the first turn
+    columns = walk.tolist(), gyro.dt[:, None, None], split.told_var[:, None, None], split.cov, split.slope
+    return {step: _Turned(*row) for step, *row in zip(gyro.step.tolist(), *columns, strict=True)}
 
 
 def _update(P: Array, entries: Ints, J: Array, cov: Array) -> None:
@@ -207,9 +248,15 @@ def _lever(moved: Array) -> Array:
 
 def _turned(cov: Array, heading: Array) -> Array:
     """Covariances (..., 3, 3) of motions in the world, from poses with these headings."""
+    R = _to_world(heading)
+    return R @ cov @ np.swapaxes(R, -1, -2)
+
+
+def _to_world(heading: Array) -> Array:
+    """(..., 3, 3) turns motions from poses with these headings into the world."""
     R = np.zeros((*np.shape(heading), 3, 3))
     R[..., 0, 0] = R[..., 1, 1] = np.cos(heading)
     R[..., 1, 0] = np.sin(heading)
     R[..., 0, 1] = -R[..., 1, 0]
     R[..., 2, 2] = 1.0
-    return R @ cov @ np.swapaxes(R, -1, -2)
+    return R

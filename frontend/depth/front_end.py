@@ -70,6 +70,7 @@ class FrontEnd:
     def __init__(self, camera: Camera, settings: Settings, motion: Motion | None, tilts: Tilts | None = None) -> None:
         self.settings, self.camera = settings, camera
         self.t = list[float]()  # s, of the frames
+        self.floorless = list[float]()  # s, of those looked at that show no floor
         self.depths = list[float]()  # m, the median of each frame looked at, where it has any
         self.steps: list[FrameStep] = []
         self.loops: list[FrameLoop] = []
@@ -133,6 +134,7 @@ class FrontEnd:
         self.depths += [float(np.median(some[some > 0]))] if (some > 0).any() else []
         features, level = self._features(frame), self._level(frame)
         self.counts["frames without a floor"] += not level.found
+        self.floorless += [] if level.found else [frame.seconds]
         if level.by_gravity:
             self.counts[BY_GRAVITY] += 1
         self.counts["features"] += len(features)

@@ -101,6 +101,10 @@ def _notes(recording: DepthRecording, front_end: FrontEnd) -> dict[str, Any]:
                 "has the difference"
             )
         remarks += outside(recording.name, lost, counts["frames"], "frame", clock)
+    if recording.tilts is not None:
+        remarks += recording.tilts.remarks(
+            front_end.floorless, "frames without a floor", "they are taken as the camera is mounted"
+        )
     depth = float(np.median(front_end.depths)) if front_end.depths else None
     if depth is not None and not settings.near / OFF < depth < settings.far * BEYOND:
         remarks.append(

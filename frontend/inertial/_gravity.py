@@ -17,7 +17,7 @@ def follow_gravity(
     used: Array,
     turned: Array,
     settings: Array,
-    start: Array,
+    starts: Array,
     bias: Array,
     up: Array,
     cov: Array,
@@ -26,25 +26,24 @@ def follow_gravity(
 
     The state (9,) is the direction, the bias of the gyro and the acceleration of the robot, which is of first order, as
     in Luinge and Veltink (2005). `dt` (n,) s are the times since the reading before, `gyro` (n, 3) the mean rates
-    meanwhile, `turned` (n,) rad^2/s how unsure they are, `used` (n,) 1 where `accel` (n, 3) counts. `start` (3,) is the
-    direction at first, `bias` (6,) that of the gyro and its standard deviations. `settings`: the accelerometer's
-    variance, (m/s^2)^2, the acceleration's standard deviation and time constant, the drift of the bias, (rad/s)^2/s,
-    and the variance of the first direction.
+    meanwhile, `turned` (n,) rad^2/s how unsure they are, `used` (n,) 1 where `accel` (n, 3) counts. It begins with the
+    direction of `starts` (n, 3), at the first reading and wherever else that is not zero: of what was before it keeps
+    the bias alone. `bias` (6,) is the first one of the gyro and its standard deviations.
+    `settings`: the accelerometer's variance, (m/s^2)^2, the acceleration's standard deviation and time constant, the
+    drift of the bias, (rad/s)^2/s, and the variance of a direction where it begins.
     """
     variance, push, lasting, drift, first = settings[0], settings[1], settings[2], settings[3], settings[4]
     x, P = np.zeros(9), np.zeros((9, 9))
     E, B, turn, miss, u = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3)
     S, W, PH, gain = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((9, 3)), np.zeros((9, 3))
     for i in range(3):
-        x[i], x[3 + i] = start[i], bias[i]
-        for j in range(3):
-            P[i, j] = first * ((1.0 if i == j else 0.0) - start[i] * start[j])
-        P[3 + i, 3 + i] = bias[3 + i] ** 2
-        P[6 + i, 6 + i] = push**2
+        x[3 + i], P[3 + i, 3 + i] = bias[i], bias[3 + i] ** 2
     total = 0.0
     for k in range(len(dt)):
         h = dt[k]
-        if h > 0.0:
+        if starts[k, 0] != 0.0 or starts[k, 1] != 0.0 or starts[k, 2] != 0.0:
+            _begin(x, P, starts[k], first, push**2, drift * h)
+        elif h > 0.0:
             for i in range(3):
                 turn[i] = (x[3 + i] - gyro[k, i]) * h  # the world turns the other way
             rodrigues(turn, E)
@@ -99,6 +98,23 @@ def follow_gravity(
             for j in range(3):
                 cov[k, i, j] = P[i, j]
     return total
+
+
+@compiled
+def _begin(x: Array, P: Array, start: Array, first: float, push: float, drift: float) -> None:
+    """Sets the direction to `start` (3,), with the variance `first`, and the acceleration to none, with `push`.
+
+    The bias has moved by the variance `drift`.
+    """
+    for i in range(3):
+        x[i], x[6 + i] = start[i], 0.0
+        for j in range(9):
+            P[i, j] = P[j, i] = P[6 + i, j] = P[j, 6 + i] = 0.0
+    for i in range(3):
+        for j in range(3):
+            P[i, j] = first * ((1.0 if i == j else 0.0) - start[i] * start[j])
+        P[3 + i, 3 + i] += drift
+        P[6 + i, 6 + i] = push
 
 
 @compiled

@@ -5,6 +5,7 @@ the robot's own acceleration. That is a state as well, of first order in time: H
 "Measuring orientation of human body segments using miniature gyroscopes and accelerometers", Medical and Biological
 Engineering and Computing 43, 2005. Its size and time constant are those under which the drive's own readings are the
 likeliest, so that a lively robot's levels are stated wider than a quiet one's. The filter looks at no later reading.
+Where readings are missing a level becomes the less certain the longer they do, and beyond `LOST_AFTER` it begins anew.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.se2 import Array
+from ...core.se2 import Array, Ints
 from ._gravity import follow_gravity
 from .imu import GRAVITY, Imu
 from .standing import Standing
@@ -31,6 +32,7 @@ FIRST = 1.0  # s from whose mean the direction begins
 BEGIN = 0.15  # rad, standard deviation of it
 BIAS, DRIFT = 0.02, 1e-4  # rad/s of a gyro whose robot never stood, and rad/s per root second
 LOST = 0.5  # rad/s, by which a robot may turn where the gyro says nothing
+LOST_AFTER = BEGIN / LOST  # s without readings after which a level is lost
 
 _Run = Callable[[float, float], float]  # the log likelihood of a size and a time constant
 
@@ -63,14 +65,13 @@ def levels(imu: Imu, stood: Standing | None = None, speed: Array | None = None) 
     bias = np.concatenate((np.zeros(3), np.full(3, BIAS)))
     if stood is not None and stood.bias is not None and stood.sd is not None:
         bias = np.concatenate((stood.bias, np.hypot(stood.sd, DRIFT * np.sqrt(abs(stood.bias_at - imu.t[0])))))
-    start = accel[imu.t <= imu.t[0] + FIRST].mean(axis=0)
-    start = start / np.linalg.norm(start)
+    starts = _directions(imu, accel, begins(imu))
     up, cov = np.empty((len(imu), 3)), np.empty((len(imu), 3, 3))
     noise = _white(accel)
 
     def run(push: float, lasting: float) -> float:
         settings = np.array([noise, push, lasting, DRIFT**2, BEGIN**2])
-        return follow_gravity(dt, mean, accel, used, turned, settings, start, bias, up, cov)
+        return follow_gravity(dt, mean, accel, used, turned, settings, starts, bias, up, cov)
 
     push, _ = _likeliest(run, PUSHES, (USUAL,))
     near = [one for one in PUSHES if push / 3 < one < 3 * push]
@@ -84,6 +85,24 @@ def levels(imu: Imu, stood: Standing | None = None, speed: Array | None = None) 
     roll_sd = np.sqrt(np.einsum("ni,nij,nj->n", by, cov, by) + offset)
     pitch_sd = np.sqrt(cov[:, 0, 0] / np.maximum(across, 1e-6) + offset)
     return Levels(roll, pitch, roll_sd, pitch_sd, push, lasting)
+
+
+def begins(imu: Imu) -> Ints:
+    """(m,) the readings at which the filter begins: the first one, and those after a gap in which a level is lost.
+
+    A level of which nothing is known for `LOST_AFTER` s is no better than the first one.
+    """
+    lost = imu.missing & (np.diff(imu.t) > LOST_AFTER)
+    return np.concatenate(([0], np.flatnonzero(lost) + 1))
+
+
+def _directions(imu: Imu, accel: Array, anew: Ints) -> Array:
+    """(n, 3) at the readings `anew` (m,) the mean direction of `FIRST` s from there to the next of these; else zero."""
+    ends = np.minimum(np.searchsorted(imu.t, imu.t[anew] + FIRST, "right"), np.append(anew[1:], len(imu)))
+    mean = np.array([accel[a:b].mean(axis=0) for a, b in zip(anew.tolist(), ends.tolist(), strict=True)])
+    out = np.zeros((len(imu), 3))
+    out[anew] = mean / np.linalg.norm(mean, axis=1, keepdims=True)
+    return out
 
 
 def _likeliest(run: _Run, pushes: Sequence[float], lasting: Sequence[float]) -> tuple[float, float]:

@@ -35,13 +35,14 @@ class Leaning(NamedTuple):
 def levelled(recording: LaserRecording, by: Tilts, leaning: Leaning, remarks: list[str]) -> LaserRecording:
     """The scans with horizontal ranges, without those, and without the returns, that `leaning` leaves out.
 
-    Scans at times without levels stay as they are. The remarks count what is left out. InputError where fewer than two
-    scans are left.
+    Scans at times without levels stay as they are. The remarks count these, and what is left out. InputError where
+    fewer than two scans are left.
     """
     t, most = recording.t, leaning.most
     known = np.array([by.covers(one) for one in t.tolist()])
     pitch, roll, *sd = (np.where(known, np.interp(t, by.t, one), 0.0) for one in (*by.angles.T, *by.sd.T))
     unsure = np.column_stack(sd)
+    remarks += by.remarks(t.tolist(), "scans", "their ranges are those of a level robot")
     recording = replace(recording, notes={**recording.notes, LEVELS: {**by.settings, "of": "scans"}})
     if most is not None:
         # The up component of the horizontal plane's directions on a level floor: ahead -pitch, to the left roll.

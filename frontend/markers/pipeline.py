@@ -33,6 +33,8 @@ makes the mean differ from the velocity in the middle by 8 mm/s.
 
 MOST_NAMED = 5  # ids in a remark
 
+UNLEVELLED = "their sightings have the errors of sway"
+
 JOINED = "sightings of markers that another camera saw at once: the log has the mean of both"
 """The reason for which a marker in two frames of one step is in the log once."""
 
@@ -115,7 +117,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
     misfits = {name: Misfit() for name in recording.detectors}
     steps: list[Step] = []
     latest, cameras, measured = -np.inf, set[str](), _NONE
-    uneven = 0
+    looked = list[float]()  # times of frames that levels are sought for
     for number, frame in enumerate(recording.frames):
         if not (frame.t > latest or (frame.t == latest and frame.camera not in cameras)):
             raise InputError(f"{recording.name}: frame {number} is at {frame.t} s, expected later than {latest} s.")
@@ -129,7 +131,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
             counts["frames that could not be decoded"] += 1
             continue
         seen = see(recording, frame)
-        uneven += recording.tilts is not None and not recording.tilts.covers(frame.t)
+        looked.append(frame.t)
         counts.update(seen.rejected)
         twice.update(seen.rejected.twice)
         for one in seen.sightings:
@@ -157,7 +159,7 @@ def build_log(recording: Recording, observe: Callable[[FrameSightings], None] | 
     remarks = [
         *_remarks(recording, counts, steps[0].t, steps[-1].t),
         *_of_twins(recording, twice, steps),
-        *_of_uneven(recording, uneven, counts["frames"]),
+        *([] if recording.tilts is None else recording.tilts.remarks(looked, "frames", UNLEVELLED)),
         *(said for name, one in misfits.items() for said in one.remarks(called(recording.name, name))),
     ]
     pause = longest_pause(steps[0].t, steps[-1].t, [step.t for step in steps], recording.motion.t)
@@ -208,15 +210,6 @@ def _of_twins(recording: Recording, twice: Mapping[int, int], steps: Sequence[St
         f"{recording.name}: {which} on several markers of one frame, in {of}: none of these is in the log{kept}; an id "
         "is one landmark, so every marker needs its own"
     )
-
-
-def _of_uneven(recording: Recording, uneven: int, frames: int) -> Iterator[str]:
-    """The remark on frames whose level is not known."""
-    if uneven and recording.tilts is not None:
-        yield (
-            f"{recording.tilts.source}: has no readings around the times of {uneven:,} of {frames:,} frames, which are "
-            "not levelled: their sightings have the errors of sway"
-        )
 
 
 def see(recording: Recording, frame: Frame) -> FrameSightings:

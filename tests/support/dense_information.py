@@ -17,14 +17,17 @@ def _inverse(cov: Array) -> Array:
 
 
 class DenseInformation:
-    """Variables are the poses, the landmarks and the constant errors: scale, offset (of all ranges), heading."""
+    """Variables are the poses, the landmarks, a gyro's biases, one for each stretch between two moves, and the constant
+    errors: scale, offset (of all ranges), heading."""
 
     def __init__(self, log: Log, path: Array, landmarks: Map) -> None:
         self.log, self._n = log, len(log)
         self._row = {landmark: k for k, landmark in enumerate(landmarks.ids.tolist())}
         constant = fitted(log, path, landmarks)
         errors = [constant.range_scale[0], constant.range_offset[0], constant.heading_offset]
-        self._x = np.concatenate((path.ravel(), landmarks.xy.ravel(), errors))
+        moves = 0 if log.gyro is None else 1 + int((log.gyro.walk[1:] > 0).sum())
+        self._bias = path.size + landmarks.xy.size
+        self._x = np.concatenate((path.ravel(), landmarks.xy.ravel(), np.linspace(0.1, 0.2, moves), errors))
 
     def covariances(self) -> tuple[Array, Array]:
         """(n, 3, 3) of each pose by the factors up to it, and the joint one by all, poses first."""
@@ -68,6 +71,7 @@ class DenseInformation:
                 yield lambda x: x[there], _inverse(log.prior.map.cov)
         else:
             yield lambda x: between(self._pose(x, k - 1), self._pose(x, k)), _inverse(log.delta_cov[k])
+            yield from self._turned(k)
         for landmark, cov in zip(step.sightings.ids.tolist(), step.sightings.cov, strict=True):
             yield lambda x, i=landmark: self._seen(x, k, i), _inverse(cov)
         for to, cov in zip(step.loops.to.tolist(), step.loops.cov, strict=True):
@@ -81,6 +85,19 @@ class DenseInformation:
             measured = ~np.isnan(z)
             weight = _inverse(cov[np.ix_(measured, measured)])
             yield lambda x, a=arm, on=measured: self._fix(x, k, a)[on], weight
+
+    def _turned(self, k: int) -> Iterator[tuple[Callable[[Array], Array], Array]]:
+        """Yields those of step k's turn by the gyro: of the bias, which begins or has moved, and of the turn itself."""
+        gyro, step = self.log.gyro, self.log[k]
+        if gyro is None or step.gyro is None:
+            return
+        _, var, dt, walk = step.gyro
+        at = self._bias + int((gyro.walk[1:][gyro.step[1:] <= k] > 0).sum())
+        if k == gyro.step[0]:
+            yield lambda x: x[at : at + 1], np.eye(1) / (gyro.prior.sd**2 + walk)
+        elif walk > 0:
+            yield lambda x: x[at : at + 1] - x[at - 1 : at], np.eye(1) / walk
+        yield lambda x: x[3 * k + 2, None] - x[3 * k - 1, None] + dt * x[at, None], np.eye(1) / var
 
     def _fix(self, x: Array, k: int, arm: Array) -> Array:
         px, py, heading = self._pose(x, k)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from slamduel.core.se2 import Array
+from slamduel.datasets.on_demand.rocking import Rocking
 from slamduel.frontend.inertial.imu import GRAVITY, Imu
 from slamduel.frontend.wheels.track import Poses
 
@@ -42,8 +43,19 @@ def attitude(roll: Array, pitch: Array, heading: Array) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def drive(seed: int = 0, seconds: float = 60.0, hz: float = 100.0, hills: float = 1.0, noise: float = 1.0) -> Drive:
+def drive(
+    seed: int = 0,
+    seconds: float = 60.0,
+    hz: float = 100.0,
+    hills: float = 1.0,
+    noise: float = 1.0,
+    sway: float = 0.0,
+    ramp: float = 0.0,
+) -> Drive:
     """A drive whose speed and turning rate change every few seconds, by at most 0.8 m/s^2 and 1 rad/s^2.
+
+    On its springs the body rocks by `sway`, rad, in pitch and in roll. From 45 to 60 % of the time it is on a ramp that
+    goes up by `ramp`, rad.
 
     The gyro has a bias of some 0.01 rad/s and noise of 0.004 rad/s, the accelerometer an offset of 0.05 m/s^2 and noise
     of 0.3 while the robot drives and of 0.05 while it stands, `noise` times.
@@ -61,6 +73,11 @@ def drive(seed: int = 0, seconds: float = 60.0, hz: float = 100.0, hills: float 
     way = np.cumsum(speed) / hz
     pitch = hills * (0.12 * np.sin(way / 4) + 0.02 * np.sin(1.1 * way))
     roll = hills * 0.08 * np.sin(way / 3 + 1)
+    if sway:
+        rocking = Rocking.drawn(sway, np.random.default_rng([seed, 1])).at(t)
+        pitch, roll = pitch + rocking[:, 0], roll + rocking[:, 1]
+    if ramp:
+        pitch = pitch - ramp * np.interp(t / seconds, (0.44, 0.45, 0.6, 0.61), (0.0, 1.0, 1.0, 0.0))
     heading = np.append(0.0, np.cumsum((turning[1:] + turning[:-1]) / 2 / hz))
     rolling, pitching = (np.gradient(one, t) for one in (roll, pitch))
     gyro = np.column_stack(

@@ -33,10 +33,10 @@ def test_of_logs_without_a_known_path_none_is_counted_and_less_than_the_bound_is
 
 
 def test_the_reasons_of_a_missing_bound_are_said_once() -> None:
-    places, gyro = "the landmarks' places are unknown", "the log has turns by a gyro"
-    ekf = told("ekf", ate_m=[0.3, 0.4, 0.3], no_bound=[places, gyro, places])
-    ukf = told("ukf", ate_m=[0.3, 0.4, 0.3], no_bound=[places, gyro, places])
-    assert bound_sentence(lines([*ekf, *ukf])) == f"No Cramér-Rao bound: {places}; {gyro}."
+    places, start = "the landmarks' places are unknown", "the robot's start is unknown"
+    ekf = told("ekf", ate_m=[0.3, 0.4, 0.3], no_bound=[places, start, places])
+    ukf = told("ukf", ate_m=[0.3, 0.4, 0.3], no_bound=[places, start, places])
+    assert bound_sentence(lines([*ekf, *ukf])) == f"No Cramér-Rao bound: {places}; {start}."
     some = told("ekf", ate_m=[0.3, 0.4], bound_m=[0.2, None], over_bound=[1.5, None], no_bound=[None, places])
     assert bound_sentence(lines(some)).startswith("No unbiased estimator ends below 0.200 m (online)")
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from inertial_drives import attitude
+from inertial_drives import drive as lively_drive
 from slamduel.core.se2 import Array
 from slamduel.datasets.on_demand.gyro import WorldGyro
 from slamduel.datasets.on_demand.imu import imu_of
@@ -17,9 +18,11 @@ from slamduel.datasets.worlds.aruco_room import ENCODER
 from slamduel.datasets.worlds.rendered_world import LOOP
 from slamduel.datasets.worlds.wheeled_robot import count, drive
 from slamduel.frontend.inertial.imu import Imu
-from slamduel.frontend.inertial.tilts import STEEP, Tilts, leaned, speeds, tilts, unlevelled
+from slamduel.frontend.inertial.levels import FIRST, LOST_AFTER, begins
+from slamduel.frontend.inertial.tilts import STEEP, UNSURE, Tilts, leaned, speeds, tilts, unlevelled
 from slamduel.frontend.wheels.motion import Drift
 from slamduel.frontend.wheels.ticks import Wheels
+from slamduel.frontend.wheels.track import Track, TrackNoise
 from tiers import first_quick
 
 END = 20.0  # s
@@ -48,6 +51,13 @@ def found_in(one: Rocked, imu: Imu | None = None) -> Tilts:
     found = tilts(imu or one.imu, None, one.wheels, [])
     assert found is not None
     return found
+
+
+def without(imu: Imu, begin: float, end: float) -> Imu:
+    """The readings without those between two times, s."""
+    assert imu.accel is not None
+    kept = (imu.t <= begin) | (imu.t >= end)
+    return Imu(imu.t[kept], imu.gyro[kept], imu.accel[kept])
 
 
 def turned(imu: Imu, pitch: float, roll: float) -> Imu:
@@ -140,13 +150,132 @@ def test_a_body_that_is_shown_to_rock_more_than_stated_is_levelled_by_what_is_sh
 
 def test_outside_the_readings_and_in_their_gaps_nothing_is_known() -> None:
     one = rocked_drive(2)
-    imu = one.imu
-    assert imu.accel is not None
-    kept = (imu.t < 8) | (imu.t > 10)
-    found = found_in(one, Imu(imu.t[kept], imu.gyro[kept], imu.accel[kept]))
-    assert [found.covers(t) for t in (-0.1, 0.0, 7.9, 9.0, 10.1, END, END + 1)] == [0, 1, 1, 0, 1, 1, 0]
+    found = found_in(one, without(one.imu, 8, 10))
+    assert [found.covers(t) for t in (-0.1, 0.0, 7.9, 9.0, 10.5, END, END + 1)] == [0, 1, 1, 0, 1, 1, 0]
+    assert not found_in(one).unsure.any()
     assert found.at(9.0, 0.02) is None
     assert found.at(5.0, 0.02) is not None
+
+
+RISES = 0.1  # rad
+
+
+@pytest.mark.parametrize("seed", first_quick(range(8), 2))
+def test_on_a_ramp_levels_follow_it_and_a_remark_says_so(seed: int) -> None:
+    """By the change of the levels from the plane to the ramp, which the mean has no part in, and by all of them."""
+    one, remarks = lively_drive(seed, 40.0, hills=0.0, sway=0.02, ramp=RISES), list[str]()
+    found = tilts(one.imu, None, Track(one.t, one.odometry.poses, TrackNoise()), remarks)
+    assert found is not None
+    off = found.angles - np.column_stack((one.pitch, one.roll))
+    ramp, plane = ((one.t > 0.46 * 40) & (one.t < 0.59 * 40)), (one.t > 3) & (one.t < 0.43 * 40)
+    climbed = found.angles[ramp].mean(axis=0) - found.angles[plane].mean(axis=0)
+    sways = np.column_stack((one.pitch, one.roll))
+    expected = sways[ramp].mean(axis=0) - sways[plane].mean(axis=0)
+    np.testing.assert_allclose(climbed, expected, atol=np.deg2rad(0.5))
+    assert expected[0] == pytest.approx(-RISES, abs=0.01)
+    assert (off**2 / found.sd**2).mean() < 3.0
+    assert np.abs(off[:, 0].mean()) > np.deg2rad(0.4)  # the mean that was taken off has the ramp in it, and
+    assert found.sd[:, 0].mean() > np.deg2rad(0.4)  # each level is stated so
+    (remark,) = remarks
+    assert "imu: the robot leans by up to " in remark
+    assert " s in all, as on a ramp: it is levelled there, but the wheels' way is along the slope" in remark
+
+
+@pytest.mark.parametrize("seed", first_quick(range(8), 2))
+def test_without_a_ramp_nothing_is_said_of_one(seed: int) -> None:
+    one, remarks = lively_drive(seed, 30.0, hills=0.0, sway=0.02), list[str]()
+    motion = Track(one.t, one.odometry.poses, TrackNoise())
+    assert tilts(one.imu, None, motion, remarks) is not None
+    assert tilts(without(one.imu, 11.0, 13.0), None, motion, remarks) is not None
+    assert remarks == []
+
+
+GAPS = (0.5, 2.0, 5.0)  # s
+AFTER = 2.0  # s after a gap in which levels are judged
+
+
+@cache
+def gap_squares(seed: int, places: int) -> tuple[list[float], list[float], list[float]]:
+    """Of gaps at random places of a lively drive, by their length: the mean normalised squared error of the levels in
+    `AFTER` s after each, and in the first of these that count; and the furthest off, rad, of one that counts."""
+    one, rng = lively_drive(seed, 30.0, hills=0.0, sway=0.02), np.random.default_rng(100 + seed)
+    motion = Track(one.t, one.odometry.poses, TrackNoise())
+    nees, first, furthest = [], [], []
+    for gap in GAPS:
+        squares, soon, off_by = [], [], []
+        for begin in rng.uniform(2.0, one.t[-1] - gap - AFTER, places).tolist():
+            found = tilts(without(one.imu, begin, begin + gap), None, motion, [])
+            assert found is not None
+            off = found.angles - np.column_stack([np.interp(found.t, one.t, way) for way in (one.pitch, one.roll)])
+            after = (found.t >= begin + gap) & (found.t < begin + gap + AFTER)
+            used = np.flatnonzero(after & ~found.unsure)
+            squares.append((off[after] ** 2 / found.sd[after] ** 2).mean())
+            soon.append((off[used[:20]] ** 2 / found.sd[used[:20]] ** 2).mean())
+            off_by.append(float(np.abs(off[used]).max()))
+        nees.append(float(np.mean(squares)))
+        first.append(float(np.mean(soon)))
+        furthest.append(max(off_by))
+    return nees, first, furthest
+
+
+@pytest.mark.slow
+def test_levels_after_a_gap_are_as_far_off_as_stated() -> None:
+    """Of each length of a gap, 8 places on each of 8 drives."""
+    nees, first, furthest = (np.array(one) for one in zip(*(gap_squares(seed, 8) for seed in range(8)), strict=True))
+    for one in (nees, first):
+        assert (one.mean(axis=0) > 0.5).all()
+        assert (one.mean(axis=0) < 2.0).all()
+    assert furthest.max() < np.deg2rad(4.0)
+
+
+def test_levels_after_a_few_gaps_are_not_further_off_than_stated() -> None:
+    nees, first, furthest = (np.array(one) for one in zip(*(gap_squares(seed, 1) for seed in range(2)), strict=True))
+    assert nees.mean() < 2.0
+    assert first.mean() < 2.0
+    assert furthest.max() < np.deg2rad(4.0)
+
+
+@pytest.mark.parametrize("gap", GAPS)
+def test_after_a_gap_a_level_counts_once_it_is_certain_enough(gap: float) -> None:
+    one = lively_drive(2, 30.0, hills=0.0, sway=0.02)
+    motion, end = Track(one.t, one.odometry.poses, TrackNoise()), 12.0 + gap
+    found = tilts(without(one.imu, 12.0, end), None, motion, [])
+    assert found is not None
+    after = int(np.searchsorted(found.t, end))
+    unsure = found.unsure[after:]
+    assert unsure[0]
+    settled = int(np.argmin(unsure))
+    assert not unsure[settled:].any()
+    assert found.t[after + settled] < end + FIRST
+    at = [float(found.t[after]), float(found.t[after + settled]), 20.0]
+    assert [found.covers(t) for t in at] == [False, True, True]
+    assert (np.diff(found.own[[after, after + 5, after + 50]]) < 0).all()
+    assert found.own[after] > UNSURE * np.median(found.own)
+    # Neither the mean nor the rocking has a part in them.
+    np.testing.assert_allclose(found.mean, found_mean_of(found), atol=1e-12)
+    np.testing.assert_allclose(found.rocking, 0.02, atol=0.008)
+
+
+def found_mean_of(found: Tilts) -> Array:
+    """(2,) rad, that of the levels that are certain enough."""
+    return np.column_stack((found.levels.pitch, found.levels.roll))[~found.unsure].mean(axis=0)
+
+
+@pytest.mark.parametrize(("gap", "anew"), [(0.15, False), (LOST_AFTER - 0.02, False), (LOST_AFTER + 0.02, True)])
+def test_the_filter_begins_anew_after_a_gap_in_which_a_level_is_lost(gap: float, anew: bool) -> None:
+    imu = without(rocked_drive(0).imu, 8.0, 8.0 + gap)
+    rows = begins(imu).tolist()
+    assert rows == ([0, int(np.searchsorted(imu.t, 8.0 + gap))] if anew else [0])
+
+
+def test_what_is_not_levelled_is_counted_by_its_reason() -> None:
+    found = found_in(rocked_drive(2), without(rocked_drive(2).imu, 8, 10))
+    found = replace(found, unsure=(found.t > 9) & (found.t < 10.5))
+    unfelt, unsure = found.remarks([-1.0, 5.0, 9.0, 10.2, 10.3, 11.0], "frames", "so be it")
+    assert unfelt == "imu: has no readings around the times of 2 of 6 frames, which are not levelled: so be it"
+    assert unsure.startswith("imu: soon after a gap pitch and roll are known to no better than ")
+    assert unsure.endswith(" degrees at the times of 2 of 6 frames, which are not levelled: so be it")
+    assert found.remarks([5.0, 11.0], "frames", "so be it") == []
 
 
 def test_a_leaning_body_is_turned_as_the_frames_are_rendered() -> None:

@@ -23,8 +23,8 @@ RAISED = Leaning(height=0.3)
 def tilting(t: Array, angles: Array, sd: float = 1e-4) -> Tilts:
     zero = np.zeros(len(t))
     return Tilts(
-        t, angles, np.full((len(t), 2), sd), np.zeros(len(t) - 1, bool), np.full(2, 0.1), np.zeros(2),
-        Levels(zero, zero, zero, zero, 0.1, 0.3),
+        t, angles, np.full((len(t), 2), sd), np.full(len(t), sd), np.zeros(len(t) - 1, bool), np.zeros(len(t), bool),
+        np.full(2, 0.1), np.zeros(2), Levels(zero, zero, zero, zero, 0.1, 0.3),
     )  # fmt: skip
 
 
@@ -124,3 +124,16 @@ def test_scans_without_levels_stay_as_they_are() -> None:
     later = replace(made, t=t + 100)
     found = levelled(later, tilting(t, np.full((4, 2), 0.05)), Leaning(0.01, 0.3), [])
     np.testing.assert_array_equal(found.ranges, made.ranges)
+
+
+def test_scans_whose_level_is_not_known_stay_and_are_counted() -> None:
+    t, remarks = np.arange(6.0), list[str]()
+    by = replace(tilting(t, np.full((6, 2), 0.1)), unsure=t == 3)
+    made = scans(np.array([0.5, 1.5, 2.5, 3.5, 4.5, 7.0]), np.full((6, 10), 2.0))
+    found = levelled(made, by, Leaning(), remarks)
+    stay = np.array([False, False, True, True, False, True])
+    np.testing.assert_array_equal(found.ranges[stay], made.ranges[stay])
+    assert (found.ranges[~stay] < made.ranges[~stay]).all()
+    unfelt, unsure = remarks
+    assert "no readings around the times of 1 of 6 scans, which are not levelled: their ranges are those of a" in unfelt
+    assert "at the times of 2 of 6 scans, which are not levelled" in unsure
