@@ -28,6 +28,7 @@ from slamduel.backends.smoothing.arrays import made, with_rows
 from slamduel.core.factors import Dataset
 from slamduel.core.fixes import information
 from slamduel.core.se2 import Array, between, compose, wrap
+from slamduel.datasets.on_demand.fixes import with_fixes
 from slamduel.datasets.patrol.patrol import Options as PatrolOptions
 from slamduel.datasets.patrol.patrol import patrol
 from slamduel.datasets.worlds.city import Options as CityOptions
@@ -125,7 +126,7 @@ def test_transfers_between_two_poses_are_one_link_that_has_the_pose_s_own_error_
     assert len(transfers) == 1
 
 
-def with_fixes(rng: np.random.Generator, path: Array) -> Graph:
+def fixed_poses(rng: np.random.Generator, path: Array) -> Graph:
     """A position by an antenna that is not at the body's origin, and a heading, at each pose of a path."""
     g, n = poses_of(path), len(path)
     nan = np.nan
@@ -159,7 +160,7 @@ def test_positions_of_marginalised_poses_tell_of_a_held_one_what_elimination_wou
     """Held pose c, and its place by the landmarks m; the marginalised poses are fixed to m but for their own errors."""
     rng = np.random.default_rng(3)
     path = np.array([[4.0, 1.0, 0.4], [4.6, 1.5, 0.9], [5.2, 2.0, -0.3]])
-    g = with_fixes(rng, path)
+    g = fixed_poses(rng, path)
     own, left = random_covariance(rng, [0.03, 0.04, 0.02]), np.array([random_covariance(rng, [0.03] * 3) for _ in "ab"])
     rows = g.fixed.copy()
 
@@ -212,8 +213,9 @@ def a_patrol(seed: int, steps: int) -> Dataset:
 
 
 def a_city(seed: int, steps: int = 2500) -> Dataset:
-    options = CityOptions(landmarks=100, steps=steps, gps=2.0, gps_sd=0.5, compass=2.0, compass_sd=0.05)
-    return city(options, np.random.default_rng(seed))
+    options = CityOptions(landmarks=100, steps=steps, gps=2.0, gps_sd=0.5, gps_x=0.3, compass=2.0, compass_sd=0.05)
+    rng = np.random.default_rng(seed)
+    return with_fixes(city(options, rng), options, rng)
 
 
 @pytest.mark.parametrize("seeds", first_quick([range(1), range(1, 7)]))
