@@ -36,11 +36,6 @@ class Anchors(NamedTuple):
         best = away.argmin(axis=1)
         return np.where(away.min(axis=1) <= reach, best, NOWHERE)
 
-    def some(self, which: list[bool] | None) -> "Anchors":
-        """Those of `which` (a,) that is true; none without."""
-        rows = np.zeros(len(self.steps), np.bool_) if which is None else np.array(which, np.bool_)
-        return Anchors(*(part[rows] for part in self))
-
     def best(self, pose: Array, reach: float) -> int:
         """The row of the anchor within `reach` (m) that is known best near a pose (3,); NOWHERE if there is none."""
         dx, dy = (pose[:2] - self.poses[:, :2]).T
@@ -48,6 +43,11 @@ class Anchors(NamedTuple):
         spread = C[:, 0, 0] + C[:, 1, 1] - 2 * dy * C[:, 0, 2] + 2 * dx * C[:, 1, 2] + (dx**2 + dy**2 + 1) * C[:, 2, 2]
         near = np.hypot(dx, dy) <= reach
         return int(np.where(near, spread, np.inf).argmin()) if near.any() else NOWHERE
+
+    def some(self, which: list[bool] | None) -> "Anchors":
+        """Those of `which` (a,) that is true; none without."""
+        rows = np.zeros(len(self.steps), np.bool_) if which is None else np.array(which, np.bool_)
+        return Anchors(*(part[rows] for part in self))
 
 
 def anchors_at(g: Graph, rows: Ints, steps: Ints, poses: Array, *, loops: bool) -> Anchors:

@@ -32,10 +32,11 @@ def transferred(
 ) -> list[Moved]:
     """The loop closures from rows `first` to `last`, which are marginalised, to rows that are `held` (n,).
 
-    A marginalised pose b is known from the landmarks, with the covariance `left` (k, 3, 3), and so is the pose c of
-    one of the anchors `near`, with its own: the best known of those within `reach` (m). A loop closure
-    a to b is one from a to c, with the errors of all three. What it told of b is taken back from b's pose first: with
-    the sightings alone it is known where b is, and no measurement is used twice.
+    A marginalised pose b is known from the landmarks, with the covariance `left` (k, 3, 3), and so is the pose c of the
+    nearest of the anchors `near` within `reach` (m), with its own. A loop closure a to b is one from a to c, with the
+    errors of all three. What it told of b is taken back from b's pose first: with the sightings alone it is known where
+    b is, and no measurement is used twice. The nearest and not the best known: with a few for all, their errors would
+    be shared by many.
     """
     out, links = list[Moved](), g.links[: g.state[LINKS]]
     to, by = g.variables[links[:, A], STEP], g.variables[links[:, B], STEP]
@@ -49,7 +50,7 @@ def transferred(
         e[2] = wrap(e[2])
         S = T @ C @ T.T
         share = weight(g.settings[LOSS], g.settings[SCALE], float(e @ np.linalg.solve(S, e))) * float(L[WEIGHT])
-        at = near.best(b, reach)
+        at = int(near.nearest(b[None], reach)[0])
         if at == NOWHERE or share < LEAST or near.variables[at] == links[k, A]:
             continue
         b -= own @ np.linalg.solve(S / share, e)
