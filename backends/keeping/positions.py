@@ -48,8 +48,8 @@ def moved_fixes(
     """The fixes of rows `first` to `last`, which are marginalised; and how many of these have no anchor `near`.
 
     The landmarks tell where a marginalised pose is, with the covariance `left` (k, 3, 3), relative to the anchor within
-    `reach` (m) that is known best: its error counts once. So a fix of the one is a fix of a point fixed to the other. What it told of its own
-    pose is taken back: the residual is that by the sightings alone.
+    `reach` (m) that is known best, whose error counts once. So a fix of the one is a fix of a point fixed to the other.
+    What it told of its own pose is taken back: the residual is that by the sightings alone.
     """
     out, lost = list[MovedFix](), 0
     for k in range(first, last + 1):

@@ -12,8 +12,9 @@ is lost are these motions. Kretzschmar and Stachniss (IJRR 31(11), 2012) and Car
 
 A loop closure to a marginalised step leads to landmarks again, whose information the submaps have already. So it is
 left out where landmarks locate the robot, and so is one to the frame of a submap, or from there. Elsewhere it is
-transferred to a kept pose nearby: see `anchored`. When its own step is marginalised it is left out, so that no error
-of a transfer gets into the map. Where loop closures alone locate the robot, there are no landmarks to be told of:
+transferred to a kept pose nearby: see `anchored`. When its own step is marginalised it is transferred if it leads to a
+held step, see `transfers`, and else left out. Positions and headings in the world are transferred as well: see
+`positions`. Where loop closures alone locate the robot, there are no landmarks to be told of:
 what stays are the first stretches at each place. So the way at the end is smoothed with all motions and loop
 closures: see `way`.
 """
