@@ -47,7 +47,7 @@ class Anchors(NamedTuple):
     def some(self, which: list[bool] | None) -> "Anchors":
         """Those of `which` (a,) that is true; none without."""
         rows = np.zeros(len(self.steps), np.bool_) if which is None else np.array(which, np.bool_)
-        return Anchors(*(part[rows] for part in self))
+        return Anchors(self.steps[rows], self.variables[rows], self.poses[rows], self.covs[rows])
 
 
 def anchors_at(g: Graph, rows: Ints, steps: Ints, poses: Array, *, loops: bool) -> Anchors:

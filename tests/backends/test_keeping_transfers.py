@@ -78,8 +78,8 @@ def test_a_loop_closure_from_a_marginalised_pose_is_transferred_with_all_errors(
     T = np.linalg.inv(np.linalg.cholesky(left))
     b = known.copy()
     for _ in range(20):  # where the sightings have it, and the loop closure as well
-        J = jacobian(lambda x: np.concatenate((T @ off(x - known), _whitened(a, x, z, cov))), b)
-        b -= np.linalg.lstsq(J, np.concatenate((T @ off(b - known), _whitened(a, b, z, cov))), rcond=None)[0]
+        D = jacobian(lambda x: np.concatenate((T @ off(x - known), _whitened(a, x, z, cov))), b)
+        b -= np.linalg.lstsq(D, np.concatenate((T @ off(b - known), _whitened(a, b, z, cov))), rcond=None)[0]
     path = np.stack((a, c, b, b + 1))
     g = poses_of(path)
     assert _log.add_loop(g, int(g.at[0]), int(g.at[2]), z, cov)
@@ -111,6 +111,7 @@ def test_transfers_between_two_poses_are_one_link_that_has_the_pose_s_own_error_
     own = random_covariance(rng, [0.05, 0.03, 0.02])
     deltas = between(path[0], path[2]) + 0.02 * rng.standard_normal((4, 3))
     covs = [random_covariance(rng, [0.05, 0.06, 0.02]) for _ in deltas]
+    found = np.zeros(3), np.zeros((3, 3))
     for delta, cov in zip(deltas, covs, strict=True):
         found = transfers.add(Moved(0, 2, delta, cov, own), (0, 2))
         link(g, int(g.at[0]), int(g.at[2]), *found)
@@ -145,15 +146,20 @@ def fixed_poses(rng: np.random.Generator, path: Array) -> Graph:
     return g
 
 
+def information_of(row: Array) -> Array:
+    """(3, 3) of a row of `fixed`."""
+    half = np.zeros((3, 3))
+    half[np.triu_indices(3)] = row[3:9]
+    return half + half.T - np.diag(half.diagonal())
+
+
 def residual(row: Array, pose: Array) -> Array:
     """Whitened: what is measured alone."""
-    W = np.zeros((3, 3))
-    W[np.triu_indices(3)] = row[3:9]
-    W = W + W.T - np.diag(W.diagonal())
+    W = information_of(row)
     some = W.diagonal() > 0
     c, s = np.cos(pose[2]), np.sin(pose[2])
     at = pose + np.array([c * row[9] - s * row[10], s * row[9] + c * row[10], 0.0])
-    return np.linalg.cholesky(W[np.ix_(some, some)]).T @ off(at - row[:3])[some]
+    return np.array(np.linalg.cholesky(W[np.ix_(some, some)]).T @ off(at - row[:3])[some], np.float64)
 
 
 def test_positions_of_marginalised_poses_tell_of_a_held_one_what_elimination_would() -> None:
@@ -172,7 +178,7 @@ def test_positions_of_marginalised_poses_tell_of_a_held_one_what_elimination_wou
             b = compose(m, between(path[0], path[k])) + e
             out += [np.linalg.solve(np.linalg.cholesky(left[k - 1]), e), residual(rows[2 * k], b)]
             out.append(residual(rows[2 * k + 1], b))
-        return np.concatenate(out)
+        return np.array(np.concatenate(out), np.float64)
 
     # the poses are where the sightings and their own fixes have them
     start = np.zeros(12)
@@ -183,8 +189,8 @@ def test_positions_of_marginalised_poses_tell_of_a_held_one_what_elimination_wou
         def with_own(e: Array, k: int = k, T: Array = T, both: Array = both) -> Array:
             return np.concatenate((T @ e, *(residual(row, path[k] + e) for row in both)))
 
-        J = jacobian(with_own, np.zeros(3))
-        start[3 + 3 * k : 6 + 3 * k] = -np.linalg.lstsq(J, with_own(np.zeros(3)), rcond=None)[0]
+        D = jacobian(with_own, np.zeros(3))
+        start[3 + 3 * k : 6 + 3 * k] = -np.linalg.lstsq(D, with_own(np.zeros(3)), rcond=None)[0]
     J, r = jacobian(off_all, np.zeros(12)), off_all(np.zeros(12))
     H, h = J.T @ J, -J.T @ r
     rest = np.linalg.solve(H[3:, 3:], np.column_stack((H[3:, :3], h[3:])))
@@ -200,9 +206,7 @@ def test_positions_of_marginalised_poses_tell_of_a_held_one_what_elimination_wou
     for one in moved:
         positions.add(g, one, 0, path[0])
     assert measured(g, int(g.at[0])).tolist() == [0, 1]
-    row, W = g.fixed[0], np.zeros((3, 3))
-    W[np.triu_indices(3)] = row[3:9]
-    W = W + W.T - np.diag(W.diagonal())
+    row, W = g.fixed[0], information_of(g.fixed[0])
     # one pose's fixes are linearised where the others' have it: the two differ by products of offsets
     assert np.abs(W - wanted).max() < 0.02 * np.abs(wanted).max()
     assert np.abs(W @ off(row[:3] - path[0]) - side).max() < 0.05 * np.abs(side).max()

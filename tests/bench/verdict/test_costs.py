@@ -267,8 +267,8 @@ def test_growth_since_the_map_is_whole_says_from_where() -> None:
 
 def test_growth_while_the_map_grew_is_said_apart() -> None:
     """As with submaps: costs follow the area until all of it is known, and are level from then on."""
-    mapping = {"slope_mapping": 0.86, "slope_mapping_low": 0.8, "slope_mapping_high": 0.92}
-    level = {"slope_mapping": 0.0, "slope_mapping_low": -0.1, "slope_mapping_high": 0.1}
+    mapping: dict[str, Any] = {"slope_mapping": 0.86, "slope_mapping_low": 0.8, "slope_mapping_high": 0.92}
+    level: dict[str, Any] = {"slope_mapping": 0.0, "slope_mapping_low": -0.1, "slope_mapping_high": 0.1}
     found = grown(of(sloped("a", 0.0, whole=2500, **mapping), sloped("b", 0.0, whole=2500, **level)))
     assert found == (
         "The cost of a step does not grow with a and b. Counted from step 2,500 on, once the map is whole. While the "
