@@ -20,7 +20,7 @@ landmarks tell a heading a hundred times as well.
 
 
 class MovedFix(NamedTuple):
-    """What a fix tells of a held pose, linearised at that: information about its offset, and the right-hand side."""
+    """A fix as information about the offset of a held pose, and the right-hand side, linearised at that pose."""
 
     by: int  # row of the step
     information: Array  # (3, 3)
@@ -77,7 +77,7 @@ class _Sum(NamedTuple):
 
 
 class Positions:
-    """What has been transferred to each held step: one row of `fixed`, in place of its own first one.
+    """All that was transferred to each held step: one row of `fixed`, in place of its own first one.
 
     Its sum is known relative to the landmarks around, and the pose's own error counts once, whatever it has summed up.
     """

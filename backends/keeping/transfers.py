@@ -76,7 +76,7 @@ def lever(a: Array, b: Array) -> Array:
 
 
 class Transfers:
-    """What has been transferred, summed up for each pair of held steps.
+    """Transferred loop closures, summed up for each pair of held steps.
 
     Those of a pair share the error of the pose that has the place of the marginalised ones: it is added to the
     covariance of their weighted mean, once.
