@@ -216,8 +216,8 @@ def a_patrol(seed: int, steps: int) -> Dataset:
     return patrol(PatrolOptions(steps=steps, loops=5), np.random.default_rng(seed))
 
 
-def a_city(seed: int, steps: int = 2500) -> Dataset:
-    options = CityOptions(landmarks=100, steps=steps, gps=2.0, gps_sd=0.5, gps_x=0.3, compass=2.0, compass_sd=0.05)
+def a_city(seed: int, steps: int = 3000) -> Dataset:
+    options = CityOptions(landmarks=300, steps=steps, gps=2.0, gps_sd=1.0, gps_x=0.3, compass=2.0, compass_sd=0.05)
     rng = np.random.default_rng(seed)
     return with_fixes(city(options, rng), options, rng)
 
@@ -225,15 +225,15 @@ def a_city(seed: int, steps: int = 2500) -> Dataset:
 def assert_as_honest(nees: Array) -> None:
     """NEES (n, 2) of the bounded smoother and of the exact one, which is one draw of the start's errors a log."""
     assert 0.5 < nees[:, 0].mean() < 2
-    assert (np.abs(np.log(nees[:, 0] / nees[:, 1])) < np.log(1.5)).all()
+    assert (np.abs(np.log(nees[:, 0] / nees[:, 1])) < np.log(2)).all()
 
 
-@pytest.mark.parametrize("seeds", first_quick([range(1), range(1, 7)]))
+@pytest.mark.parametrize("seeds", first_quick([range(1), range(6)]))
 def test_loop_closures_to_the_first_poses_are_not_lost(seeds: range) -> None:
     """So the error from the start, and not after alignment alone, is nearly the exact one's."""
     errors, honest = list[list[float]](), list[list[float]]()
     for seed in seeds:
-        made = a_patrol(seed, 2500)
+        made = a_patrol(seed, 3000)
         assert made.truth is not None
         truth, (backend, _) = made.truth.poses, run("smoother", made.log, keep=20.0)
         g: Graph = backend._forest.g
@@ -249,7 +249,7 @@ def test_loop_closures_to_the_first_poses_are_not_lost(seeds: range) -> None:
         assert_as_honest(np.array(honest))
 
 
-@pytest.mark.parametrize("seeds", first_quick([range(1), range(1, 7)]))
+@pytest.mark.parametrize("seeds", first_quick([range(1), range(6)]))
 def test_positions_and_headings_are_as_good_as_exactly_smoothed_and_honest(seeds: range) -> None:
     errors, honest = list[list[float]](), list[list[float]]()
     for seed in seeds:
