@@ -48,6 +48,10 @@ class ConstantVariables:
         sds = stated(cov_of, there, [*[first] * len(names), [self._sds.heading_offset, 0.0]])
         return Constant(scale, offset, float(turn), sd=sds)
 
+    def renumbered(self, variables: Ints) -> None:
+        """Takes other numbers of variables, by the present ones."""
+        self._variable = {name: int(variables[v]) for name, v in self._variable.items()}
+
     def _found(self, name: int, sds: tuple[float, float], rows: list[Row]) -> int:
         found = self._variable.get(name, NO_VARIABLE)
         if found == NO_VARIABLE:

@@ -124,6 +124,10 @@ class Parts:
         """The constant errors of these landmarks, and of headings; None without any."""
         return self._constants.read(values, landmarks, cov_of)
 
+    def renumbered(self, variables: Ints) -> None:
+        """Takes other numbers of variables, by the present ones."""
+        self._constants.renumbered(variables)
+
     def _fix(self, z: Array, cov: Array, arm: Array) -> None:
         turn = self._constants.of_heading(self.rows)
         part = self._tables.add_fix(np.concatenate((np.nan_to_num(z), information(cov)[SIX], arm)))

@@ -13,11 +13,13 @@ from ..smoothing._graph import (
     DELTA,
     END,
     FIRST,
+    FIX,
     INFORMATION,
     LANDMARK,
     LOSS,
     NOISE,
     OFFSET,
+    PART,
     PLACE,
     POINT,
     SCALE,
@@ -56,7 +58,7 @@ def add_looks(g: Graph, pose: int, F: Array, w: int) -> float:
     x, total = g.values[pose], 0.0
     for s in range(g.variables[pose, FIRST], g.variables[pose, END]):
         landmark = g.sightings[s, LANDMARK]
-        if landmark >= 0:
+        if landmark >= 0 and g.sightings[s, PART] > FIX:
             m = g.values[landmark]
             add_sighting(g, s, F, w, 0, g.variables[landmark, PLACE])
             q = distance(x[0], x[1], x[2], m[0], m[1], g.seen, s)[4]

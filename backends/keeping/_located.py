@@ -9,12 +9,14 @@ from ..smoothing._factors import add_sighting
 from ..smoothing._graph import (
     END,
     FIRST,
+    FIX,
     INFORMATION,
     LANDMARK,
     LINK,
     LOOP,
     NEXT_A,
     NEXT_B,
+    PART,
     STEP,
     SUBMAP,
     A,
@@ -53,8 +55,8 @@ def add_six(S: Array, F: Array, w: int) -> None:
 
 
 @compiled
-def own_covariance(g: Graph, v: int, C: Array) -> bool:
-    """The covariance C (3, 3) of pose `v` given all its landmarks and the other ends of its loop closures.
+def own_covariance(g: Graph, v: int, loops: bool, C: Array) -> bool:
+    """The covariance C (3, 3) of pose `v` given all its landmarks and, with `loops`, what its loop closures lead to.
 
     Motions to it and from it are left out: they would have the poses before and after it known. False where it is not
     positive definite.
@@ -63,9 +65,9 @@ def own_covariance(g: Graph, v: int, C: Array) -> bool:
         return False
     F, S, W = np.zeros(12), np.empty(6), np.empty(6)
     for s in range(g.variables[v, FIRST], g.variables[v, END]):
-        if g.sightings[s, LANDMARK] >= 0:
+        if g.sightings[s, LANDMARK] >= 0 and g.sightings[s, PART] > FIX:
             add_sighting(g, s, F, 4, 0, -1)
-    k = g.variables[v, LINK]
+    k = g.variables[v, LINK] if loops else -1
     while k >= 0:
         if g.links[k, LOOP]:
             for i in range(6):
@@ -91,7 +93,7 @@ def transposed(W: Array, gx: float, gy: float) -> None:
 
 
 @compiled
-def own_covariances(g: Graph, variables: Ints, covs: Array, definite: Ints) -> None:
+def own_covariances(g: Graph, variables: Ints, loops: bool, covs: Array, definite: Ints) -> None:
     """Likewise of poses `variables` (n,): `covs` (n, 3, 3), and `definite` (n,), 1 where there is one."""
     for i in range(len(variables)):
-        definite[i] = 1 if own_covariance(g, variables[i], covs[i]) else 0
+        definite[i] = 1 if own_covariance(g, variables[i], loops, covs[i]) else 0

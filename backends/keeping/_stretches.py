@@ -7,12 +7,14 @@ from ...core.se2 import Array, Ints
 from ..smoothing._graph import (
     END,
     FIRST,
+    FIX,
     LANDMARK,
     LINK,
     LOOP,
     MARK,
     NEXT_A,
     NEXT_B,
+    PART,
     PENDING,
     POINT,
     STAMP,
@@ -45,6 +47,8 @@ def seen_in(g: Graph, first: int, last: int) -> tuple[Ints, bool]:
             continue
         for s in range(g.variables[v, FIRST], g.variables[v, END]):
             landmark = g.sightings[s, LANDMARK]
+            if g.sightings[s, PART] <= FIX:
+                continue
             if landmark < 0:
                 held = True
             elif g.variables[landmark, MARK] != stamp:

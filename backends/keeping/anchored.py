@@ -26,7 +26,7 @@ class Anchors(NamedTuple):
     steps: Ints  # (a,)
     variables: Ints  # (a,)
     poses: Array  # (a, 3)
-    covs: Array  # (a, 3, 3) each given all around it: see `_located.own_covariance`
+    covs: Array  # (a, 3, 3) each given what is around it: see `_located.own_covariance`
 
     def nearest(self, poses: Array, reach: float) -> Ints:
         """(n,) the row of the nearest anchor to each pose (n, 3), NOWHERE if none is within `reach` (m)."""
@@ -36,12 +36,25 @@ class Anchors(NamedTuple):
         best = away.argmin(axis=1)
         return np.where(away.min(axis=1) <= reach, best, NOWHERE)
 
+    def best(self, pose: Array, reach: float) -> int:
+        """The row of the anchor within `reach` (m) that is known best near a pose (3,); NOWHERE if there is none."""
+        dx, dy = (pose[:2] - self.poses[:, :2]).T
+        C = self.covs
+        spread = C[:, 0, 0] + C[:, 1, 1] - 2 * dy * C[:, 0, 2] + 2 * dx * C[:, 1, 2] + (dx**2 + dy**2 + 1) * C[:, 2, 2]
+        near = np.hypot(dx, dy) <= reach
+        return int(np.where(near, spread, np.inf).argmin()) if near.any() else NOWHERE
 
-def anchors_at(g: Graph, rows: Ints, steps: Ints, poses: Array) -> Anchors:
-    """Of the poses in these rows (n,), of these steps (n,), those that landmarks or loop closures locate."""
+    def some(self, which: list[bool] | None) -> "Anchors":
+        """Those of `which` (a,) that is true; none without."""
+        rows = np.zeros(len(self.steps), np.bool_) if which is None else np.array(which, np.bool_)
+        return Anchors(self.steps[rows], self.variables[rows], self.poses[rows], self.covs[rows])
+
+
+def anchors_at(g: Graph, rows: Ints, steps: Ints, poses: Array, *, loops: bool) -> Anchors:
+    """Of the poses in these rows (n,), of these steps (n,), those that landmarks or, with `loops`, these locate."""
     covs, definite = np.zeros((len(rows), 3, 3)), np.zeros(len(rows), np.int64)
     variables = g.at[rows]
-    own_covariances(g, variables, covs, definite)
+    own_covariances(g, variables, loops, covs, definite)
     some = (definite == 1) & (np.diagonal(covs, axis1=1, axis2=2) <= SURE**2).all(axis=1)
     return Anchors(steps[some], variables[some], poses[some], covs[some])
 

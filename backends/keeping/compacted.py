@@ -12,6 +12,8 @@ from ..smoothing._graph import (
     CUT,
     END,
     FIRST,
+    FIX,
+    FIXED,
     LANDMARK,
     LAST,
     LINKS,
@@ -103,6 +105,12 @@ def compacted(g: Graph, keeps: Which, frames: Which, submaps: Sequence[Submap]) 
     new.seen[: len(seen)] = g.seen[:S][looked]
     named = seen[:, LANDMARK] >= 0
     seen[named, LANDMARK], seen[:, POSE] = variable[seen[named, LANDMARK]], variable[seen[:, POSE]]
+
+    fixes = seen[:, PART] <= FIX
+    new = with_rows(new, "fixed", int(fixes.sum()))
+    new.state[FIXED] = fixes.sum()
+    new.fixed[: fixes.sum()] = g.fixed[FIX - seen[fixes, PART]]
+    new.sightings[: len(seen)][fixes, PART] = FIX - np.arange(fixes.sum())
 
     new.links[: counts[LINKS]], new.linked[: counts[LINKS]] = links[linked], g.linked[:K][linked]
     new.links[: counts[LINKS], A], new.links[: counts[LINKS], B] = (

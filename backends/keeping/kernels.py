@@ -14,7 +14,7 @@ def kernels() -> Kernels:
     ints, numbers, table, tables = np.zeros(1, np.int64), np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1, 1))
     return [
         (_condensed.condense, (g, 0, 0, ints, True, True, table, numbers, tables)),
-        (_located.own_covariances, (g, ints, tables, ints)),
+        (_located.own_covariances, (g, ints, True, tables, ints)),
         (_stretches.nearest, (0.0, 0.0, table)),
         (_stretches.stretches, (g, 0, 0, 0.0, 0, table, True)),
         (_stretches.seen_in, (g, 0, 0)),

@@ -12,8 +12,9 @@ is lost are these motions. Kretzschmar and Stachniss (IJRR 31(11), 2012) and Car
 
 A loop closure to a marginalised step leads to landmarks again, whose information the submaps have already. So it is
 left out where landmarks locate the robot, and so is one to the frame of a submap, or from there. Elsewhere it is
-transferred to a kept pose nearby: see `anchored`. When its own step is marginalised it is left out, so that no error
-of a transfer gets into the map. Where loop closures alone locate the robot, there are no landmarks to be told of:
+transferred to a kept pose nearby: see `anchored`. When its own step is marginalised it is transferred if it leads to a
+held step, see `transfers`, and else left out. Positions and headings in the world are transferred as well: see
+`positions`. Where loop closures alone locate the robot, there are no landmarks to be told of:
 what stays are the first stretches at each place. So the way at the end is smoothed with all motions and loop
 closures: see `way`.
 """
@@ -36,6 +37,7 @@ from ..smoothing._graph import (
     ROOT,
     STEP,
     STEPS,
+    SUBMAP,
     VARIABLES,
     WIDTH,
     Graph,
@@ -43,10 +45,12 @@ from ..smoothing._graph import (
 from ..smoothing.forest import NOBODY
 from ._condensed import condense
 from ._stretches import ENOUGH, SHORT, nearest, seen_in, sighted_before, stretches
-from .anchored import NOWHERE, Anchored, Anchors, anchors_at
+from .anchored import NOWHERE, Anchored, anchors_at
 from .compacted import Which, compacted
 from .left_out import LeftOut
+from .positions import MovedFix, Positions, measured, moved_fixes
 from .submaps import Condensed, Submap, begun
+from .transfers import Moved, Transfers, link, transferred
 from .visits import Visits
 from .way import Way
 
@@ -74,7 +78,7 @@ class Keeping(Smoother):
         lag = "so does fixed-lag, at a bounded cost"
         for there, what, other in (
             (prior.partial, "no sightings that tell a range or a bearing alone", lag),
-            (prior.fixes, "no positions and headings measured in the world", lag),
+            (prior.fixes and prior.systematic.heading_offset > 0, "no constant error of a compass", lag),
             (prior.gyro is not None, "no gyro's bias in the state", "gyro=front estimates it in front"),
             (prior.map is not None, "no given map, with which nothing is new", lag),
         ):
@@ -83,8 +87,9 @@ class Keeping(Smoother):
         super().__init__(prior, options, rng)
         compile_ahead(f"{__package__}.kernels")
         self.submaps, self._left_out = list[Submap](), LeftOut()
-        self._loops, self._anchored = prior.loops, Anchored()
+        self._loops, self._anchored, self._transfers = prior.loops, Anchored(), Transfers()
         self._way, self._rng = Way(), rng
+        self._fixes, self._positions, self._lost = prior.fixes, Positions(), 0
         self._frames = set[int]()  # steps of the submaps' frames
         self._closed, self._unused = 0, 0  # loop closures, and those that were left out
         self._by_loops = list[Ints]()  # steps that are marginalised where loop closures alone locate the robot
@@ -112,12 +117,16 @@ class Keeping(Smoother):
         return pose
 
     def finish(self) -> Solution:
-        """The solution of an incremental smoother; its remark counts loop closures that were left out."""
+        """The solution of an incremental smoother; its remark counts what was left out."""
         found = super().finish()
-        if self._unused == 0:
+        left_out = list[str]()
+        if self._unused:
+            left_out.append(f"{self._unused:,} of {self._closed:,} loop closures, to marginalised steps, were left out")
+        if self._lost:
+            left_out.append(f"{self._lost:,} positions and headings far from such of held steps were left out")
+        if not left_out:
             return found
-        left_out = f"{self._unused:,} of {self._closed:,} loop closures, to marginalised steps, were left out"
-        return found._replace(remark="; ".join(filter(None, (found.remark, left_out))))
+        return found._replace(remark="; ".join(filter(None, (found.remark, *left_out))))
 
     @property
     def held(self) -> int:
@@ -172,7 +181,7 @@ class Keeping(Smoother):
         self._known[seen] = True
         if self._loops and len(seen) < ENOUGH:
             g = self._forest.g
-            new = new or self._visits.of(g, self._row, first, last) < VISITS
+            new = new or self._fixes or self._visits.of(g, self._row, first, last) < VISITS
             if new:
                 self._visits.add(int(self._numbers[first]), int(self._numbers[last]))
         return new
@@ -185,7 +194,12 @@ class Keeping(Smoother):
         g, path = forest.g, estimate.path
         self._left_out.begin(estimate.values[g.variables[: len(estimate.values), WIDTH] == 2, :2])
         keeps, frames = np.ones(len(path), np.bool_), np.zeros(len(path), np.bool_)
-        anchors = self._anchors(path, gone)
+        held = self._held_rows(g, len(path), gone)
+        rows_held = np.flatnonzero(held) if self._loops or self._fixes else NOBODY
+        at = rows_held, self._numbers[rows_held], path[rows_held]
+        anchors, sighted = (anchors_at(g, *at, loops=loops) for loops in (True, False))
+        moved, fixes = list[Moved](), list[MovedFix]()
+        fixed = sighted.some([len(measured(g, v)) > 0 for v in sighted.variables.tolist()] if self._fixes else None)
         for first, last in gone:
             middle = path[(first + last) // 2, :2]
             landmarks, _ = seen_in(g, first, last)
@@ -210,6 +224,12 @@ class Keeping(Smoother):
                 else:
                     self.submaps[index].add(told, g.values[self.submaps[index].frame], g.values)
                 self._left_out.add(self._numbers[rows], index, path[rows], left[: len(rows)])
+                if self._loops:
+                    reach = SHORT * self._options.keep
+                    moved += transferred(g, first, last, path, left, held, sighted, reach)
+                if self._fixes:
+                    found, lost = moved_fixes(g, first, last, path, left, fixed, self._options.keep)
+                    fixes, self._lost = fixes + found, self._lost + lost
             if self._loops:
                 self._anchored.add(self._numbers[every], anchors, near, path[every], left)
                 self._anchored.redirect(g, self._numbers[every], every, self._row)
@@ -218,16 +238,26 @@ class Keeping(Smoother):
             if not keeps[last] and last + 1 < len(keeps) and keeps[last + 1]:
                 self._begin_at(last + 1)
         frames[[forest.g.variables[submap.frame, STEP] for submap in self.submaps]] = True
+        for one in moved:
+            self._transfer(one)
+        for fix in fixes:
+            self._positions.add(forest.g, fix, int(self._numbers[fix.by]), path[fix.by])
         self._renumber(keeps, frames)
 
-    def _anchors(self, path: Array, gone: list[tuple[int, int]]) -> Anchors:
-        """The poses that stay for ever, and are variables that landmarks or loop closures locate."""
-        g = self._forest.g
-        stay = np.arange(len(path)) < (self._waiting[0].first if self._waiting else 0)
+    def _held_rows(self, g: Graph, n: int, gone: list[tuple[int, int]]) -> Which:
+        """Tells of n rows which poses stay for ever, and are variables; the frames of submaps apart."""
+        stay = (np.arange(n) < (self._waiting[0].first if self._waiting else 0)) & (g.at[:n] >= 0)
+        stay[stay] = g.variables[g.at[:n][stay], SUBMAP] == 0
         for first, last in gone:
             stay[first : last + 1] = False
-        rows = np.flatnonzero(stay & (g.at[: len(path)] >= 0)) if self._loops else NOBODY
-        return anchors_at(g, rows, self._numbers[rows], path[rows])
+        return stay
+
+    def _transfer(self, moved: Moved) -> None:
+        """Adds a loop closure that was transferred to held rows, to that of the same two if there is one."""
+        forest = self._forest
+        delta, cov = self._transfers.add(moved, (int(self._numbers[moved.to]), int(self._numbers[moved.by])))
+        forest.room(0, 0, 0, 1, 0)
+        link(forest.g, int(forest.g.at[moved.to]), int(forest.g.at[moved.by]), delta, cov)
 
     def _begin_at(self, row: int) -> None:
         """Makes the pose of a row, which no motion will lead to, a variable."""
@@ -257,6 +287,7 @@ class Keeping(Smoother):
         for landmark, v in self._variable.items():
             self._variable[landmark] = int(new.variables[v])
         self._near = np.fromiter(self._variable.values(), np.int64, len(self._variable))
+        self._parts.renumbered(new.variables)
         self._newest = int(new.variables[self._newest])
         for rows in self._held.values():
             rows[:] = [int(new.sightings[row]) for row in rows if new.sightings[row] >= 0]

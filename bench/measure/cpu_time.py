@@ -8,7 +8,7 @@ from ...core.arrays import length
 from ...core.factors import Log
 from ...core.se2 import Array, Ints
 from .drive import Outcome, Timing
-from .growth import growth, mapped, slope, slope_from, whole_from
+from .growth import growth, mapped, slope, slope_from, slope_mapping, whole_from
 
 DEADLINES_MS = (1, 10, 100)  # each has a column
 STRETCHES = 5  # equal parts of a run whose mean costs are reported
@@ -45,13 +45,14 @@ def step_cost(log: Log, outcome: Outcome) -> dict[str, Any]:
     if covered is not None:
         row["real_time"] = float(outcome.step_ns.sum()) / 1e9 / covered
         row["late_share"] = float((outcome.step_ns[:-1] > 1e9 * np.diff(log.t)).mean())
-    return row | _growth(us, mapped(log))
+    return row | growth_columns(us, mapped(log))
 
 
-def _growth(us: Array, sizes: Ints) -> dict[str, Any]:
+def growth_columns(us: Array, sizes: Ints) -> dict[str, Any]:
     """Computes the columns of growth from the cost of every step (n,) and how many landmarks are known after it (n,).
 
-    The slope of a long log is over the steps since the map is whole, whose number goes on from the log's start.
+    The slope of a long log is over the steps since the map is whole, whose number goes on from the log's start. A
+    second one is over those before.
     """
     number, row, whole = 1 + np.arange(len(us)), dict[str, Any](), whole_from(sizes)
     row |= {} if whole is None else {"whole_from": whole}
@@ -59,9 +60,12 @@ def _growth(us: Array, sizes: Ints) -> dict[str, Any]:
         found = growth(x, us)
         if found is not None:
             row |= {f"growth_{name}": found.exponent, f"growth_{name}_se": found.error}
-    along = slope(us, slope_from(whole, len(us)))
-    if along is not None:
-        row |= {"slope_steps": along.exponent, "slope_steps_low": along.low, "slope_steps_high": along.high}
+    start = slope_from(whole, len(us))
+    slopes = {"steps": slope(us, start), "mapping": slope_mapping(us, whole)}
+    for name, found in slopes.items():
+        if found is not None:
+            row |= {f"slope_{name}{end}": value for end, value in zip(("", "_low", "_high"), found, strict=True)}
+    row |= {} if slopes["steps"] is None else {"slope_from": start}
     if len(us) < STRETCHES:
         return row
     fifths = _fifths(us)

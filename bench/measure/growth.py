@@ -6,7 +6,8 @@ bin by how well its mean is known, and down-weights outliers as Huber does (Robu
 Annals of Mathematical Statistics 35(1), 1964): a disturbance of the machine is in few bins.
 
 Of a long log there is also the slope of log cost over log k, with no constant part: how much more a step costs, over
-the steps that were driven. Its points are means of equal shares of the steps, so that least squares have an interval:
+the steps that were driven. What grows with the map stops growing with it, so there is one slope once the map is whole,
+and another one before. Its points are means of equal shares of the steps, so that least squares have an interval:
 shares are long, and what the costs of neighbouring steps have in common ends within one.
 """
 
@@ -28,6 +29,7 @@ NO_GROWTH = 0.15  # exponents below it count as no growth: ten times the steps c
 WHOLE = 0.99  # share of the landmarks from which on the map counts as whole: the last one may be sighted by chance
 FLOOR = 0.02  # relative standard deviation of a bin's mean, at least: no cost follows a power exactly
 LONG = 1_000  # steps from which on a log is long
+MAPPED = 0.6  # share of a log by whose end the map has to be whole: then two fifths of the log have all of it
 FIRST_STEPS = 0.05  # share of a long log's steps that are left out: k, and the cost, change much within the first ones
 SHARES = 10  # equal shares of a long log's steps: with more, costs that stay high for a while are in several of them
 NEAR_0 = 1e-4  # an exponent: k to such a power differs from 1 by less than is measured
@@ -82,11 +84,21 @@ def whole_from(sizes: Ints) -> int | None:
 def slope_from(whole: float | None, steps: float) -> int:
     """The first step of those that a slope is fitted to.
 
-    The map is whole from there on, if it is from a step `whole` on and k grows by LEAST_SPAN afterwards. The log's
+    The map is whole from there on, if it is from a step `whole` on and that is within MAPPED of the log. The log's
     first FIRST_STEPS are left out in any case.
     """
-    early = int(whole) if whole is not None and (whole + 1) * LEAST_SPAN <= steps else 0
+    early = int(whole) if whole is not None and whole <= MAPPED * steps else 0
     return max(int(FIRST_STEPS * steps), early)
+
+
+def slope_mapping(cost: Array | Ints, whole: int | None) -> Slope | None:
+    """The slope over the steps before `whole`, in which the map grows, without their first FIRST_STEPS.
+
+    None where these are fewer than LONG, or the map is not whole early enough for a slope afterwards.
+    """
+    if whole is None or whole > MAPPED * len(cost):
+        return None
+    return slope(cost[:whole], int(FIRST_STEPS * whole))
 
 
 def slope(cost: Array | Ints, start: int) -> Slope | None:

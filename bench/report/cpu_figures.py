@@ -189,8 +189,8 @@ def _against(name: str, log: DrawnLog, along: str) -> ReportFigure | None:
 
     if long:
         caption = (
-            "Means of bins. Behind a name: the slope of the line since the map is whole if that is early, else of all "
-            "but its beginning, with its 95 % interval; flat: no growth."
+            "Means of bins. Behind a name: the slope of the line since the map is whole, or of all but its beginning "
+            "where that is late, with its 95 % interval; flat: no growth."
         )
         caption += f" Dashed: step {whole:,}, where that begins." * (whole > 0)
     else:

@@ -16,6 +16,7 @@ from ..words.columns import DEADLINES_MS, about
 from ..words.names import called
 from ..words.numerals import number
 
+SLOPES = ("slope_mapping", "slope_steps")
 WHOSE = "implementation"  # the column of words before those of numbers wherever costs are compared
 
 MAIN = (
@@ -43,8 +44,8 @@ COST = (
 )  # fmt: skip
 MEANWHILE = ("repeats", "work_us", "waited_share", "switches", "others_share", "stolen_share", "load", "clock_mhz")
 GROWTH = (
-    WHOSE, *(f"step_us_fifth{k}" for k in range(1, 6)), "last_over_first", "last_over_whole", "slope_steps",
-    "growth_steps", "growth_landmarks", "real_time", "late_share",
+    WHOSE, *(f"step_us_fifth{k}" for k in range(1, 6)), "last_over_first", "last_over_whole", "slope_mapping",
+    "slope_steps", "growth_steps", "growth_landmarks", "real_time", "late_share",
 )  # fmt: skip
 ASSOCIATION = (
     "pair_precision", "pair_recall", "wrong_share", "dropped_share", "landmarks_merged", "landmarks_double",
@@ -156,7 +157,7 @@ def growth_table(lines: Sequence[Line]) -> Table:
     """Makes the table of costs along the log: growth, and real time; slopes with intervals, powers with errors."""
 
     def entry(line: Line, name: str) -> Entry:
-        error, found = line.values.get(f"{name}_se"), slope(line) if name == "slope_steps" else None
+        error, found = line.values.get(f"{name}_se"), slope(line, name) if name in SLOPES else None
         note = "" if error is None else f"\N{PLUS-MINUS SIGN}{error.median:.2f}"
         return _median(line, name)._replace(note=note if found is None else ends_of(found))
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..measure.growth import NO_GROWTH, Slope, slope_from
+from ..measure.growth import NO_GROWTH, Slope
 from ..measure.repeats import FEWEST_ROUNDS
 from ..words.columns import about
 from ..words.numerals import counted, factor, listed, number, raised, times
@@ -41,12 +41,12 @@ def ends(c: CostRatio) -> str:
     return f"between {low} and {high}"
 
 
-def slope(line: Line) -> Slope | None:
-    """The slope of a step's cost along a long log: the median over logs with its interval, or of few, that of one."""
-    low, high = (line.values.get(f"slope_steps_{end}") for end in ("low", "high"))
-    if "slope_steps" not in line.values or low is None or high is None:
+def slope(line: Line, column: str = "slope_steps") -> Slope | None:
+    """A slope of a step's cost along a long log: the median over logs with its interval, or of few, that of one."""
+    low, high = (line.values.get(f"{column}_{end}") for end in ("low", "high"))
+    if column not in line.values or low is None or high is None:
         return None
-    found = line.estimate("slope_steps")
+    found = line.estimate(column)
     if found.units >= FEWEST:
         return Slope(found.value, found.low, found.high)
     return Slope(found.value, low.median, high.median)
@@ -61,10 +61,9 @@ def ends_of(found: Slope) -> str:
 def whole_map(lines: Sequence[Line]) -> int:
     """The first step of those that the slopes are fitted to, if the map is whole there; else 0."""
     first: list[int] = []
-    for values in (line.values for line in lines if "slope_steps" in line.values and "whole_from" in line.values):
-        whole = values["whole_from"].median
-        start = slope_from(whole, values["steps"].median)
-        first.append(start if whole < start + 1 else 0)
+    for values in (line.values for line in lines if "slope_from" in line.values and "whole_from" in line.values):
+        start = values["slope_from"].median
+        first.append(int(start) if values["whole_from"].median <= start else 0)
     return min(first, default=0)
 
 
@@ -92,8 +91,27 @@ def grown(lines: Sequence[Line]) -> str:
     said += [f"may or may not grow with {listed(left)}"] * bool(left)
     if not said:
         return ""
-    counted_from = f" Counted from step {whole:,} on, once the map is whole." if whole else ""
-    return f"The cost of a step {'; it '.join(said)}.{counted_from}"
+    more = _map_growth([line for line, _ in found], whole) if whole or grows or left else ""
+    return f"The cost of a step {'; it '.join(said)}.{more}"
+
+
+def _map_growth(lines: Sequence[Line], whole: int) -> str:
+    """Says which steps the slopes are of, and with which backends costs grew before; `whole` is `whole_map`."""
+    if not whole:
+        late = [int(line.values["whole_from"].median) for line in lines if "whole_from" in line.values]
+        if not late or max(late) == 0:
+            return ""
+        return (
+            f" The map grows until step {max(late):,}: what costs more with a larger map is not told apart from what "
+            "costs more with time."
+        )
+    before = [
+        f"with {line.backend} as steps{raised(f'{s.exponent:.2f}')} ({ends_of(s)})"
+        for line in lines
+        if (s := slope(line, "slope_mapping")) is not None and s.low > 0 and s.exponent >= NO_GROWTH
+    ]
+    grew = f" While the map grew, so did the cost {listed(before)}." if before else ""
+    return f" Counted from step {whole:,} on, once the map is whole.{grew}"
 
 
 def basis(lines: Sequence[Line]) -> str:

@@ -352,16 +352,22 @@ METRICS = (
     Column("slope_steps", "slope with steps", kind.EXPONENT,
            "Slope of the logarithm of the cost of step k over that of k, by least squares through the means of ten "
            "equal shares of the steps: at 0.5 a step costs twice as much when k is four times as large. Over the steps "
-           "since the map is whole if that is in the log's first quarter, else over all; without the log's first 5 % "
+           "since the map is whole if that is within 60 % of the log, else over all; without the log's first 5 % "
            "in any case. Growth with steps is of what grows, without a constant part; this is of all that a step "
            "costs. Beside it its 95 % interval: over 6 logs and more that of their median, else Student's within a "
            "log, a median over logs. Blank with fewer than 1,000 steps.",
            "slope of the cost of a step"),
+    Column("slope_mapping", "slope while mapping", kind.EXPONENT,
+           "As slope with steps, over the steps before the map is whole, without their first 5 %. Blank where these "
+           "are fewer than 1,000, and where slope with steps is over all.",
+           "slope of the cost of a step while the map grows"),
     *(
-        Column(f"slope_steps_{end}", f"slope with steps, {end}", kind.EXPONENT,
+        Column(f"{name}_{end}", f"{called}, {end}", kind.EXPONENT,
                f"The {word} end of its 95 % interval: Student's, of one log and the machine as it was.")
+        for name, called in (("slope_steps", "slope with steps"), ("slope_mapping", "slope while mapping"))
         for end, word in (("low", "lower"), ("high", "upper"))
     ),
+    Column("slope_from", "slope from", kind.COUNT, "The first step of those that slope with steps is over."),
     Column("last_over_whole", "last over whole", kind.CPU_RATIO,
            "Mean cost of a step in the last fifth of the log over that in the first fifth that begins with the whole "
            "map. Blank where that is the last one.", "cost of the last fifth over the first with the whole map"),

@@ -353,9 +353,9 @@ def refused(prior: Prior, **options: Any) -> str:
 def test_what_it_does_not_take_is_said() -> None:
     log, truth = random_log(np.random.default_rng(0), 20, 5)
     assert truth is not None
-    assert refused(log.prior._replace(fixes=True)) == (
-        "keep=5 takes no positions and headings measured in the world; keep=0 does, "
-        "and so does fixed-lag, at a bounded cost"
+    systematic = log.prior.systematic._replace(heading_offset=0.1)
+    assert refused(log.prior._replace(fixes=True, systematic=systematic)) == (
+        "keep=5 takes no constant error of a compass; keep=0 does, and so does fixed-lag, at a bounded cost"
     )
     assert "no given map" in refused(log.prior._replace(map=truth.map))
     assert "gyro=front" in refused(log.prior._replace(gyro=Bias(0.0, 0.1)))

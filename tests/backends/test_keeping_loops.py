@@ -100,9 +100,9 @@ def test_poses_given_what_loops_lead_to_are_a_schur_complement() -> None:
         )
 
     by_four, found = jacobian(own, path[4]), np.zeros((3, 3))
-    assert _located.own_covariance(g, int(g.at[4]), found)
+    assert _located.own_covariance(g, int(g.at[4]), True, found)
     assert np.abs(found - np.linalg.inv(by_four.T @ by_four)).max() < 1e-5 * np.abs(found).max()
-    assert not _located.own_covariance(g, int(g.at[2]), found)  # nothing but motions
+    assert not _located.own_covariance(g, int(g.at[2]), True, found)  # nothing but motions
 
 
 def test_a_transferred_loop_closure_has_all_errors_once() -> None:

@@ -106,7 +106,8 @@ def wide() -> None:
 def keeping() -> None:
     """Poses that are marginalised into submaps."""
     smoother.OFTEN, smoother.NEWEST, smoother.VISITS = 50, 10, 1
-    drive("smoother", slamduel.load("city[landmarks=40,steps=400]", 0).log, keep=8.0)
+    for more in ("", ",gps=2,compass=2"):
+        drive("smoother", slamduel.load(f"city[landmarks=40,steps=400{more}]", 0).log, keep=8.0)
     for landmarks in (0, 60):
         log = slamduel.load(f"patrol[landmarks={landmarks},loops=3,interval=4,steps=500]", 0).log
         drive("smoother", log, keep=10.0, loss="cauchy")

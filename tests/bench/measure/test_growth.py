@@ -8,7 +8,18 @@ import pytest
 from scipy.signal import lfilter
 
 from random_logs import random_log
-from slamduel.bench.measure.growth import LONG, MOST_ERROR, growth, mapped, slope, slope_from, whole_from
+from slamduel.bench.measure.cpu_time import growth_columns
+from slamduel.bench.measure.growth import (
+    LONG,
+    MOST_ERROR,
+    NO_GROWTH,
+    growth,
+    mapped,
+    slope,
+    slope_from,
+    slope_mapping,
+    whole_from,
+)
 from slamduel.core.factors import Log, Map, RangeBearing
 from slamduel.core.partial import RANGE, PartialTable
 from slamduel.core.se2 import Array, Ints
@@ -144,21 +155,21 @@ def lasting(rng: np.random.Generator, steps: int, over: float) -> Array:
 
 @pytest.mark.parametrize("exponent", [0.0, 0.7, 1.5])
 @pytest.mark.parametrize("scatter", ["own", "lasting", "spikes"])
-@pytest.mark.parametrize("whole", [None, 700])
+@pytest.mark.parametrize(("steps", "whole"), [(STEPS, None), (STEPS, 700), (20_000, 12_000)])
 def test_the_interval_of_a_slope_covers_it_as_often_as_it_says(
-    exponent: float, scatter: str, whole: int | None
+    exponent: float, scatter: str, steps: int, whole: int | None
 ) -> None:
-    number, covered, widths = np.arange(1, STEPS + 1), 0, list[float]()
+    number, covered, widths = np.arange(1, steps + 1), 0, list[float]()
     for seed in range(200):
         rng = np.random.default_rng(seed)
         cost = costs(rng, number, exponent, spikes=20.0 if scatter == "spikes" else 1.0)
         if scatter == "lasting":
-            cost = 1e5 * (number / STEPS) ** exponent * lasting(rng, STEPS, 20)
-        found = slope(cost, slope_from(whole, STEPS))
+            cost = 1e5 * (number / steps) ** exponent * lasting(rng, steps, 20)
+        found = slope(cost, slope_from(whole, steps))
         covered += found.low <= exponent <= found.high
         widths.append(found.high - found.low)
     assert 0.9 <= covered / 200 <= 0.99  # 95 % of 200, give or take some three standard deviations
-    assert np.median(widths) < 0.5
+    assert np.median(widths) < (0.7 if whole == 12_000 else 0.5)
 
 
 def test_a_slope_is_exact_where_the_costs_are_and_wide_where_they_follow_no_power() -> None:
@@ -188,7 +199,46 @@ def test_the_map_is_whole_when_all_but_one_in_a_hundred_are_known() -> None:
     assert whole_from(np.array([3, 3, 4, 5, 5])) == 3
     assert whole_from(np.full(9, 7)) == 0  # a map that was given
     assert whole_from(np.zeros(9, np.int64)) is None
-    assert [slope_from(whole, 1000) for whole in (None, 0, 60, 249, 250)] == [50, 50, 60, 249, 50]
+    assert [slope_from(whole, 1000) for whole in (None, 0, 60, 600, 601)] == [50, 50, 60, 600, 50]
+
+
+def test_costs_of_steps_before_the_map_is_whole_have_a_slope_of_their_own() -> None:
+    k = np.arange(1.0, 5001)
+    cost = np.where(k <= 2000, k**0.8, 2000**0.8)
+    assert slope_mapping(cost, 2000).exponent == pytest.approx(0.8, abs=1e-3)
+    assert slope_mapping(cost, LONG - 1) is None  # too few
+    assert slope_mapping(cost, 3001) is None  # too few afterwards
+    assert slope_mapping(cost, None) is None
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize(
+    ("curve", "grows", "grew"),
+    [
+        ("level", False, False),
+        ("linear", True, True),
+        ("level once mapped", False, True),
+        ("linear once mapped", True, False),
+    ],
+)
+def test_growth_with_the_map_is_no_growth_with_time(seed: int, curve: str, grows: bool, grew: bool) -> None:
+    """20,000 steps that cost a quarter more or less, some twenty times as much; 45 % until all is mapped."""
+    steps, whole, rng = 20_000, 9_000, np.random.default_rng(seed)
+    k = np.arange(1, steps + 1)
+    size = {
+        "level": np.full(steps, whole),
+        "linear": k,
+        "level once mapped": np.minimum(k, whole),
+        "linear once mapped": np.maximum(k, whole),
+    }[curve]
+    mean = 50.0 * size / whole
+    us = mean * rng.lognormal(0, 0.25, steps) * np.where(rng.random(steps) < 0.01, 20.0, 1.0)
+    row = growth_columns(us, np.minimum(k // 90 + 1, 101))
+    assert row["whole_from"] == pytest.approx(whole, abs=100)
+    assert row["slope_from"] == row["whole_from"]
+    for name, does in (("steps", grows), ("mapping", grew)):
+        low, high = row[f"slope_{name}_low"], row[f"slope_{name}_high"]
+        assert (low > NO_GROWTH) if does else (low < NO_GROWTH and high < 2 * NO_GROWTH)
 
 
 def test_landmarks_of_ranges_alone_count() -> None:

@@ -340,7 +340,12 @@ def test_error_and_growth_are_those_of_the_record(few: Drawn) -> None:
 def test_growth_of_a_long_log_has_its_slope_where_the_map_is_whole_and_the_deadlines(tmp_path: Path) -> None:
     record, rng, steps = Record(tmp_path / "r"), np.random.default_rng(5), 2000
     for backend, exponent in (("smoother", 0.7), ("ekf", 0.0)):
-        more: dict[str, Any] = {"slope_steps": exponent, "slope_steps_low": exponent - 0.1, "whole_from": 240}
+        more: dict[str, Any] = {
+            "slope_steps": exponent,
+            "slope_steps_low": exponent - 0.1,
+            "whole_from": 240,
+            "slope_from": 240,
+        }
         row = record.cell("room", "truth", backend, steps=steps, slope_steps_high=exponent + 0.1, **more)
         (kept,) = [found for found in record.store.cells() if found.key[2] == backend]
         ns = 1e4 * np.arange(1, steps + 1) ** exponent * rng.lognormal(0, 0.1, steps)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from judged_rows import LOGS, rows, timed, told
+from slamduel.bench.measure.growth import slope_from
 from slamduel.bench.measure.repeats import FEWEST_ROUNDS, over_rounds, two_way
 from slamduel.bench.record.schema import Row
 from slamduel.bench.verdict.cost_simulation import COSTS, Case
@@ -240,6 +241,7 @@ def test_simulated_intervals_and_claims_are_right_as_often_as_they_say(
 
 def sloped(backend: str, exponent: float, n: int = 1, whole: int = 4000, **more: float) -> list[Row]:
     more |= {"slope_steps_low": exponent - 0.1, "slope_steps_high": exponent + 0.1, "whole_from": whole, "steps": 5000}
+    more |= {"slope_from": slope_from(whole, 5000)}
     ends: dict[str, Any] = {name: [value] * n for name, value in more.items()}
     return told(backend, slope_steps=[exponent + 0.001 * k for k in range(n)], **ends)
 
@@ -249,7 +251,8 @@ def test_growth_along_a_long_log_is_said_with_its_interval() -> None:
     assert grown(of(*parts, sloped("dead-reckoning", 0.0))) == (
         f"The cost of a step grows with smoother as steps{raised('0.70')} (0.60 to 0.80), 16 times from the first "
         "fifth of the log to the last; it does not grow with ekf and ukf; it may or may not grow with b "
-        "(-0.02 to 0.18)."
+        "(-0.02 to 0.18). The map grows until step 4,000: what costs more with a larger map is not told apart from "
+        "what costs more with time."
     )
 
 
@@ -259,6 +262,18 @@ def test_growth_since_the_map_is_whole_says_from_where() -> None:
     assert found.endswith(" Counted from step 900 on, once the map is whole.")
     assert "Counted from step 250 on" in grown(of(sloped("a", 0.7, whole=0)))  # a map that was given
     assert "whole" not in grown(of(sloped("a", 0.7, last_over_first=9.0)))  # the slope is of the whole log
+    assert grown(of(sloped("a", 0.0))) == "The cost of a step does not grow with a."
+
+
+def test_growth_while_the_map_grew_is_said_apart() -> None:
+    """As with submaps: costs follow the area until all of it is known, and are level from then on."""
+    mapping: dict[str, Any] = {"slope_mapping": 0.86, "slope_mapping_low": 0.8, "slope_mapping_high": 0.92}
+    level: dict[str, Any] = {"slope_mapping": 0.0, "slope_mapping_low": -0.1, "slope_mapping_high": 0.1}
+    found = grown(of(sloped("a", 0.0, whole=2500, **mapping), sloped("b", 0.0, whole=2500, **level)))
+    assert found == (
+        "The cost of a step does not grow with a and b. Counted from step 2,500 on, once the map is whole. While the "
+        f"map grew, so did the cost with a as steps{raised('0.86')} (0.80 to 0.92)."
+    )
 
 
 def test_over_several_logs_the_interval_of_a_slope_is_that_of_the_median() -> None:
