@@ -12,6 +12,9 @@ from .se2 import Array, Ints
 RANGE, BEARING = 0, 1
 """Kinds of a partial sighting."""
 
+NO_IDS = "no range or bearing alone of the log has an id, and without one they start no landmark"
+"""Why a log in which these alone tell the path is of no use to a backend: `Log.starts_nothing`."""
+
 
 class Partial(NamedTuple):
     """The p partial sightings of one step; a landmark may have one of each kind."""

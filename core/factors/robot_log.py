@@ -299,6 +299,12 @@ class Log:
         """The number of sightings of UNKNOWN landmarks, those of a range or a bearing alone included."""
         return int((self.seen == UNKNOWN).sum())
 
+    @property
+    def starts_nothing(self) -> bool:
+        """True where all that tells the path are ranges or bearings alone without any id, and no map is given."""
+        nothing = not len(self.ids) and self.unknown == self.sighted > 0
+        return nothing and self.fixes is None and not len(self.loop_to) and self.prior.map is None
+
     def identified(self) -> "Log":
         """The log without its sightings of UNKNOWN landmarks; itself if it has none."""
         known, partial = self.ids != UNKNOWN, self.partial
