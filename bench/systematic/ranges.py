@@ -55,6 +55,11 @@ def of_ranges(known: Sequence[Dataset]) -> SystematicFit | None:
     return fit._replace(each=each)
 
 
+def along_line(d: Array, off: Array, free: Sequence[str]) -> Array:
+    """(2,) scale and offset, m, of ranges longer by `off` (k,), m, at distances `d` (k,); 0 of what is not `free`."""
+    return _line(d, off, np.zeros(len(d), np.int64))(free, -1)
+
+
 def _along(log: Log, truth: Truth) -> tuple[Array, Array, Ints, Ints] | None:
     """Distances, what ranges are longer by, landmarks and stretches (k,) of the ranges alone of a log."""
     log = named(log, truth)
