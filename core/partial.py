@@ -58,6 +58,10 @@ class PartialTable:
     def __len__(self) -> int:
         return len(self.ids)
 
+    def words(self, sightings: int) -> str:
+        """How many of a log's `sightings` they are: "all of them ranges without a bearing"."""
+        return part_words(int((self.kind == RANGE).sum()), int((self.kind == BEARING).sum()), sightings)
+
     def at(self, k: int) -> Partial:
         """The rows of step k, as views."""
         rows = slice(self.first[k], self.first[k + 1])
@@ -83,3 +87,12 @@ class PartialTable:
         """The rows of the first steps."""
         n = self.first[steps]
         return PartialTable.from_arrays(steps, self.step[:n], self.ids[:n], self.kind[:n], self.z[:n], self.var[:n])
+
+
+def part_words(ranges: int, bearings: int, sightings: int) -> str:
+    """Says which of a log's `sightings` tell a range, or a bearing, alone; "" of none."""
+    said = [f"{ranges:,} range{'s' * (ranges > 1)} without a bearing"] * bool(ranges)
+    said += [f"{bearings:,} bearing{'s' * (bearings > 1)} without a range"] * bool(bearings)
+    if len(said) == 1 and sightings == ranges + bearings > 1:
+        return f"all of them {'ranges without a bearing' if ranges else 'bearings without a range'}"
+    return f"{' and '.join(said)} among them" if said else ""

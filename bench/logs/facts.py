@@ -5,6 +5,7 @@ from math import degrees, tau
 from typing import Any
 
 from ...core.factors import REMARKS
+from ...core.partial import part_words
 from ..measure.landmark_places import Scattered
 from ..measure.stated_noise import Measured, NoiseCheck
 from ..words.numerals import counted, listed, number, plain
@@ -34,8 +35,8 @@ def headline(found: Numbers) -> str:
     if found.landmarks is not None:
         seen += f" of {counted(found.landmarks.landmarks, 'landmark')}"
     if found.parts is not None:
-        alone = [counted(n, what) for n, what in zip(found.parts[:2], ("range", "bearing"), strict=False) if n]
-        seen += f", {' and '.join(alone)} alone"
+        words = part_words(*found.parts[:2], found.seen.sightings)
+        seen += f", {words}" if words else ""
     parts.append(seen)
     if found.fixes is not None:
         fixes = zip(found.fixes[:2], ("position", "heading"), strict=False)

@@ -84,8 +84,8 @@ def _refined(poses: Array, z: Array, of: Ints, xy: Array, constant: Array, free:
         left = np.column_stack((by_constant, e))
         for group in groups:
             U, s, _ = np.linalg.svd(by_place[group], full_matrices=False)
-            U = U[:, s > NEAREST * s.max(initial=0.0)]
-            left[group] -= U @ (U.T @ left[group])
+            told = U[:, s > NEAREST * s.max(initial=0.0)]
+            left[group] -= told @ (told.T @ left[group])
         change = np.linalg.lstsq(left[:, :-1], left[:, -1], rcond=None)[0]
         constant[at] += change
         e = e - by_constant @ change

@@ -69,10 +69,10 @@ def _along(log: Log, truth: Truth) -> tuple[Array, Array, Ints, Ints] | None:
     mine = np.flatnonzero(log.partial.kind[row] == RANGE)
     row, error = row[mine], error[mine]
     t = log.t[log.partial.step[row]]
-    return log.partial.z[row] - error, error, log.partial.ids[row], _stretch(t, STRETCHES)
+    return log.partial.z[row] - error, error, log.partial.ids[row], stretches(t, STRETCHES)
 
 
-def _stretch(t: Array, number: int) -> Ints:
+def stretches(t: Array, number: int) -> Ints:
     """(k,) the stretch of each time."""
     if not len(t):
         return np.zeros(0, np.int64)
@@ -136,7 +136,7 @@ def around_optimum(log: Log) -> SystematicFit | None:
     table = log.partial
     if table is None or (table.kind == RANGE).sum() < FEWEST:
         return None
-    part = _stretch(log.t[table.step], RESOLVED)
+    part = stretches(log.t[table.step], RESOLVED)
     seen = dict[tuple[tuple[str, ...], int], Array]()
 
     def solve(free: Sequence[str], without: int) -> Array:

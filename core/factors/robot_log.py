@@ -206,7 +206,7 @@ class Log:
         known = ids[ids != UNKNOWN]
         said = [f"{len(self)} steps", f"{len(ids)} sightings of {len(np.unique(known))} landmarks"]
         said += [f"{len(ids) - len(known)} of them unknown"] * (len(known) < len(ids))
-        said += [] if self.partial is None else [f"{len(self.partial)} of them of a range or a bearing alone"]
+        said += [] if self.partial is None else [self.partial.words(self.sighted)]
         said += ["with signatures"] * (self.signatures is not None)
         said += [] if self.fixes is None else [f"{len(self.fixes)} fixes"]
         said += [] if self.gyro is None else [f"{len(self.gyro)} turns by a gyro"]

@@ -38,7 +38,10 @@ def test_parts_are_counted_among_all_sightings() -> None:
     assert numbers.fixes is not None
     assert numbers.fixes[:2] == (3, 2)
     assert (numbers.fixes.steps, numbers.fixes.longest_without) == (3, 2)
-    assert "11 sightings of 4 landmarks, 3 ranges and 2 bearings alone, 3 positions in the world" in headline(numbers)
+    assert (
+        "11 sightings of 4 landmarks, 3 ranges without a bearing and 2 bearings without a range among them, 3 p"
+        in headline(numbers)
+    )
     words = said(found)
     assert words["a part alone"].startswith("3 ranges, 0.700 to 2.00 m, median 1.50 m")
     assert "2 bearings" in words["a part alone"]
@@ -78,8 +81,8 @@ def test_a_log_of_parts_alone_is_shown(tmp_path: Path, options: str, capsys: pyt
     assert picture.stat().st_size > 10_000
     assert cli.main(["validate", log]) == 0
     out = capsys.readouterr().out
-    alone = "of them of a range or a bearing alone" in out
-    assert alone == ("only" in options)
+    for part, words in (("ranges", "ranges without a bearing"), ("bearings", "bearings without a range")):
+        assert out.count(f", all of them {words}") == 2 * (f"{part}_only=1" in options)  # of show and of validate
     assert ("positions or headings in the world" in out) == ("gps" in options)
     assert NO_SIGHTING not in out
     if "ranges" in options:
