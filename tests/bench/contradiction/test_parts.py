@@ -194,3 +194,48 @@ def test_a_true_path_of_another_clock_is_not_taken_for_late_bearings() -> None:
     early = made._replace(truth=truth._replace(poses=then))
     (said,) = out_of_time(early, BEARING)
     assert re.search(r"the true path is (0\.99|1\.0)\d* ± 0\.\d+ s early by bearings alone and by the odometry", said)
+
+
+@pytest.mark.parametrize("log", [1, 2])
+def test_renumbered_beacons_are_said_along_a_path_of_gps(log: int) -> None:
+    """Plaza's truth is RTK GPS: its errors do not make ranges fit another beacon. As it is, nothing is said."""
+    made = load(f"plaza[log={log}]")
+    assert remarked(made).all == []
+    ids = parts(made).ids
+    names = np.unique(ids[ids != UNKNOWN])
+    for other in (names[::-1], np.roll(names, 1), names[[1, 0, 2, 3]]):
+        renumbered = np.where(ids == UNKNOWN, UNKNOWN, other[np.searchsorted(names, ids)])
+        (said,) = remarked(changed(made, RANGE, ids=renumbered)).contradictions
+        pairs = {(int(one), int(place)) for one, place in re.findall(r"(\d+) that of (\d+)", said)}
+        moved = names != other
+        assert pairs == set(zip(other[moved].tolist(), names[moved].tolist(), strict=True))
+
+
+@pytest.mark.parametrize("log", [15, 16])
+def test_without_any_truth_beacons_of_an_underwater_vehicle_have_no_remark(log: int) -> None:
+    made = load(f"goats[log={log}]")
+    assert made.truth is None
+    assert [*other_ids(made), *far_ranges(made), *out_of_time(made, RANGE)] == []
+
+
+def by_gps(dataset: Dataset, seed: int) -> Dataset:
+    """The log with a true path whose own errors are a standard deviation of 3 cm and 0.01 rad."""
+    truth = dataset.truth
+    assert truth is not None
+    off = np.random.default_rng(seed).normal(size=truth.poses.shape) * [0.03, 0.03, 0.01]
+    return dataset._replace(truth=truth._replace(poses=truth.poses + off, words="GPS"))
+
+
+@pytest.mark.parametrize("seed", first_quick(range(8)))
+@pytest.mark.parametrize("world", [BEARINGS, "bailey[bearings_only=1]"])
+def test_bearings_along_a_path_of_gps_are_judged_by_what_is_usual_alone(world: str, seed: int) -> None:
+    made = by_gps(load(world, seed=seed), seed)
+    assert [*other_bearings(made), *out_of_time(made, BEARING)] == []
+    z = parts(made).z
+    (said,) = other_bearings(changed(made, BEARING, z=-z))
+    assert "positive to the other side" in said
+    (said,) = other_bearings(changed(made, BEARING, z=wrap(z + 0.5)))
+    assert "degrees too far left" in said
+    shuffled = changed(made, BEARING, z=np.random.default_rng(seed).permutation(z))
+    assert list(other_bearings(shuffled)) == []  # it may be the GPS
+    assert len(list(other_bearings(shuffled._replace(truth=load(world, seed=seed).truth)))) == 1
