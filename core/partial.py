@@ -59,7 +59,7 @@ class PartialTable:
         return len(self.ids)
 
     def words(self, sightings: int) -> str:
-        """How many of a log's `sightings` they are: "all of them ranges without a bearing"."""
+        """Says which of a log's `sightings` they are: "all of them ranges without a bearing"."""
         return part_words(int((self.kind == RANGE).sum()), int((self.kind == BEARING).sum()), sightings)
 
     def at(self, k: int) -> Partial:

@@ -1,4 +1,4 @@
-"""How late ranges alone, or bearings alone, are along a true path, by the known places of landmarks.
+"""Finds the delay of ranges alone, or of bearings alone, along a true path, by the known places of landmarks.
 
 Measured at t, they are of the pose at t - delay. Beside the delay, a scale and an offset of ranges, or a constant turn
 of bearings, are free, which may look like one: least squares with Cauchy weights, from the best of a row of delays. The
@@ -84,7 +84,7 @@ class _Rows(NamedTuple):
 
 
 def late(known: Sequence[Dataset], kind: int) -> Late | None:
-    """Fits it to the ranges or the bearings of logs with a true path; None where too little tells it."""
+    """Finds the delay of the ranges or the bearings of logs with a true path; None where too little tells it."""
     rows, logs = list[_Rows](), list[tuple[Log, Truth]]()
     for log, truth in known:
         row = _known_rows(log, truth, kind)
