@@ -30,7 +30,8 @@ def validated(capsys: pytest.CaptureFixture[str]) -> Validated:
     def lines(status: int, *words: str | Path) -> list[str]:
         assert main(["validate", *map(str, words)]) == status
         printed = capsys.readouterr()
-        slow = ("reading ", "checking ", "looking ", "comparing ", "counting ", "trying ", COMPILING)  # said of what takes long, as on a machine at work
+        # said of what takes long, as on a machine at work
+        slow = ("reading ", "checking ", "looking ", "comparing ", "counting ", "trying ", COMPILING)
         assert all(line.startswith(slow) for line in printed.err.splitlines())
         return printed.out.splitlines()
 
