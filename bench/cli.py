@@ -43,11 +43,21 @@ SOON = 0.05
 """s until a lost interrupt is sent again."""
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser for whose options a value that cannot be read is one sentence, as for all other bad input."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raises InputError for an option; a name that is missing ends with the command's usage."""
+        if message.startswith("argument -"):
+            raise InputError(f"{self.prog}: {message.removeprefix('argument ')}.")
+        super().error(message)
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a command; returns its exit status."""
     given = sys.argv[1:] if argv is None else list(argv)
     plain_where_needed()
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="bench",
         description="The same robot log through several SLAM backends, and a verdict that holds up.",
         epilog="bench COMMAND --help has details. bench run alone runs five backends on two built-in datasets.",

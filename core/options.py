@@ -26,6 +26,7 @@ def option(
     choices: tuple[str, ...] | None = None,
     beside: str | tuple[str, ...] | None = None,
     parted: str | None = None,
+    pointless: bool = False,
 ) -> Any:
     """Declares an option as a dataclass field with its help text `summary` (with its unit) and range or choices.
 
@@ -33,10 +34,11 @@ def option(
     of these `| None`, where None stands for "not given"; of `float | tuple[float, float]` a number or two, as in 1,2. A
     dataset's option has no effect without that named `beside`, or one of those, and is refused where none of them is
     given. A str that is a list has the separator `parted`, with which labels write it; commas are read in any list, see
-    `parts`.
+    `parts`. Labels write a whole float as 20, not 20.0, where it is `pointless`: a label is part of a result's key, so
+    those of older options stay.
     """
     metadata = {"summary": summary, "minimum": minimum, "maximum": maximum, "choices": choices, "beside": beside}
-    return field(default=default, metadata=metadata | {"parted": parted})
+    return field(default=default, metadata=metadata | {"parted": parted, "pointless": pointless})
 
 
 def parts(text: str) -> list[str]:

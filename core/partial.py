@@ -12,6 +12,9 @@ from .se2 import Array, Ints
 RANGE, BEARING = 0, 1
 """Kinds of a partial sighting."""
 
+NO_IDS = "no range or bearing alone of the log has an id, and without one they start no landmark"
+"""Why a log in which these alone tell the path is of no use to a backend: `Log.starts_nothing`."""
+
 
 class Partial(NamedTuple):
     """The p partial sightings of one step; a landmark may have one of each kind."""
@@ -55,6 +58,10 @@ class PartialTable:
     def __len__(self) -> int:
         return len(self.ids)
 
+    def words(self, sightings: int) -> str:
+        """Says which of a log's `sightings` they are: "all of them ranges without a bearing"."""
+        return part_words(int((self.kind == RANGE).sum()), int((self.kind == BEARING).sum()), sightings)
+
     def at(self, k: int) -> Partial:
         """The rows of step k, as views."""
         rows = slice(self.first[k], self.first[k + 1])
@@ -80,3 +87,12 @@ class PartialTable:
         """The rows of the first steps."""
         n = self.first[steps]
         return PartialTable.from_arrays(steps, self.step[:n], self.ids[:n], self.kind[:n], self.z[:n], self.var[:n])
+
+
+def part_words(ranges: int, bearings: int, sightings: int) -> str:
+    """Says which of a log's `sightings` tell a range, or a bearing, alone; "" of none."""
+    said = [f"{ranges:,} range{'s' * (ranges > 1)} without a bearing"] * bool(ranges)
+    said += [f"{bearings:,} bearing{'s' * (bearings > 1)} without a range"] * bool(bearings)
+    if len(said) == 1 and sightings == ranges + bearings > 1:
+        return f"all of them {'ranges without a bearing' if ranges else 'bearings without a range'}"
+    return f"{' and '.join(said)} among them" if said else ""

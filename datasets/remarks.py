@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.factors import REMARKS, UNKNOWN, Dataset, Log
+from ..core.partial import NO_IDS
 from ..core.se2 import Array
 from ..core.table import LARGEST
 from ..frontend.pauses import PAUSE
@@ -64,6 +65,8 @@ def _remarks(log: Log) -> Iterator[str]:
     if not len(log.ids):
         if not len(log.loop_to) and log.partial is None and log.fixes is None:
             yield NO_SIGHTING
+        if log.starts_nothing:
+            yield NO_IDS
         return
     yield from _sightings(log)
     yield from _near(log)

@@ -109,6 +109,8 @@ class Options:
         "length of the stretches of the way, m, that are marginalised where nothing new is seen: "
         "cost and memory follow the area and not the time; 0: none is",
         minimum=0,
+        maximum=1_000_000,
+        pointless=True,
     )
 
 

@@ -125,7 +125,7 @@ def _counts(dataset: Dataset) -> str:
         places = "" if truth.map is None else f" and of {counted(len(truth.map.ids), 'landmark')}"
         known = f"{truth.kind} of {counted(len(truth.t), 'step')}{places}"
     sighted = f"{counted(len(log), 'step')}, {counted(len(ids), 'sighting')} of {landmarks}"
-    sighted += "" if log.partial is None else f", {len(log.partial):,} of them of a range or a bearing alone"
+    sighted += "" if log.partial is None or not len(log.partial) else f", {log.partial.words(len(ids))}"
     sighted += "" if log.signatures is None else ", the whole ones with signatures"
     sighted += "" if log.fixes is None else f", {len(log.fixes):,} positions or headings in the world"
     sighted += "" if log.gyro is None else f", {counted(len(log.gyro), 'turn')} by a gyro"

@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from ...core.factors import UNKNOWN, Dataset, Map
 from ...core.partial import BEARING, RANGE
 from ...core.se2 import Array, Ints, wrap
-from ...core.truth.doubts import judges
+from ...core.truth.doubts import possible
 from ...core.truth.errors import named, rows_of, sighted_from, standing
 from ..measure.stated_noise import NAMED, TENFOLD, typical
 from ..words.numerals import listed, number
@@ -50,7 +50,7 @@ class _Parts(NamedTuple):
 def _parts(dataset: Dataset, kind: int) -> tuple[_Parts, Map] | None:
     """Those of a kind with a true pose and a known place, and the known places; None of fewer than FEWEST."""
     log, truth = dataset
-    if log.partial is None or truth is None or truth.kind != "truth" or not len(truth.t) or not judges(log, truth):
+    if log.partial is None or truth is None or not len(truth.t) or not possible(log, truth):
         return None
     log, known = named(log, truth), standing(truth)
     table = log.partial
@@ -88,7 +88,7 @@ def other_ids(dataset: Dataset) -> Iterator[str]:
 def far_ranges(dataset: Dataset) -> Iterator[str]:
     """Says that ranges alone are far from the truth, whatever the reason."""
     found = _parts(dataset, RANGE)
-    if found is not None:
+    if found is not None and _exact(dataset):
         yield from _far("ranges", found[0].errors(RANGE) / found[0].sd)
 
 
@@ -136,7 +136,13 @@ def other_bearings(dataset: Dataset) -> Iterator[str]:
             "of the truth, are turned"
         )
         return
-    yield from _far("bearings", errors / mine.sd)
+    if _exact(dataset):
+        yield from _far("bearings", errors / mine.sd)
+
+
+def _exact(dataset: Dataset) -> bool:
+    """True where the true path's own errors, as of GPS, cannot be what measurements are off by."""
+    return dataset.truth is not None and dataset.truth.exact
 
 
 def _far(noun: str, over: Array) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Ranges alone that are all too long or short by the true path and places, and single ones beyond any reach."""
+"""Ranges alone that are all too long or short, or late, by the true path and places, and single ones beyond reach."""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,13 +9,17 @@ from ...core.partial import RANGE
 from ...core.se2 import Array
 from ...core.truth.errors import named, partial_errors, rows_of, standing
 from ..systematic.fit import SystematicFit
+from ..systematic.late_parts import late
 from ..systematic.ranges import of_ranges
-from ..systematic.words import clause
+from ..systematic.words import clause, of_late
 from ..words.numerals import listed, number
 
 AS_LARGE, LEFT = 1.0, 0.5
 """Scale and offset matter if they are typically as large as the noise that is stated (J is then 2), and without them at
 most this share of the typical squares is left: as of whole sightings, see `constant`."""
+
+AT_MOST = 3.0
+"""Typical error over the stated noise that may be left without a delay: it explains what is off then."""
 
 TYPICAL = 0.67449
 """Median absolute value of normal noise, in standard deviations."""
@@ -66,6 +70,21 @@ def too_long(dataset: Dataset) -> Iterator[str]:
         "no noise; `bench noise LOG --apply FOLDER` corrects it, and an unknown one is stated by range_scale and "
         "range_offset of csv"
     )
+
+
+def out_of_time(dataset: Dataset, kind: int) -> Iterator[str]:
+    """Says how late ranges or bearings alone are, if that is as large as their stated noise and most of their error."""
+    if dataset.log.partial is None or dataset.truth is None:
+        return
+    found = late([dataset], kind)
+    if found is None or not found.certain or found.size < AS_LARGE or found.after > AT_MOST:
+        return
+    if found.after**2 <= LEFT * found.before**2:
+        said = of_late(found, "ranges" if kind == RANGE else "bearings")
+        yield (
+            f"by the true path and the known places {said}: this is typically {number(found.size)} times their stated "
+            "noise, and no noise"
+        )
 
 
 def _off(log: Log, truth: Truth) -> bool:

@@ -1,11 +1,13 @@
 """Remarks on a log: those on its columns, and on measurements or truth that contradict one another."""
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from ...core.factors import Dataset, Log
+from ...core.partial import BEARING, RANGE
 from ...core.truth.errors import named
 from ...datasets.remarks import remarks as of_columns
 from ..words.numerals import number
@@ -17,7 +19,7 @@ from .fit import Fitted
 from .outliers import outliers
 from .parts import far_ranges, other_bearings, other_ids
 from .places import elsewhere
-from .ranges import beyond_reach, too_long
+from .ranges import beyond_reach, out_of_time, too_long
 from .start import far_start
 from .units import wrong_units
 
@@ -72,9 +74,9 @@ def remarked(dataset: Dataset, *, thorough: bool = True, began: Began = silent) 
     columns = of_columns(dataset)
     with np.errstate(all="ignore"):  # what is beyond all numbers agrees with nothing
         found, units = _of_measurements(dataset, began, thorough=thorough), list(wrong_units(*dataset))
-        for look in (other_ids, too_long, far_ranges):
+        for look in (partial(out_of_time, kind=RANGE), other_ids, too_long, far_ranges):
             units = units or list(look(dataset))
-        units += other_bearings(dataset)
+        units += list(out_of_time(dataset, BEARING)) or list(other_bearings(dataset))
         lone = [*far_start(dataset.log), *beyond_reach(*dataset)]
     return found._replace(
         columns=columns,

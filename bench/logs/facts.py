@@ -5,6 +5,7 @@ from math import degrees, tau
 from typing import Any
 
 from ...core.factors import REMARKS
+from ...core.partial import part_words
 from ..measure.landmark_places import Scattered
 from ..measure.stated_noise import Measured, NoiseCheck
 from ..words.numerals import counted, listed, number, plain
@@ -12,7 +13,7 @@ from .agreement import Known
 from .difficulty import Difficulty
 from .measurements import FixCount, Noise, Parts, Sd, TurnCount
 from .numbers import Numbers, Sensor, SightingCount
-from .part_errors import PartCheck
+from .part_errors import Constant, PartCheck
 
 TRUE_ENOUGH = (0.8, 1.25)  # typical error over the stated one that counts as stated correctly
 OUTLIERS = 0.01  # share of errors far out from which on they are called outliers: ten times that expected by chance
@@ -34,8 +35,8 @@ def headline(found: Numbers) -> str:
     if found.landmarks is not None:
         seen += f" of {counted(found.landmarks.landmarks, 'landmark')}"
     if found.parts is not None:
-        alone = [counted(n, what) for n, what in zip(found.parts[:2], ("range", "bearing"), strict=False) if n]
-        seen += f", {' and '.join(alone)} alone"
+        words = part_words(*found.parts[:2], found.seen.sightings)
+        seen += f", {words}" if words else ""
     parts.append(seen)
     if found.fixes is not None:
         fixes = zip(found.fixes[:2], ("position", "heading"), strict=False)
@@ -339,6 +340,8 @@ def _part_checked(check: PartCheck, option: str, unit: str, *, mistaken: bool) -
     scale, gap = (degrees(1), "") if unit == DEGREE else (1.0, " ")
     if check.fitted:
         yield "against the places that fit best along the true path"
+    if check.constant is not None:
+        yield _taken_off(check.constant)
     yield from _noise_checked(check.stated)
     if mistaken:
         yield MISTAKEN
@@ -349,6 +352,16 @@ def _part_checked(check: PartCheck, option: str, unit: str, *, mistaken: bool) -
         yield f"measured: in the median {off}, which is no noise, and {about}"
     else:
         yield f"measured: {number(scale * check.sd)}{gap}{unit} ({option}={check.sd:.3g})"
+
+
+def _taken_off(constant: Constant) -> str:
+    """Says which scale and offset, stated as unknown, are not in the errors of ranges."""
+    scale, offset, landmarks = constant
+    parts = [] if scale is None else [f"{number(100 * abs(scale))} % too {'short' if scale < 0 else 'long'}"]
+    parts += [] if offset is None else [f"{number(abs(offset))} m too {'short' if offset < 0 else 'long'}"]
+    each = f", the median of {landmarks} landmarks' own" if landmarks else ""
+    them = "which the log states as unknown" + each
+    return f"without a constant error, {' and '.join(parts)} along the true path, {them}"
 
 
 def _measured(measured: Measured) -> str:

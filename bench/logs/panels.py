@@ -152,6 +152,7 @@ def part_noise(axes: Axes, table: PartialTable, wrong: PartErrors | None) -> Non
         errors = [scale * wrong.values[mine[wrong.row] & (place[wrong.row] == k)] for k in filled]
         actual = np.array([typical(one) if len(one) >= LEAST_BIN else np.nan for one in errors])
         against = "actual, from fitted places" if wrong.fitted else "actual, against truth"
+        against += ", without scale and offset" if kind == RANGE and wrong.constant is not None else ""
         axes.plot(middle, actual, "o", markeredgecolor=FIRST, markerfacecolor="none", markersize=5, label=against)
         highest = max(highest, float(np.nanmax(actual, initial=0.0)))
         axes.set_title("Its noise, stated and actual")

@@ -1,20 +1,32 @@
-"""Errors of ranges and bearings alone against ground truth: of their stated noise, and on average."""
+"""Errors of ranges and bearings alone against ground truth: of their stated noise, and on average.
 
+A scale and an offset of ranges that the log states as unknown are no errors of its noise: they are fitted along the
+true path, and taken off.
+"""
+
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ...backends.starting.late_places import thinned
-from ...backends.starting.placing import placed
-from ...core.factors import UNKNOWN, Log, Map, Truth
+from ...core.factors import Log, Truth
 from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
 from ...core.truth.doubts import judges
-from ...core.truth.errors import Errors, named, partial_errors, rows_of, standing
-from ..measure.landmark_places import LEAST
+from ...core.truth.errors import Errors, named, partial_errors, standing
 from ..measure.stated_noise import NoiseCheck, noise_check, typical
+from ..systematic.ranges import NAMES, along_line
+from .fitted_places import fitted_places
 
 KINDS = (RANGE, BEARING)
+
+
+class Constant(NamedTuple):
+    """A scale and an offset of ranges alone that the log states as unknown, and that are taken off."""
+
+    range_scale: float | None  # None: not stated
+    range_offset: float | None  # m
+    landmarks: int  # 0: one of each for all; else that many landmarks have their own, and these are medians
 
 
 class PartErrors(NamedTuple):
@@ -23,6 +35,7 @@ class PartErrors(NamedTuple):
     row: Ints  # (m,) in the table
     values: Array  # (m,) m or rad
     fitted: bool  # against the places that fit the ranges and bearings best along the true path, as none is known
+    constant: Constant | None = None
 
 
 class PartCheck(NamedTuple):
@@ -33,6 +46,7 @@ class PartCheck(NamedTuple):
     spread: float  # typical standard deviation about that
     sd: float  # typical standard deviation of the errors, the median included
     fitted: bool
+    constant: Constant | None = None
 
 
 def part_errors(log: Log, truth: Truth | None) -> PartErrors | None:
@@ -40,11 +54,38 @@ def part_errors(log: Log, truth: Truth | None) -> PartErrors | None:
     if log.partial is None or truth is None or not len(truth.t) or not judges(log, truth):
         return None
     log, known = named(log, truth), standing(truth)
-    fitted = known is None or not len(known.ids)
-    if fitted and log.partial is not None:
-        truth = truth._replace(map=_placed(log, log.partial, truth), places="truth")
-    found = partial_errors(log, truth)
-    return PartErrors(found.row, found.values, fitted) if len(found.row) else None
+    table, fitted = log.partial, known is None or not len(known.ids)
+    if table is None:
+        return None
+    constant = log.prior.systematic
+    free = {name: sd for name in NAMES if (sd := getattr(constant, name))}
+    if fitted:
+        together = {} if constant.each else free
+        truth = truth._replace(map=fitted_places(table, log.t[table.step], truth, together), places="truth")
+    row, values = partial_errors(log, truth)
+    if not len(row):
+        return None
+    found = PartErrors(row, values, fitted)
+    return _without_constant(table, found, list(free), each=constant.each) if free else found
+
+
+def _without_constant(table: PartialTable, found: PartErrors, free: Sequence[str], *, each: bool) -> PartErrors:
+    """Takes off the scale and the offset of ranges that are `free`, of all landmarks or of `each`."""
+    row, values = found.row, found.values.copy()
+    mine = np.flatnonzero(table.kind[row] == RANGE)
+    ids, lines = table.ids[row[mine]], list[Array]()
+    groups = [mine[ids == one] for one in np.unique(ids)] if each else [mine]
+    for group in groups:
+        if len(group) > len(free):
+            away = table.z[row[group]] - values[group]
+            scale, offset = line = along_line(away, values[group], free)
+            lines.append(line)
+            values[group] -= scale * away + offset
+    if not lines:
+        return found
+    middle = np.median(lines, axis=0)
+    scale, offset = (float(middle[k]) if name in free else None for k, name in enumerate(NAMES))
+    return found._replace(values=values, constant=Constant(scale, offset, len(lines) if each else 0))
 
 
 def part_checks(log: Log, truth: Truth | None) -> tuple[PartCheck | None, PartCheck | None]:
@@ -63,21 +104,5 @@ def _check(table: PartialTable, found: PartErrors, kind: int) -> PartCheck | Non
     if stated is None:
         return None
     middle = float(np.median(values))
-    return PartCheck(stated, middle, typical(values - middle), typical(values), found.fitted)
-
-
-def _placed(log: Log, table: PartialTable, truth: Truth) -> Map:
-    """The landmarks' likeliest places by what is measured of them from the true path."""
-    pose = rows_of(truth.t, log.t[table.step])
-    moving = np.zeros(0, np.int64) if truth.moving is None else truth.moving
-    ids, xy = list[int](), list[Array]()
-    for landmark in np.unique(table.ids[(table.ids != UNKNOWN) & (pose >= 0)]).tolist():
-        rows = np.flatnonzero((table.ids == landmark) & (pose >= 0))
-        if len(rows) < LEAST or landmark in moving:
-            continue
-        some = rows[thinned(len(rows))]
-        place = placed(truth.poses[pose[some]], table.kind[some], table.z[some], table.var[some])
-        if place is not None:
-            ids.append(landmark)
-            xy.append(place.xy)
-    return Map(np.array(ids, np.int64), np.array(xy, np.float64).reshape(-1, 2), None)
+    constant = found.constant if kind == RANGE else None
+    return PartCheck(stated, middle, typical(values - middle), typical(values), found.fitted, constant)

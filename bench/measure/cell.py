@@ -19,6 +19,7 @@ from ...backends.given import Given, given, refused
 from ...core.errors import SlamduelError
 from ...core.factors import UNKNOWN, Log, Truth
 from ...core.kernels import compiled
+from ...core.partial import NO_IDS
 from ..bound.bound import Bound
 from ..process.memory import Peak, limited
 from ..process.threads import one_thread
@@ -150,8 +151,8 @@ def _unfit(job: Job, builder: Builder, log: Log) -> str:
     nothing = log.unknown == log.sighted > 0 and builder.sightings
     if not whole:  # positions or loops are used without them
         nothing = nothing and log.fixes is None and not len(log.loop_to)
-    if nothing and not whole and log.prior.map is None:
-        return "no range or bearing alone of the log has an id, and without one they start no landmark"
+    if builder.sightings and log.starts_nothing:
+        return NO_IDS
     if nothing and not associates:
         if not builder.can_associate:
             return f"no sighting of the log has an id: {job.backend} takes no hidden ids; ekf[association=jcbb] does"

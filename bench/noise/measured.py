@@ -21,6 +21,7 @@ from ..systematic.delays import ToldDelay, told_delays
 from ..systematic.estimated import Estimated
 from ..systematic.fit import SystematicFit, fitted, of_estimate, of_truth
 from ..systematic.frame import PLACE, Frame, PutRight, put_right
+from ..systematic.late_parts import Late, in_time, late
 from ..systematic.places import places_of
 from ..systematic.ranges import around_optimum, best, of_ranges
 from .gauss_markov import Chains, Fitted
@@ -59,6 +60,7 @@ class Noise(NamedTuple):
     systematic: SystematicFit | None = None  # errors that stay; None: not told. All else is without them.
     frame: Frame | None = None  # of a true path that is not the wheels' own; all else is by theirs
     delays: Sequence[tuple[str, ToldDelay]] = ()  # of sensors of joined recordings, each after its log's label
+    late: Sequence[tuple[str, Late]] = ()  # of ranges and bearings alone, where it is told; certain ones are taken off
 
     @property
     def model(self) -> Model:
@@ -92,7 +94,7 @@ def _measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
     ]
     if not by_truth:
         return _without_truth(datasets, labels)
-    known = [datasets[k] for k in by_truth]
+    known, lates = _in_time([datasets[k] for k in by_truth])
     stays = fitted(systems) if (systems := [one for log, truth in known if (one := of_truth(log, truth))]) else None
     if stays is None:
         stays = of_ranges(known)
@@ -114,7 +116,22 @@ def _measured(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
         remarks.append("too few motions lie between true poses: the odometry's noise stays as stated")
     if motions is None and range_ is None and bearing is None:
         raise InputError(f"{labels[0]}: found too few measurements with a known error, expected some 30.")
-    return Noise([labels[k] for k in by_truth], range_, bearing, motions, None, remarks, stays, own and own.frame)
+    return Noise(
+        [labels[k] for k in by_truth], range_, bearing, motions, None, remarks, stays, own and own.frame, late=lates
+    )
+
+
+def _in_time(known: Sequence[Dataset]) -> tuple[list[Dataset], list[tuple[str, Late]]]:
+    """Logs whose ranges and bearings alone are without a delay that is certain, and the delays that are told."""
+    found, told = list(known), list[tuple[str, Late]]()
+    for noun, kind in (("ranges", RANGE), ("bearings", BEARING)):
+        one = late(known, kind)
+        if one is None:
+            continue
+        told.append((noun, one))
+        if one.certain:
+            found = [in_time(dataset, kind, one) for dataset in found]
+    return found, told
 
 
 def _with_turns(log: Log) -> Log:
@@ -200,7 +217,7 @@ def _without_truth(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise:
 def _along_gps(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise | None:
     """Ranges alone along true paths of GPS, which tell positions; None without any, or where ranges are too few."""
     by_gps = [k for k, (_, truth) in enumerate(datasets) if truth is not None and truth.kind == "truth"]
-    known = [datasets[k] for k in by_gps]
+    known, lates = _in_time([datasets[k] for k in by_gps])
     stays = of_ranges(known)
     if stays is None:
         return None
@@ -208,7 +225,7 @@ def _along_gps(datasets: Sequence[Dataset], labels: Sequence[str]) -> Noise | No
     remarks = [
         "the true path is not exact: its errors are among those of ranges, and the odometry's noise stays as stated"
     ]
-    return Noise([labels[k] for k in by_gps], _sightings(parts), None, None, None, remarks, stays)
+    return Noise([labels[k] for k in by_gps], _sightings(parts), None, None, None, remarks, stays, late=lates)
 
 
 def _around_optimum(log: Log, label: str, remarks: list[str]) -> Noise:

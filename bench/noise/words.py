@@ -46,6 +46,8 @@ def rows(noise: Noise) -> Iterator[NoiseRow]:
         if told.late is not None:
             name = f"{_of_log(noise, label)}{told.sensor}: delay by the turns of the {told.by}"
             yield NoiseRow(name, told.late, "s")
+    for noun, found in noise.late:
+        yield NoiseRow(f"{noun} alone: delay", found.delay, "s")
     if noise.systematic is not None:
         for title, estimate, unit in systematic.rows(noise.systematic):
             yield NoiseRow(title, estimate, unit)
@@ -89,6 +91,8 @@ def sentences(noise: Noise) -> list[str]:
     """Says what was found, the most important first."""
     said = [] if noise.frame is None else [systematic.of_frame(noise.frame)]
     said += [] if noise.systematic is None else list(systematic.sentences(noise.systematic))
+    late = [systematic.of_late(found, noun) for noun, found in noise.late if found.certain]
+    said += [f"{one[0].upper()}{one[1:]}." for one in late]
     said += [
         sentence
         for name in SENSORS

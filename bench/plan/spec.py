@@ -18,6 +18,7 @@ from ...core.options import parts
 from ...datasets import registry as datasets
 from ...datasets.bags.bag import is_bag
 from ...datasets.formats import file_kind
+from ..record import schema
 from . import many
 from .variant import LONGEST, PARTED, BackendVariant, DatasetVariant, Variant, text_of
 
@@ -141,6 +142,11 @@ def _kind(path: str) -> str:
         return _or_recording(file_kind.format_of(Path(path)), path)
     if os.path.isfile(path) and file_kind.is_carmen(Path(path)):
         return _or_recording("carmen", path)
+    if os.path.isfile(os.path.join(path, schema.FILE)) and not os.path.isfile(os.path.join(path, "log.toml")):
+        raise InputError(
+            f"{path}: found the folder of a run or a study, expected a log; `bench report {path}` writes its page "
+            f"again, `bench replay {path}` shows it step by step."
+        )
     inside = (os.path.join(path, name) for name in ("robot.toml", "metadata.yaml"))
     parts = os.path.isdir(path) and is_bag(Path(path))
     return "recording" if any(map(os.path.isfile, (path, *inside))) or parts else "log"

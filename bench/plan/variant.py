@@ -29,7 +29,7 @@ class Variant:
     def given(self) -> str:
         """The options that differ from their defaults, as `name=value,...`."""
         changed = [
-            (field.name, value)
+            (field.name, int(value) if field.metadata.get("pointless") and value == value // 1 else value)
             for field in fields(self.options)
             if (value := getattr(self.options, field.name)) != field.default
         ]

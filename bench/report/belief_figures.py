@@ -47,7 +47,8 @@ def _over_logs(name: str, log: DrawnLog) -> ReportFigure | None:
     )
     called = tags(look)
     judged = belief_clauses(log.lines, {label: called[label] for label in found if label in look})
-    caption += f" By medians over the logs, as in the verdict, {judged}." if judged else ""
+    medians = "Table and verdict have the median over the logs instead, which one lost run does not move"
+    caption += f" {medians}: by it, {judged}." if judged else ""
     title, unit = "NEES over the logs", "mean NEES / 3"
     return along(
         name, log, title, unit, caption, series, group="consistency", level=1.0, most=MOST, band=Band(t, low, high)

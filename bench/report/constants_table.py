@@ -1,6 +1,8 @@
 """Makes the report's table of the constant errors of sensors that backends have estimated."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from ..drawing.table import Entry, Table, TableRow
 from ..measure.constants import KINDS, UNITS, column
@@ -26,10 +28,21 @@ def constants_table(lines: Sequence[Line]) -> Table:
         "the simulated world has drawn it or, where path and landmarks are known, as fits the measurements best there"
     )
     if any(row.backend.startswith("fastslam") for row in rows):
+        off = [one for line in lines if line.backend.startswith("fastslam") for one in _off(line)]
         caption += f". {PARTICLES}"
+        caption += f", the error being {number(float(np.median(off)))} times that (median)" if off else ""
     having = [k for k in range(len(ESTIMATED)) if any(row.entries[k].text for row in rows)]
     rows = [row._replace(entries=[row.entries[k] for k in having]) for row in rows]
     return Table([ESTIMATED[k] for k in having], rows, caption)
+
+
+def _off(line: Line) -> Iterator[float]:
+    """Yields errors of constants over their stated standard deviations, of every run where both are known."""
+    for c in (row.columns for row in line.rows if row.columns["status"] == "done"):
+        for k in range(len(KINDS)):
+            found, sd, true = (c.get(column(k, end)) for end in ("", "_sd", "_true"))
+            if found is not None and true is not None and sd:
+                yield abs(found - true) / sd
 
 
 def _called(kind: int) -> str:

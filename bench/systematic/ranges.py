@@ -55,6 +55,11 @@ def of_ranges(known: Sequence[Dataset]) -> SystematicFit | None:
     return fit._replace(each=each)
 
 
+def along_line(d: Array, off: Array, free: Sequence[str]) -> Array:
+    """(2,) scale and offset, m, of ranges longer by `off` (k,), m, at distances `d` (k,); 0 of what is not `free`."""
+    return _line(d, off, np.zeros(len(d), np.int64))(free, -1)
+
+
 def _along(log: Log, truth: Truth) -> tuple[Array, Array, Ints, Ints] | None:
     """Distances, what ranges are longer by, landmarks and stretches (k,) of the ranges alone of a log."""
     log = named(log, truth)
@@ -64,10 +69,10 @@ def _along(log: Log, truth: Truth) -> tuple[Array, Array, Ints, Ints] | None:
     mine = np.flatnonzero(log.partial.kind[row] == RANGE)
     row, error = row[mine], error[mine]
     t = log.t[log.partial.step[row]]
-    return log.partial.z[row] - error, error, log.partial.ids[row], _stretch(t, STRETCHES)
+    return log.partial.z[row] - error, error, log.partial.ids[row], stretches(t, STRETCHES)
 
 
-def _stretch(t: Array, number: int) -> Ints:
+def stretches(t: Array, number: int) -> Ints:
     """(k,) the stretch of each time."""
     if not len(t):
         return np.zeros(0, np.int64)
@@ -131,7 +136,7 @@ def around_optimum(log: Log) -> SystematicFit | None:
     table = log.partial
     if table is None or (table.kind == RANGE).sum() < FEWEST:
         return None
-    part = _stretch(log.t[table.step], RESOLVED)
+    part = stretches(log.t[table.step], RESOLVED)
     seen = dict[tuple[tuple[str, ...], int], Array]()
 
     def solve(free: Sequence[str], without: int) -> Array:

@@ -9,6 +9,8 @@ from ..words.numerals import listed, number
 from .estimated import Estimated
 from .fit import SystematicFit
 from .frame import Frame
+from .late_parts import Late
+from .motions_along import SURE
 
 DEGREE = np.pi / 180
 RANGES = ("range_scale", "range_offset")
@@ -83,6 +85,21 @@ def clause(fit: SystematicFit, name: str) -> str:
     return sentence.format(_size(found, name), of=signs[found.value < 0], by=by) + (f": {unit}?" if unit else "")
 
 
+def of_late(found: Late, noun: str) -> str:
+    """Says how late ranges or bearings alone are, whose clock that is by the odometry, and what takes it off.
+
+    A sentence without its capital and full stop.
+    """
+    delay, half = abs(found.delay.value), (found.delay.high - found.delay.low) / 2
+    size = f"{_digits(delay, found.delay, 1.0)} ± {_digits(half, found.delay, 1.0)} s"
+    side, other = ("late", "early") if found.delay.value > 0 else ("early", "late")
+    if found.own < -SURE:
+        return f"the true path is {size} {other} by {noun} alone and by the odometry"
+    doubt = "" if found.own > SURE else f", or the true path as {other}, which the odometry does not tell"
+    option = f"{found.delay.value:.{_places(found.delay, 1.0)}f}"
+    return f"{noun} alone are {size} {side}{doubt}; option sensor_delay={option} of csv takes it off"
+
+
 def of_frame(frame: Frame) -> str:
     """Says which point and heading a true path likely has."""
     size = {name: _size(one, name) for name, one in frame.estimates.items()}
@@ -148,5 +165,9 @@ def _half(found: Estimated) -> float:
 
 def _digits(value: float, found: Estimated, unit: float) -> str:
     """The value in its unit, to two digits of the interval."""
-    places = max(0, 1 - int(np.floor(np.log10(max(_half(found) / unit, 1e-12)))))
-    return f"{value / unit:.{places}f}"
+    return f"{value / unit:.{_places(found, unit)}f}"
+
+
+def _places(found: Estimated, unit: float) -> int:
+    """The digits behind the point that two digits of the interval have, of exact logs 6."""
+    return min(max(0, 1 - int(np.floor(np.log10(max(_half(found) / unit, 1e-12))))), 6)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from ..words.numerals import listed, number
 from ..words.styles import BASELINE
 from .statistics import FEWEST, Estimate
-from .summary import Line
+from .summary import Line, typical
 
 OVERCONFIDENT, CAUTIOUS = 1.25, 0.7
 """NEES / 3 that the interval of the median over logs has to be above, or below. Where the errors of a run are all
@@ -31,14 +31,14 @@ class Belief(NamedTuple):
     """The consistency of a line."""
 
     word: str  # "consistent", "overconfident", "cautious" or NO_COVARIANCE; "" where none of them is clear
-    nees: Estimate  # its median over the logs that it has a path on
+    nees: Estimate  # its median over the logs that it has a path on, of a single log over its runs, as tables have it
 
 
 def belief(line: Line, column: str = "nees") -> Belief | None:
     """Judges a line by an interval over six logs or clusters or more, else by a rule of thumb; None without NEES."""
     if column not in line.values:
         return None
-    found = line.estimate(column)
+    found = line.estimate(column)._replace(value=typical(line, column).value)
     if void(line, column):
         return Belief(NO_COVARIANCE, found)
     return Belief(_word(found) if found.units >= FEWEST else _thumb(line, column), found)
@@ -95,7 +95,9 @@ def belief_sentences(lines: Sequence[Line]) -> list[str]:
     lost = len(using) > 1 and all(known.nees.value > LOST for known in using)
     few = [name for name, known in found.items() if known.nees.units < FEWEST]
     whose = "" if len(few) == len(found) else f"{listed(few)} " if few else ""
-    thumb = f" ({whose}by a rule of thumb: an interval takes {FEWEST} {lines[0].units.noun}s)" * bool(few)
+    sized_lines = [(line, found[line.backend].nees) for line in judged if line.backend in found]
+    runs = "; medians of the runs on one log" * any(one.n == 1 < len(line.runs("nees")) for line, one in sized_lines)
+    thumb = f" ({whose}by a rule of thumb: an interval takes {FEWEST} {lines[0].units.noun}s{runs})" * bool(few)
     return [
         f"By NEES / 3, which is 1 where covariances match the errors, {'; '.join(said)}{thumb}.{_NOBODY * lost}",
         *last,

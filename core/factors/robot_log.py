@@ -206,7 +206,7 @@ class Log:
         known = ids[ids != UNKNOWN]
         said = [f"{len(self)} steps", f"{len(ids)} sightings of {len(np.unique(known))} landmarks"]
         said += [f"{len(ids) - len(known)} of them unknown"] * (len(known) < len(ids))
-        said += [] if self.partial is None else [f"{len(self.partial)} of them of a range or a bearing alone"]
+        said += [] if self.partial is None else [self.partial.words(self.sighted)]
         said += ["with signatures"] * (self.signatures is not None)
         said += [] if self.fixes is None else [f"{len(self.fixes)} fixes"]
         said += [] if self.gyro is None else [f"{len(self.gyro)} turns by a gyro"]
@@ -298,6 +298,12 @@ class Log:
     def unknown(self) -> int:
         """The number of sightings of UNKNOWN landmarks, those of a range or a bearing alone included."""
         return int((self.seen == UNKNOWN).sum())
+
+    @property
+    def starts_nothing(self) -> bool:
+        """True where all that tells the path are ranges or bearings alone without any id, and no map is given."""
+        nothing = not len(self.ids) and self.unknown == self.sighted > 0
+        return nothing and self.fixes is None and not len(self.loop_to) and self.prior.map is None
 
     def identified(self) -> "Log":
         """The log without its sightings of UNKNOWN landmarks; itself if it has none."""

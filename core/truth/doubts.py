@@ -84,7 +84,12 @@ def other_headings(log: Log, truth: Truth) -> bool:
 
 def judges(log: Log, truth: Truth) -> bool:
     """True for exact truth that can be the log's: it tells if covariances are as stated."""
-    return truth.exact and headings_known(log, truth) and not other_ways(log, truth)
+    return truth.exact and possible(log, truth)
+
+
+def possible(log: Log, truth: Truth) -> bool:
+    """True for a true path, of GPS too, that can be the log's: it tells what is far more off than that is itself."""
+    return truth.kind == "truth" and headings_known(log, truth) and not other_ways(log, truth)
 
 
 def other_ways(log: Log, truth: Truth) -> bool:

@@ -23,6 +23,7 @@ from ...core.errors import InputError
 from ...core.factors import UNKNOWN, Dataset
 from ...core.options import option
 from ...core.signatures import Signatures
+from .parts import Parts
 
 SIGNATURES_NOTE = "signatures"  # the key of their error and its bits, among the log's notes
 
@@ -50,7 +51,7 @@ class WorldSignatures:
 def with_signatures(dataset: Dataset, options: WorldSignatures, rng: np.random.Generator) -> Dataset:
     """Adds a signature to every whole sighting; a false one has that of a landmark of its own.
 
-    InputError for both options.
+    InputError for both options, and where no whole sighting is left that could have one.
     """
     log, truth = dataset
     bits, sd = options.signature_bits, options.signature_sd
@@ -60,6 +61,7 @@ def with_signatures(dataset: Dataset, options: WorldSignatures, rng: np.random.G
         )
     if not bits and sd is None:
         return dataset
+    _check_used(dataset, options, "signature_bits" if sd is None else "signature_sd")
     sd = spread_of(bits) if sd is None else sd
     true = log.ids if truth is None or truth.assigned is None else truth.assigned
     names, row = np.unique(true, return_inverse=True)
@@ -72,6 +74,17 @@ def with_signatures(dataset: Dataset, options: WorldSignatures, rng: np.random.G
     notes = {**log.notes, SIGNATURES_NOTE: {"sd": sd, "bits": round(bits_of(sd), 4)}}
     signatures = Signatures.from_arrays(s, np.full(len(s), sd**2))
     return Dataset(replace(log, signatures=signatures, notes=notes), truth)
+
+
+def _check_used(dataset: Dataset, options: WorldSignatures, name: str) -> None:
+    log, truth = dataset
+    lacking = ""
+    if not len(log.ids) and (truth is None or truth.map is None or not len(truth.map.ids)):
+        lacking = "landmarks"
+    elif isinstance(options, Parts) and options.ranges_only + options.bearings_only == 1:
+        lacking = "whole sightings"
+    if lacking:
+        raise InputError(f"dataset {log.name}: option {name} has no effect without {lacking}, expected both.")
 
 
 def bits_of(sd: float) -> float:

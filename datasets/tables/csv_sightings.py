@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.csv_values import header_names
+from ...core.csv_values import header_names, shown
 from ...core.elementary import arctan2, hypot
 from ...core.errors import InputError
 from ...core.factors import UNKNOWN
@@ -115,10 +115,16 @@ def detections(path: Path, options: Options, start: float, end: float, remarks: 
 def _read(path: Path, options: Options, remarks: list[str]) -> tuple[Table, Array | None]:
     """The table of SIGHTINGS or POINTS, and the signatures of its rows, if they are used."""
     more = () if options.signature_sd is None else SIGNATURE
+    header = [name.strip('"') for name in header_names(text(path).partition("\n")[0])]
+    if more and "signature" not in header and any(set(names) <= set(header) for names in (SIGHTINGS, POINTS)):
+        raise InputError(
+            f"{path}, line 1: option signature_sd has no effect without a column signature, expected both; found the "
+            f"columns {shown(header)}."
+        )
     table = in_order(read_columns(path, SIGHTINGS + more, POINTS + more, remarks=remarks), strictly=False)
     if more:
         return table._replace(columns=table.columns[:-1], rows=table.rows[:, :-1]), table.rows[:, -1]
-    if "signature" in header_names(text(path).partition("\n")[0]):
+    if "signature" in header:
         remarks.append(f"{path}: its column signature is not used: option signature_sd states its standard deviation")
     return table, None
 

@@ -15,6 +15,7 @@ import pytest
 import slamduel
 from command import refused
 from slamduel.bench.cli import main
+from slamduel.bench.plan.spec import backend_variants
 from slamduel.bench.record.store import Store
 from slamduel.core.errors import InputError, Interrupted
 
@@ -213,6 +214,52 @@ def test_check_holds_a_backend_to_the_contract(capsys: pytest.CaptureFixture[str
     assert "cannot be imported" in capsys.readouterr().out
     assert main(["check", "dead-reckoning", "--only", "contract"]) == 0
     assert "not applicable; makes no use of sightings" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["run", "--seeds", "0"], "run: --seeds: found 0, expected a whole number, at least 1"),
+        (["run", "--seeds", "many"], "run: --seeds: found many, expected a whole number, at least 1"),
+        (["run", "--timeout", "-1"], "run: --timeout: found -1, expected "),
+        (["show", "circle", "--seed", "-1"], "show: --seed: found -1, expected a whole number, at least 0"),
+        (["run", "--seeds"], "run: --seeds: expected one argument"),
+    ],
+)
+def test_a_bad_value_of_an_option_is_one_sentence(
+    capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    assert main(words) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"bench: {said}")
+    assert err.endswith(".\n")
+    assert err.count("\n") == 1
+
+
+def test_a_stretch_without_end_is_refused_and_a_whole_one_is_written_as_given(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for text in ("inf", "nan", "-1"):
+        assert main(["run", "--backend", f"smoother[keep={text}]"]) == 2
+        assert "option keep=" in capsys.readouterr().err
+    labels = [one.label for one in backend_variants("smoother[keep=20],smoother[keep=2.5]")]
+    assert labels == ["smoother[keep=20]", "smoother[keep=2.5]"]
+    (again,) = backend_variants("smoother[keep=20.0]")
+    assert again.label == labels[0]
+    assert isinstance(again.options.keep, float)
+
+
+@pytest.mark.parametrize("command", ["show", "validate", "noise"])
+def test_a_runs_folder_is_no_log_and_the_commands_for_it_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "results.sqlite").touch()
+    said = refused(capsys, command, run)
+    assert f"{run}: found the folder of a run or a study, expected a log" in said
+    assert f"`bench report {run}`" in said
+    assert f"`bench replay {run}`" in said
 
 
 @pytest.mark.parametrize("words", [["--help"], ["run", "--help"]])

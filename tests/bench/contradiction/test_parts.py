@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from slamduel.bench.contradiction.parts import far_ranges, other_bearings, other_ids
+from slamduel.bench.contradiction.ranges import out_of_time
 from slamduel.bench.contradiction.remark import remarked
 from slamduel.bench.plan.load import load
+from slamduel.bench.systematic.late_parts import late
 from slamduel.core.factors import UNKNOWN, Dataset
 from slamduel.core.partial import BEARING, RANGE, PartialTable
 from slamduel.core.se2 import Array, Ints, wrap
+from slamduel.core.truth.errors import rows_of, sighted_from
 from tiers import first_quick
 
 RANGES, BEARINGS = "circle[ranges_only=1,steps=400]", "circle[bearings_only=1,steps=400]"
@@ -123,3 +126,116 @@ def test_without_a_true_path_or_places_nothing_is_said() -> None:
     assert truth is not None
     for less in (None, truth._replace(map=None), truth._replace(kind="reference")):
         assert list(other_bearings(wrong._replace(truth=less))) == []
+
+
+def late_by(dataset: Dataset, delay: float) -> Dataset:
+    """The log with ranges and bearings alone as they were so many seconds before, each with its own error."""
+    log, truth = dataset
+    table = parts(dataset)
+    assert truth is not None
+    assert truth.map is not None
+    place = rows_of(truth.map.ids, table.ids)
+    columns = *truth.poses[:, :2].T, np.unwrap(truth.poses[:, 2])
+    then, now = (
+        sighted_from(
+            np.stack([np.interp(log.t[table.step] - by, truth.t, column) for column in columns], axis=-1),
+            truth.map.xy[np.maximum(place, 0)],
+        )
+        for by in (delay, 0.0)
+    )
+    is_range = table.kind == RANGE
+    z = table.z + np.where(place < 0, 0.0, np.where(is_range, (then - now)[:, 0], (then - now)[:, 1]))
+    z = np.where(is_range, np.maximum(z, 1e-3), wrap(z))
+    return changed(changed(dataset, RANGE, z=z), BEARING, z=z)
+
+
+WORLDS = {"circle[steps=400": False, "bailey[": True}
+"""Whether the odometry tells whose clock it is: at an even speed and turn it does not."""
+
+
+@pytest.mark.parametrize("seed", first_quick(range(8)))
+@pytest.mark.parametrize(("world", "told"), WORLDS.items())
+@pytest.mark.parametrize(("noun", "kind"), [("ranges", RANGE), ("bearings", BEARING)])
+def test_a_delay_of_ranges_or_bearings_alone_is_found_and_said_where_it_matters(
+    world: str, told: bool, noun: str, kind: int, seed: int
+) -> None:
+    """Five standard errors, and a hundredth of a step: straight lines between true poses are that far off.
+
+    Nothing is said of a log in time, and of one that is late by more than its noise in one sentence.
+    """
+    made = load(f"{world}{',' if world[-1] != '[' else ''}{noun}_only=1]", seed=seed)
+    step = float(np.median(np.diff(made.log.t)))
+    for delay in (0.0, 0.3, 1.0, 3.0):
+        dataset = late_by(made, delay) if delay else made
+        found = late([dataset], kind)
+        assert found is not None
+        assert found.certain == (delay > 0)
+        half = (found.delay.high - found.delay.low) / 2
+        assert found.delay.value == pytest.approx(delay, abs=2.5 * half + step / 100)
+        said = list(out_of_time(dataset, kind))
+        assert len(said) == (found.size >= 1)
+        assert len(said) <= (delay > 0)
+        if delay == 3.0:
+            (one,) = said
+            assert f"{noun} alone are " in one
+            assert re.search(r"(2\.9|3\.0)\d* ± 0\.\d+ s late", one)
+            assert ("or the true path as early" in one) != told
+            assert "option sensor_delay=" in one
+            assert [one] == remarked(dataset, thorough=False).contradictions
+
+
+def test_a_true_path_of_another_clock_is_not_taken_for_late_bearings() -> None:
+    """Ranges, bearings and odometry agree that it is the true path which is early."""
+    made = load("bailey[bearings_only=1]")
+    truth = made.truth
+    assert truth is not None
+    columns = *truth.poses[:, :2].T, np.unwrap(truth.poses[:, 2])
+    then = np.stack([np.interp(truth.t + 1.0, truth.t, column) for column in columns], axis=-1)
+    early = made._replace(truth=truth._replace(poses=then))
+    (said,) = out_of_time(early, BEARING)
+    assert re.search(r"the true path is (0\.99|1\.0)\d* ± 0\.\d+ s early by bearings alone and by the odometry", said)
+
+
+@pytest.mark.parametrize("log", [1, 2])
+def test_renumbered_beacons_are_said_along_a_path_of_gps(log: int) -> None:
+    """Plaza's truth is RTK GPS: its errors do not make ranges fit another beacon. As it is, nothing is said."""
+    made = load(f"plaza[log={log}]")
+    assert remarked(made).all == []
+    ids = parts(made).ids
+    names = np.unique(ids[ids != UNKNOWN])
+    for other in (names[::-1], np.roll(names, 1), names[[1, 0, 2, 3]]):
+        renumbered = np.where(ids == UNKNOWN, UNKNOWN, other[np.searchsorted(names, ids)])
+        (said,) = remarked(changed(made, RANGE, ids=renumbered)).contradictions
+        pairs = {(int(one), int(place)) for one, place in re.findall(r"(\d+) that of (\d+)", said)}
+        moved = names != other
+        assert pairs == set(zip(other[moved].tolist(), names[moved].tolist(), strict=True))
+
+
+@pytest.mark.parametrize("log", [15, 16])
+def test_without_any_truth_beacons_of_an_underwater_vehicle_have_no_remark(log: int) -> None:
+    made = load(f"goats[log={log}]")
+    assert made.truth is None
+    assert [*other_ids(made), *far_ranges(made), *out_of_time(made, RANGE)] == []
+
+
+def by_gps(dataset: Dataset, seed: int) -> Dataset:
+    """The log with a true path whose own errors are a standard deviation of 3 cm and 0.01 rad."""
+    truth = dataset.truth
+    assert truth is not None
+    off = np.random.default_rng(seed).normal(size=truth.poses.shape) * [0.03, 0.03, 0.01]
+    return dataset._replace(truth=truth._replace(poses=truth.poses + off, words="GPS"))
+
+
+@pytest.mark.parametrize("seed", first_quick(range(8)))
+@pytest.mark.parametrize("world", [BEARINGS, "bailey[bearings_only=1]"])
+def test_bearings_along_a_path_of_gps_are_judged_by_what_is_usual_alone(world: str, seed: int) -> None:
+    made = by_gps(load(world, seed=seed), seed)
+    assert [*other_bearings(made), *out_of_time(made, BEARING)] == []
+    z = parts(made).z
+    (said,) = other_bearings(changed(made, BEARING, z=-z))
+    assert "positive to the other side" in said
+    (said,) = other_bearings(changed(made, BEARING, z=wrap(z + 0.5)))
+    assert "degrees too far left" in said
+    shuffled = changed(made, BEARING, z=np.random.default_rng(seed).permutation(z))
+    assert list(other_bearings(shuffled)) == []  # it may be the GPS
+    assert len(list(other_bearings(shuffled._replace(truth=load(world, seed=seed).truth)))) == 1

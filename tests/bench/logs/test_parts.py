@@ -11,10 +11,12 @@ from gyro_logs import small_gyro_log
 from partial_logs import partial_log
 from slamduel.bench import cli
 from slamduel.bench.logs.facts import facts, headline
+from slamduel.bench.logs.part_errors import PartCheck, part_checks
 from slamduel.bench.plan.load import load
-from slamduel.core.factors import Dataset, Truth
+from slamduel.core.factors import CONSTANTS_NOTE, Dataset, Systematic, Truth
 from slamduel.core.truth.errors import named
 from slamduel.datasets.remarks import NO_SIGHTING, remarks
+from tiers import first_quick
 
 
 def said(picture: slamduel.LogPicture) -> dict[str, str]:
@@ -36,7 +38,10 @@ def test_parts_are_counted_among_all_sightings() -> None:
     assert numbers.fixes is not None
     assert numbers.fixes[:2] == (3, 2)
     assert (numbers.fixes.steps, numbers.fixes.longest_without) == (3, 2)
-    assert "11 sightings of 4 landmarks, 3 ranges and 2 bearings alone, 3 positions in the world" in headline(numbers)
+    assert (
+        "11 sightings of 4 landmarks, 3 ranges without a bearing and 2 bearings without a range among them, 3 p"
+        in headline(numbers)
+    )
     words = said(found)
     assert words["a part alone"].startswith("3 ranges, 0.700 to 2.00 m, median 1.50 m")
     assert "2 bearings" in words["a part alone"]
@@ -76,8 +81,8 @@ def test_a_log_of_parts_alone_is_shown(tmp_path: Path, options: str, capsys: pyt
     assert picture.stat().st_size > 10_000
     assert cli.main(["validate", log]) == 0
     out = capsys.readouterr().out
-    alone = "of them of a range or a bearing alone" in out
-    assert alone == ("only" in options)
+    for part, words in (("ranges", "ranges without a bearing"), ("bearings", "bearings without a range")):
+        assert out.count(f", all of them {words}") == 2 * (f"{part}_only=1" in options)  # of show and of validate
     assert ("positions or headings in the world" in out) == ("gps" in options)
     assert NO_SIGHTING not in out
     if "ranges" in options:
@@ -164,6 +169,7 @@ def stated_sd(found: slamduel.LogPicture) -> float:
 
 
 def test_ranges_that_are_too_long_are_not_called_noise() -> None:
+    assert "as unknown" not in said(slamduel.show(ranging(), solve=False))["ranges against truth"]
     found = slamduel.show(ranging(0.3), solve=False)
     check = found.numbers.known.ranges
     assert check is not None
@@ -171,6 +177,60 @@ def test_ranges_that_are_too_long_are_not_called_noise() -> None:
     assert check.middle > check.spread
     assert "range_sd=" not in words
     assert "m too long, which is no noise, and " in words
+
+
+def unsure(check: PartCheck) -> float:
+    """Four standard deviations of the typical error over what is stated: of a median of n absolute values 1.17 / √n."""
+    return 4.7 / np.sqrt(check.stated.checked)
+
+
+@pytest.mark.parametrize("unknown", ["range_scale=0.1", "range_offset=0.5", "range_scale=0.1,range_offset=0.5"])
+@pytest.mark.parametrize("seed", first_quick(range(8)))
+def test_a_scale_and_an_offset_that_are_stated_as_unknown_are_no_noise(unknown: str, seed: int) -> None:
+    """The true places tell scale and offset to a fortieth and 0.1 m: five standard errors of a line through 200 ranges.
+
+    Without places the noise that is left has a little less: a place of its own for each landmark takes a part.
+    """
+    log, truth = slamduel.load(f"circle[steps=400,ranges_only=1,{unknown}]", seed)
+    assert truth is not None
+    drawn = log.notes[CONSTANTS_NOTE]
+    check = part_checks(log, truth)[0]
+    assert check is not None
+    assert check.constant is not None
+    assert check.stated.scale == pytest.approx(1 + drawn["range_scale"], abs=unsure(check))  # noise is scaled, too
+    assert check.constant.landmarks == 0
+    for name, one in (("range_scale", check.constant.range_scale), ("range_offset", check.constant.range_offset)):
+        assert (one is None) == (name not in unknown)
+        if one is not None:
+            assert one == pytest.approx(drawn[name], abs=0.025 if name == "range_scale" else 0.1)
+    blind = part_checks(log, truth._replace(map=None))[0]
+    assert blind is not None
+    assert blind.fitted
+    assert blind.stated.scale == pytest.approx(check.stated.scale, abs=unsure(check))
+    told = log.prior._replace(systematic=Systematic())
+    off = part_checks(replace(log, prior=told), truth)[0]
+    assert off is not None
+    assert off.constant is None
+    assert off.sd > check.sd or max(abs(drawn["range_scale"] * 5), abs(drawn["range_offset"])) < 0.1
+
+
+def test_each_landmarks_own_scale_is_no_noise_and_the_words_say_so(tmp_path: Path) -> None:
+    log, truth = slamduel.load("circle[steps=400,ranges_only=1,range_scale=0.1]", 3)
+    assert truth is not None
+    assert log.partial is not None
+    own = 1 + 0.05 * np.cos(log.partial.ids)
+    each = log.prior._replace(systematic=log.prior.systematic._replace(each=True))
+    other = Dataset(replace(log, prior=each, partial=replace(log.partial, z=own * log.partial.z)), truth)
+    found = slamduel.show(other, solve=False)
+    check = found.numbers.known.ranges
+    assert check is not None
+    assert check.constant is not None
+    assert check.constant.landmarks == len(np.unique(log.partial.ids))
+    assert check.stated.scale == pytest.approx(1, abs=unsure(check))
+    words = said(found)["ranges against truth"]
+    assert f"states as unknown, the median of {check.constant.landmarks} landmarks' own" in words
+    found.save(tmp_path / "log.svg")
+    assert "actual, against truth, without scale and offset" in (tmp_path / "log.svg").read_text()
 
 
 def test_the_error_of_bearings_alone_is_told_and_without_truth_nothing_is() -> None:

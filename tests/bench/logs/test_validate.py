@@ -15,6 +15,7 @@ from slamduel.bench.commands.validate import SHOWN
 from slamduel.bench.contradiction.remark import STAGES
 from slamduel.bench.words.console import COMPILING
 from slamduel.core.factors import UNKNOWN, Dataset, Log, Prior
+from slamduel.core.partial import NO_IDS
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.remarks import remarks
 from small_log import small_dataset
@@ -254,3 +255,14 @@ def test_a_log_is_shown_with_its_remarks(
     assert main(["show", "./log", "--out", "x.html"]) == 0
     assert " ".join(capsys.readouterr().out.split()).count("remark 1 gap in time") == 1
     assert "<b>remark</b> 1 gap in time" in (tmp_path / "x.html").read_text()
+
+
+def test_a_log_whose_ranges_have_no_id_is_not_good(tmp_path: Path, validated: Validated):
+    """Every backend is skipped on it, for the reason of the remark; --strict refuses it."""
+    (tmp_path / "odometry.csv").write_text("t,x,y,heading\n" + "".join(f"{k},{k / 2},0,0\n" for k in range(30)))
+    (tmp_path / "ranges.csv").write_text("t,id,range\n" + "".join(f"{k},-1,{3 + k / 9}\n" for k in range(30)))
+    log = f"csv[odometry={tmp_path / 'odometry.csv'},ranges={tmp_path / 'ranges.csv'}]"
+    *remarked, last = validated(0, log)
+    assert any(line.endswith(f": {NO_IDS}.") for line in remarked)
+    assert ": can be read, with 1 remark; " in last
+    validated(2, "--strict", log)

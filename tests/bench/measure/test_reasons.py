@@ -10,6 +10,8 @@ from slamduel.backends import registry as backends
 from slamduel.bench.measure.cell import Job, Result, run_on
 from slamduel.bench.plan.load import load
 from slamduel.core.factors import UNKNOWN, Log, Systematic
+from slamduel.core.partial import NO_IDS
+from slamduel.datasets.remarks import remarks
 
 WORLD = "circle[steps=60]"
 NOTHING = "no sighting of the log has an id"
@@ -86,9 +88,6 @@ def test_a_scale_of_the_wheels_that_is_not_estimated_is_said() -> None:
     assert said not in cell(log, "fastslam").reason
 
 
-PARTS = "no range or bearing alone of the log has an id, and without one they start no landmark"
-
-
 @pytest.mark.parametrize("backend", ["ekf", "smoother", "graph", "fastslam"])
 def test_ranges_alone_without_any_id_are_skipped(backend: str) -> None:
     log = load("circle[steps=60,ranges_only=1,ids=hidden]").log
@@ -96,10 +95,24 @@ def test_ranges_alone_without_any_id_are_skipped(backend: str) -> None:
     assert not len(log.ids)
     assert log.unknown == log.sighted > 0
     found = cell(log, backend)
-    assert (found.status, found.reason) == ("skipped", PARTS)
+    assert (found.status, found.reason) == ("skipped", NO_IDS)
     assert cell(log, "dead-reckoning").status == "done"
     if backend == "ekf":
-        assert cell(log, backend, association="jcbb").reason == PARTS
+        assert cell(log, backend, association="jcbb").reason == NO_IDS
+
+
+@pytest.mark.parametrize("part", ["ranges_only", "bearings_only"])
+def test_such_a_log_has_that_reason_as_a_remark_and_no_other_log_has_it(part: str) -> None:
+    hidden, named = (load(f"circle[steps=60,{part}=1{more}]") for more in (",ids=hidden", ""))
+    assert NO_IDS in remarks(hidden)
+    assert NO_IDS not in remarks(named)
+    assert NO_IDS not in remarks(load(f"circle[steps=60,{part}=0.5,ids=hidden]"))  # whole ones may be told by place
+    fixed = load(f"circle[steps=60,{part}=1,ids=hidden,gps=10]")
+    assert NO_IDS not in remarks(fixed)
+    one = named.log.partial
+    assert one is not None
+    single = np.where(np.arange(len(one)) == 0, one.ids, UNKNOWN)
+    assert NO_IDS not in remarks(named._replace(log=replace(named.log, partial=replace(one, ids=single))))
 
 
 def test_parts_without_ids_beside_what_else_is_used_are_left_out_and_counted() -> None:

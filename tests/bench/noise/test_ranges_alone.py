@@ -13,6 +13,7 @@ from slamduel.bench.noise.words import rows, sentences
 from slamduel.bench.systematic.ranges import of_ranges
 from slamduel.bench.systematic.words import sentences as words
 from slamduel.core.factors import Dataset, Log, Map, Truth
+from slamduel.core.truth.errors import sighted_from
 from slamduel.datasets.noise.model import Model, SightingModel
 from slamduel.datasets.noise.stated import stated
 from slamduel.datasets.noise.systematic import Systematic, corrected
@@ -51,6 +52,37 @@ def test_scale_and_offset_are_found_along_the_true_path_and_said() -> None:
     assert found.range is not None
     assert found.range.fitted.sd.value == pytest.approx(0.05, rel=0.1)
     assert found.range.fitted.correlation is None
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.3, 3.0])
+def test_a_delay_of_ranges_is_found_and_said_and_no_noise(delay: float) -> None:
+    """Ranges are moved to later steps; scale, offset and noise are those of ranges in time."""
+    log, truth = long(drive(1, steps=1000), SCALE, OFFSET)
+    table = log.partial
+    assert table is not None
+    assert truth is not None
+    assert truth.map is not None
+    columns = *truth.poses[:, :2].T, np.unwrap(truth.poses[:, 2])
+    then = np.stack([np.interp(log.t[table.step] - delay, truth.t, column) for column in columns], axis=-1)
+    right, was = (sighted_from(poses, truth.map.xy[table.ids])[:, 0] for poses in (truth.poses[table.step], then))
+    z = table.z + (1 + SCALE) * (was - right)
+    z.flags.writeable = False
+    found = by_truth(Dataset(replace(log, partial=replace(table, z=z)), truth))
+    ((noun, late),) = found.late
+    assert noun == "ranges"
+    assert late.certain == (delay > 0)
+    half = (late.delay.high - late.delay.low) / 2
+    assert late.delay.value == pytest.approx(delay, abs=2.5 * half)
+    said = [one for one in sentences(found) if "Ranges alone are" in one]
+    assert len(said) == (delay > 0)
+    assert all(" s late" in one and "option sensor_delay=" in one for one in said)
+    assert any(row.name == "ranges alone: delay" and row.unit == "s" for row in rows(found))
+    assert found.systematic is not None
+    for name, true in (("range_scale", SCALE), ("range_offset", OFFSET)):
+        one = found.systematic.estimates[name]
+        assert one.low < true < one.high
+    assert found.range is not None
+    assert found.range.fitted.sd.value == pytest.approx(0.05, rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """The report's table of estimated constants."""
 
+from typing import Any
+
 from judged_rows import told
 from slamduel.bench.report.constants_table import PARTICLES, constants_table
 from slamduel.bench.verdict.summary import lines
@@ -18,3 +20,12 @@ def test_the_spread_of_particles_is_said_to_be_too_small_where_they_are_listed()
     ekf, fastslam = (told(name, range_scale=[0.05], range_scale_sd=[0.004]) for name in ("ekf", "fastslam"))
     assert PARTICLES in constants_table(lines([*ekf, *fastslam])).caption
     assert PARTICLES not in constants_table(lines(ekf)).caption
+
+
+def test_the_caption_says_how_many_of_these_the_error_is() -> None:
+    """Medians over runs and constants of 9, 1 and 3 standard deviations."""
+    true = [0.041, 0.049, 0.053]
+    columns: dict[str, Any] = {"range_scale": [0.05] * 3, "range_scale_sd": [0.001] * 3, "range_scale_true": true}
+    ekf, fastslam = (told(name, **columns) for name in ("ekf", "fastslam"))
+    assert f"{PARTICLES}, the error being 3.00 times that (median)" in constants_table(lines([*ekf, *fastslam])).caption
+    assert "the error being" not in constants_table(lines(ekf)).caption

@@ -16,7 +16,7 @@ from slamduel.bench.verdict.margin import NEAR
 from slamduel.bench.verdict.margin import needed as telling
 from slamduel.bench.verdict.ranking import Ranking, needed, ordered, ranking, standing
 from slamduel.bench.verdict.statistics import Comparison
-from slamduel.bench.verdict.summary import Line, lines
+from slamduel.bench.verdict.summary import Line, lines, typical
 from slamduel.bench.verdict.verdict import Use, Verdict, verdict
 from slamduel.bench.words.numerals import larger
 
@@ -303,6 +303,17 @@ def test_a_log_that_nobody_can_believe_is_said_to_be_one() -> None:
     assert any("No belief fits this log" in sentence for sentence in said(*parts).sentences)
     parts += [told("c", nees=[1.0, 1.0], nees_inside=[0.9, 0.9])]
     assert not any("None of them" in sentence for sentence in said(*parts).sentences)
+
+
+def test_of_runs_on_one_log_the_sentence_has_the_median_that_the_table_has() -> None:
+    """A lost run would carry the mean: 20.5 here."""
+    (line,) = lines(told("fastslam", one_log=True, nees=[2.0, 3.0, 4.0, 73.0], nees_inside=[0.5] * 4))
+    (sentence,) = belief_sentences([line])
+    assert typical(line, "nees").value == 3.5
+    assert "fastslam (3.50)" in sentence
+    assert "medians of the runs on one log" in sentence
+    (alone,) = lines(told("ekf", one_log=True, nees=[3.0], nees_inside=[0.5]))
+    assert "medians of the runs" not in belief_sentences([alone])[0]
 
 
 def test_every_belief_is_named_clear_or_not() -> None:

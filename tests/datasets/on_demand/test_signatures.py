@@ -133,3 +133,11 @@ def test_both_options_are_refused() -> None:
         made,
         ",signature_bits=1,signature_sd=0.5",
     )
+
+
+@pytest.mark.parametrize("name", ["signature_bits", "signature_sd"])
+def test_they_are_refused_where_no_whole_sighting_is_left(name: str) -> None:
+    said = f"option {name} has no effect without whole sightings, expected both"
+    for parts in ("ranges_only=1", "bearings_only=1", "ranges_only=0.25,bearings_only=0.75"):
+        refused(said, made, f",{name}=1,{parts}")
+    assert len(signatures(made(f",{name}=1,ranges_only=0.5,bearings_only=0.25")))

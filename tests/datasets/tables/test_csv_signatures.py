@@ -59,4 +59,7 @@ def test_a_noise_without_a_column_and_a_word_are_refused(files: dict[str, Any]) 
     file.write_text(DETECTIONS.replace("7.25", "red"))
     refused_at(file, "line 4: signature", made, options)
     file.write_text(DETECTIONS.replace("signature", "colour"))
+    said = ", line 1: option signature_sd has no effect without a column signature, expected both; found the columns "
+    refused_at(file, f"{said}t,id,range,bearing,colour", made, options)
+    file.write_text(DETECTIONS.replace("range", "distance"))
     refused_at(file, "expected t,id,range,bearing,signature, or t,id,x,y,signature among them", made, options)
