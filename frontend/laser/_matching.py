@@ -225,10 +225,11 @@ another cell decide.
 LEAST = 0.1
 """Share of J' W J that a slope has at least."""
 
-FEW, FEW_ERR = 3.0, 0.21
-"""Points that are taken to err by 14 mm, 0.21 in units of the variance that matching gives a point, beside those of a
-scan: for those that fitting the pose takes up, and where a scan has few.
-"""
+USUAL = 0.21
+"""Variance of a point that errs by 14 mm, in units of the variance that matching gives it with `sd` = 3 cm."""
+
+FEW = 3.0
+"""Points that err as is usual, beside those of a scan: for those that the fit takes up, and where a scan has few."""
 
 
 @compiled
@@ -270,7 +271,7 @@ def _scatter(grid: Grid, points: Array, pose: Array, sd: float, H: Array) -> Arr
             others[1, 2] += a * rx
             others[2, 2] += a * (rx * rx + ry * ry)
     others[2, 0], others[2, 1] = others[0, 2], others[1, 2]
-    line_err, other_err = (square + FEW * FEW_ERR) / (weight + 1e-9)
+    line_err, other_err = (square + FEW * USUAL) / (weight + 1e-9)
     return line_err * (H - others) + other_err * others
 
 

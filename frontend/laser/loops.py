@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...core.se2 import Array, between, compose, rotation, wrap
 from ...core.small_matrices import inverse
 from ..maps._grid import one_a_cell, seen_through
-from ._matching import Hold, match, spread
+from ._matching import USUAL, Hold, match, spread
 from ._search import Search
 from .scanner import Scan
 from .settings import Settings
@@ -60,9 +60,12 @@ class Match(NamedTuple):
 
 
 def cov_by_points(slope: Array, scatter: Array, settings: Settings) -> Array:
-    """The covariance (3, 3) of a place by its points alone, in the axes of the path; see `_matching.spread`."""
-    own = inverse(slope + WEAK)
-    return own @ ((1 + settings.map_share) * scatter + WEAK) @ own
+    """The covariance (3, 3) of a place by its points alone, in the axes of the path; see `_matching.spread`.
+
+    WEAK is in the units of a score, in which points that err as is usual have USUAL times their information.
+    """
+    own = inverse(slope + USUAL * WEAK)
+    return own @ ((1 + settings.map_share) * scatter + USUAL**2 * WEAK) @ own
 
 
 def cov_between(before: Array, after: Array, before_cov: Array, after_cov: Array) -> Array:

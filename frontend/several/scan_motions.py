@@ -4,8 +4,8 @@ The front end holds each scan to the motion of the wheels while it matches it: i
 
     (x - m)' H (x - m) + (x - h)' W (x - h)
 
-with the place m and information H of the scan's points, and those of the wheels, h and W. Where p, H, h and W are
-known, m is too:
+with the place m of the scan's points and the slope H of their score, and the place h and information W of the wheels.
+Where p, H, h and W are known, m is too:
 
     m = h + H^-1 (H + W) (p - h)
 
@@ -25,6 +25,7 @@ import numpy as np
 
 from ...core.se2 import Array, Ints, between, wrap
 from ...core.small_matrices import inverse
+from ..laser._matching import USUAL
 from ..laser.front_end import FrontEnd, KeyScan
 from ..laser.loops import WEAK, cov_between, cov_by_points
 
@@ -67,7 +68,7 @@ def place_by_points(key: KeyScan) -> Array:
         return key.pose
     off = key.pose - key.hold.pose
     off[2] = wrap(off[2])
-    place = key.hold.pose + inverse(key.slope + WEAK) @ (key.slope + key.hold.information) @ off
+    place = key.hold.pose + inverse(key.slope + USUAL * WEAK) @ (key.slope + key.hold.information) @ off
     place[2] = wrap(place[2])
     return place
 

@@ -10,7 +10,7 @@ from differences import central
 from several_drives import driven, squares, true_poses
 from slamduel.core.se2 import Array, between, compose
 from slamduel.datasets.worlds.laser_floor import Options, record
-from slamduel.frontend.laser._matching import Hold
+from slamduel.frontend.laser._matching import USUAL, Hold
 from slamduel.frontend.laser.front_end import KeyScan
 from slamduel.frontend.laser.loops import WEAK, cov_by_points
 from slamduel.frontend.laser.recording import matched
@@ -36,11 +36,12 @@ def test_the_wheels_are_taken_out_exactly_where_matching_is_linear(seed: int) ->
     key = KeyScan(pose, points, scatter, Hold(held, wheels), 0, True, NOTHING, NOTHING)
     found, s = place_by_points(key), Settings()
     # WEAK is all that is left of the wheels: it pulls by its share of the information.
-    bound = np.linalg.norm(WEAK, 2) / np.linalg.eigvalsh(points)[0] * np.linalg.norm(place - held)
+    weak = USUAL * WEAK
+    bound = np.linalg.norm(weak, 2) / np.linalg.eigvalsh(points)[0] * np.linalg.norm(place - held)
     assert np.linalg.norm(found - place) <= bound + 1e-12
     assert bound < 0.1 * np.linalg.norm(pose - place)
-    own = np.linalg.inv(points + WEAK)
-    expected = own @ ((1 + s.map_share) * scatter + WEAK) @ own
+    own = np.linalg.inv(points + weak)
+    expected = own @ ((1 + s.map_share) * scatter + weak @ np.linalg.inv(WEAK) @ weak) @ own
     np.testing.assert_allclose(cov_by_points(points, scatter, s), expected, rtol=1e-9, atol=1e-15)
 
 
