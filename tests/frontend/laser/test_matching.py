@@ -141,7 +141,7 @@ def test_a_match_errs_as_its_points_do(sd: float) -> None:
             slope, scatter = spread(submap, scan, pose, SD)
             inverse_slope = np.linalg.inv(slope)
             off = pose - true
-            squares.append(off @ np.linalg.inv(inverse_slope @ scatter @ inverse_slope) @ off / 3)
+            squares.append(float(off @ np.linalg.inv(inverse_slope @ scatter @ inverse_slope) @ off / 3))
             apart.append(np.sqrt(np.diag(inverse_slope @ scatter @ inverse_slope)))
     # 720 squares have a mean within 0.89 and 1.11; the map's own errors and walls that look alike add, cells take away
     assert 0.5 < np.mean(squares) < 2
@@ -173,17 +173,17 @@ def test_the_spread_of_a_match_by_another_program(seed: int) -> None:
         mx, my, nx, ny, along, across = line(submap.cells, CELL, SHARE, i, j)
         on_line = along > 9e-4 and across < 0.1 * along
         lever = np.array([[1, 0, -turned[1]], [0, 1, turned[0]]])
-        off, J, variance = np.array([x - mx, y - my]) @ (nx, ny), np.array([[nx, ny]]) @ lever, SD**2 + 0.25 * across
+        off, by, variance = np.array([x - mx, y - my]) @ (nx, ny), np.array([[nx, ny]]) @ lever, SD**2 + 0.25 * across
         if not on_line:
             hits = submap.cells[i, j, HIT]
             mean = CELL * np.array([i, j]) + submap.cells[i, j, 2:] / hits
-            off, J, variance = np.array([x, y]) - mean, lever, SD**2 + 0.04**2
+            off, by, variance = np.array([x, y]) - mean, lever, SD**2 + 0.04**2
         e = float((np.atleast_1d(off) ** 2).sum()) / variance
         w = 1 / (1 + e / 4)
         parts = sums[bool(on_line)]
         parts[0] += w**4 * e
-        parts[1] += len(J) * w * w
-        parts[2] = parts[2] + w * w / variance * J.T @ J
+        parts[1] += len(by) * w * w
+        parts[2] = parts[2] + w * w / variance * by.T @ by
     own = sum(square / max(weight, 1e-9) * part for square, weight, part in sums.values())
     np.testing.assert_allclose(scatter, own, rtol=1e-6, atol=1e-9 * np.abs(H).max())
 
