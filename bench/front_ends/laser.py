@@ -237,7 +237,7 @@ def consistency(drives: Sequence[LaserDrive]) -> list[Consistency]:
 
 
 def _driven(recording: LaserRecording, truth: Truth | None, progress: Callable[[], None]) -> LaserDrive:
-    front_end = Timed(recording, Settings())
+    front_end = Timed(recording, Settings() if truth is None else Settings(stamp_sd=Options().stamp_sd))
     front_end.drive(recording, progress)
     return LaserDrive(recording, front_end, truth)
 

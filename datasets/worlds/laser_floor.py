@@ -78,6 +78,10 @@ class Options(FalseLoops, WorldFixes, WorldGyro, WheelSlip, WheelFaults, Setting
     scanner_height: float = option(
         0.3, "height of the scanner over the floor, m", minimum=0.02, maximum=3.0, beside="sway"
     )
+    stamp_sd: float = option(
+        0.0, "sd of a scan's time, s, as stated: scans are taken at once, and at the times that they say",
+        minimum=0.0, maximum=0.1,
+    )  # fmt: skip
     imu: bool = option(
         False, "an inertial measurement unit, by whose gravity scans are levelled, and returns of the floor left out",
         beside="sway",

@@ -207,3 +207,136 @@ def line(cells: Cells, size: float, share: float, i: int, j: int) -> tuple[float
     root = sqrt(off * off + xy * xy)
     angle = 0.5 * atan2(2 * xy, xx - yy)
     return size * i + mx, size * j + my, -sin(angle), cos(angle), half + root, max(half - root, 0.0)
+
+
+@compiled
+def spread(grid: Grid, points: Array, pose: Array, sd: float) -> tuple[Array, Array]:
+    """The slope (3, 3) of a match's score by its pose, and the covariance (3, 3) of the score by the points' errors.
+
+    At the match the score J' W r vanishes, and its place errs by the inverse slope times the score's error: the
+    sandwich of Huber (The behavior of maximum likelihood estimates under nonstandard conditions, 1967). The slope is a
+    difference over STRIDE, not J' W J: where the pose moves, a point finds another cell, and what is nearest to it
+    along a wall moves with it and tells nothing. It is between LEAST and once J' W J in every direction. How far points
+    err is what they are off their lines, or off the means of their cells, in this scan.
+    """
+    H, g, higher, lower = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
+    normal_equations(grid, points, pose, sd, NEAREST, CLOSEST**2, True, H, g)
+    slope, other = np.empty((3, 3)), np.empty((3, 3))
+    for i in range(3):
+        there = pose.copy()
+        there[i] = pose[i] + STRIDE[i]
+        normal_equations(grid, points, there, sd, NEAREST, CLOSEST**2, True, other, higher)
+        there[i] = pose[i] - STRIDE[i]
+        normal_equations(grid, points, there, sd, NEAREST, CLOSEST**2, True, other, lower)
+        for j in range(3):
+            slope[j, i] = (higher[j] - lower[j]) / (2 * STRIDE[i])
+    return _within(slope, H), _scatter(grid, points, pose, sd, H)
+
+
+STRIDE = (0.006, 0.006, 0.002)
+"""m, m and rad; two or three standard deviations of a match, and a tenth of a cell: nearer, a few points that find
+another cell decide.
+"""
+
+LEAST = 0.1
+"""Share of J' W J that a slope has at least."""
+
+USUAL = 0.21
+"""Variance of a point that errs by 14 mm, in units of the variance that matching gives it with `sd` = 3 cm."""
+
+FEW = 3.0
+"""Points that err as is usual, beside those of a scan: for those that the fit takes up, and where a scan has few."""
+
+
+@compiled
+def _scatter(grid: Grid, points: Array, pose: Array, sd: float, H: Array) -> Array:
+    """The covariance (3, 3) of the score, J' W J being `H`: of points on lines and of others, each by how far they err.
+
+    It is W's mean square of r times J' W J, of either kind: a point that alone tells a direction is fitted, and its own
+    residual tells nothing.
+    """
+    cells, origin, size, share = grid
+    others = np.zeros((3, 3))
+    weight, square = np.zeros(2), np.zeros(2)
+    c, s = cos(pose[2]), sin(pose[2])
+    for k in range(len(points)):
+        rx, ry = c * points[k, 0] - s * points[k, 1], s * points[k, 0] + c * points[k, 1]
+        x, y = pose[0] + rx - origin[0], pose[1] + ry - origin[1]
+        i, j, d2 = nearest(cells, size, share, x, y, NEAREST)
+        if i < 0 or d2 > CLOSEST**2:
+            continue
+        mx, my, nx, ny, along, across = line(cells, size, share, i, j)
+        on_line = along > LONG and across < THIN * along
+        if on_line:
+            r = nx * (x - mx) + ny * (y - my)
+            variance = sd * sd + ACROSS * across
+            e, kind, count = r * r / variance, 0, 1
+        else:
+            hits = cells[i, j, HIT]
+            ex, ey = x - size * i - cells[i, j, DX] / hits, y - size * j - cells[i, j, DY] / hits
+            variance = sd * sd + POINT_SD * POINT_SD
+            e, kind, count = (ex * ex + ey * ey) / variance, 1, 2
+        w = 1.0 / (1.0 + e / SOFT)
+        weight[kind] += count * w * w
+        square[kind] += w**4 * e
+        if not on_line:
+            a = w * w / variance
+            others[0, 0] += a
+            others[1, 1] += a
+            others[0, 2] -= a * ry
+            others[1, 2] += a * rx
+            others[2, 2] += a * (rx * rx + ry * ry)
+    others[2, 0], others[2, 1] = others[0, 2], others[1, 2]
+    line_err, other_err = (square + FEW * USUAL) / (weight + 1e-9)
+    return line_err * (H - others) + other_err * others
+
+
+@compiled
+def _within(slope: Array, H: Array) -> Array:
+    """The symmetric part of `slope` (3, 3), between LEAST and once H in every direction.
+
+    By the eigenvalues of L^-1 slope L'^-1, L L' being H, from Jacobi's rotations.
+    """
+    L, V, column = np.zeros((3, 3)), np.eye(3), np.empty(3)
+    held = H + 1e-3 * np.eye(3)
+    if not cholesky(held, L, 3, 0.0, 0.0):
+        return held
+    L[0, 1] = L[0, 2] = L[1, 2] = 0.0
+    inverse = np.zeros((3, 3))
+    for j in range(3):
+        inverse[j, j] = 1 / L[j, j]
+        for i in range(j + 1, 3):
+            total = 0.0
+            for k in range(j, i):
+                total += L[i, k] * inverse[k, j]
+            inverse[i, j] = -total / L[i, i]
+    M = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                for m in range(3):
+                    M[i, j] += inverse[i, k] * 0.5 * (slope[k, m] + slope[m, k]) * inverse[j, m]
+    for _ in range(8):
+        for p in range(2):
+            for q in range(p + 1, 3):
+                if abs(M[p, q]) < 1e-15:
+                    continue
+                angle = 0.5 * atan2(2 * M[p, q], M[q, q] - M[p, p])
+                c, s = cos(angle), sin(angle)
+                for k in range(3):
+                    M[k, p], M[k, q] = c * M[k, p] - s * M[k, q], s * M[k, p] + c * M[k, q]
+                for k in range(3):
+                    M[p, k], M[q, k] = c * M[p, k] - s * M[q, k], s * M[p, k] + c * M[q, k]
+                for k in range(3):
+                    V[k, p], V[k, q] = c * V[k, p] - s * V[k, q], s * V[k, p] + c * V[k, q]
+    out = np.zeros((3, 3))
+    for n in range(3):
+        value = min(max(M[n, n], LEAST), 1.0)
+        for i in range(3):
+            column[i] = 0.0
+            for k in range(i + 1):
+                column[i] += L[i, k] * V[k, n]
+        for i in range(3):
+            for j in range(3):
+                out[i, j] += value * column[i] * column[j]
+    return out

@@ -12,17 +12,31 @@ import numpy as np
 
 from ...core.se2 import Array, between, compose, rotation
 from ...core.small_matrices import inverse
-from ._matching import Hold
+from ._matching import Hold, spread
 from .estimate import ScanStep, StepPoses
 from .finished import Finished
 from .guesses import beyond, wheels_cov
 from .localising import Localiser
-from .loops import Match, ScanLoop, Surprises, cloud, contradicted, loop_of, searched
+from .loops import (
+    Match,
+    ScanLoop,
+    Surprises,
+    cloud,
+    contradicted,
+    cov_between,
+    cov_by_points,
+    loop_of,
+    loop_to,
+    searched,
+)
 from .rows import Rows
 from .scanner import Scan, Scanner
 from .settings import Settings
 from .submap import Submap
 from .tracking import Placed, Tracker
+
+NOTHING = np.zeros((3, 3)), np.zeros((3, 3))
+"""Slope and scatter of a scan that was not matched."""
 
 OFTEN = 0.1
 """s; scans in a burst are taken to be that far apart where a speed is computed."""
@@ -32,7 +46,8 @@ class KeyScan(NamedTuple):
     """The match of a step's scan on the matcher's path."""
 
     pose: Array  # (3,) by its points and by what it was held to
-    information: Array  # (3, 3) of its points alone, in the axes of the path
+    slope: Array  # (3, 3) the information of its points alone, in the axes of the path
+    scatter: Array  # (3, 3) the covariance of what they ask for; see `_matching.spread`
     hold: Hold | None  # None: it was not matched
     base: int  # an earlier step, the first one that the submap has in which it was matched
     counts: bool  # it was placed by its points, and so were all scans since the step before
@@ -78,7 +93,7 @@ class FrontEnd:
             first = self.tracker.start(t, scan)
             self._record(t, first.pose)
             self._draw(first.pose, scan)
-            self._new_step(first, np.zeros(2), 0)
+            self._new_step(first, NOTHING, np.zeros(2), 0)
             return
         for placed in self.tracker.take(t, motion, scan, self._active[0]):
             self._place(placed)
@@ -125,14 +140,17 @@ class FrontEnd:
         moved = between(self.path[-1], pose) / max(placed.t - self.t[-1], OFTEN)
         if not (placed.wheels and placed.points) or placed.off is not None:
             self._doubts.append(placed)
-        base = self._active[0].steps[0]
+        matched_in, base = self._active[0].grid, self._active[0].steps[0]
+        new = beyond(between(self._poses.array[-1], pose), s.step, s.turn)
+        told = NOTHING  # before the scan is drawn itself
+        if new and placed.points and placed.hold is not None:
+            told = spread(matched_in, placed.scan.few, pose, s.sd)
         share = s.denser if self._way < s.dense_start else 1.0
         if beyond(between(self._drawn[-1][0], pose), share * s.insert_step, share * s.insert_turn):
             self._draw(pose, placed.scan)
-        new = beyond(between(self._poses.array[-1], pose), s.step, s.turn)
         self._record(placed.t, pose)
         if new:
-            self._new_step(placed, np.array([np.hypot(moved[0], moved[1]), abs(moved[2])]), base)
+            self._new_step(placed, told, np.array([np.hypot(moved[0], moved[1]), abs(moved[2])]), base)
 
     def _draw(self, pose: Array, scan: Scan) -> None:
         """Draws a scan into the active submaps, and starts and ends them."""
@@ -151,8 +169,11 @@ class FrontEnd:
             done.finish(self._way)
             self.finished.add(done, self.estimate)
 
-    def _new_step(self, placed: Placed, rate: Array, base: int) -> None:
-        """Ends a step: its odometry factor, and its loops; `base` is the first step of the submap it was matched in."""
+    def _new_step(self, placed: Placed, told: tuple[Array, Array], rate: Array, base: int) -> None:
+        """Ends a step: its odometry factor, and its loops.
+
+        `told` is the match's slope and scatter; `base` is the first step of the submap it was matched in.
+        """
         s, k, pose, scan = self.settings, len(self.steps), placed.pose, placed.scan
         self._rates.append(rate)
         doubt, counts = np.zeros((3, 3)), all(one.points for one in self._doubts)
@@ -161,18 +182,20 @@ class FrontEnd:
             self._estimate.append(pose, 0)
         else:
             last = self._poses.array[-1]
-            delta, R = between(last, pose), rotation(float(last[2]))
+            delta = between(last, pose)
             wheels, points = (all(getattr(one, name) for one in self._doubts) for name in ("wheels", "points"))
             fused = inverse(wheels_cov(delta, s)) if wheels else np.eye(3) / s.blind**2
-            fused = fused + (R.T @ placed.information @ R if points else 0)
-            cov = s.explained * inverse(fused) + np.diag([s.floor**2, s.floor**2, s.turn_floor**2])
-            cov += self._stale(k) + self._stale(k - 1)
+            if points:
+                own = cov_by_points(*told, s)
+                before = own if k == 1 else self._by_points(k - 1)  # the first scan is the submap
+                fused = fused + inverse(cov_between(last, pose, before, own))
+            cov = inverse(fused) + self._stale(k) + self._stale(k - 1)
             doubt += sum(np.outer(one.off, one.off) for one in self._doubts if one.off is not None)
             cov += doubt
             self._doubts = []
             self.steps.append(ScanStep(placed.t, len(self.t) - 1, pose, delta, (cov + cov.T) / 2))
             self._estimate.append(compose(self.estimate[-1], delta), len(self.loops))
-        key = KeyScan(pose, placed.information, placed.hold, base, counts, doubt, self._stale(k))
+        key = KeyScan(pose, *told, placed.hold, base, counts, doubt, self._stale(k))
         self.keys.append(key)
         self._poses.append(pose)
         for submap in self._active:
@@ -186,6 +209,17 @@ class FrontEnd:
         if k % s.optimise_every == 0 and len(self.loops) > self._loops_then:
             self._estimate.correct(self.steps, self.loops)
             self._corrected, self._loops_then = self._looped, len(self.loops)
+
+    def _by_points(self, k: int) -> Array:
+        """The covariance (3, 3) of step k's place on its submap by its points; that of step 1 for the first."""
+        key = self.keys[k or min(1, len(self.keys) - 1)]
+        return cov_by_points(key.slope, key.scatter, self.settings)
+
+    def _cov(self, k: int) -> Array:
+        """The covariance (3, 3) of step k's place, by the wheels' motion to it, too."""
+        cov, delta = self._by_points(k), self.steps[k].delta
+        R = rotation(float(self.keys[max(k - 1, 0)].pose[2]))
+        return inverse(inverse(cov) + inverse(R @ wheels_cov(delta, self.settings) @ R.T)) if k else cov
 
     def _stale(self, k: int) -> Array:
         """The covariance that a scan swept on the move, or a stamp that is off, adds."""
@@ -217,7 +251,9 @@ class FrontEnd:
             if beyond(off - matches[0][3], s.alone, s.alone_turn):
                 self.turned_down["submaps disagree"] += 1
                 continue
-            self._take(loop_of(found, submap, k, poses, s, self._stale(k)), off, since)
+            to = loop_to(found, submap, poses)
+            stale = self._stale(k) + self._stale(to)
+            self._take(loop_of(found, to, k, poses[to], self._cov(to), stale), off, since)
 
     def _seen(self, k: int) -> Array:
         """The points (n, 2) that the last scans saw, in the frame of step k."""

@@ -24,8 +24,8 @@ from .settings import Settings
 APART, TURNED = 0.1, 0.1  # m and rad between the scans that are kept beside a log
 
 LEFT_OUT = (
-    "the map's error that matches with one submap share, the opposite errors of neighbouring steps, and a submap's "
-    "bend: a step's covariance holds, those of long chains are cautious"
+    "the map's error that matches with one submap share, and the opposite errors of neighbouring steps, which have a "
+    "match in common: covariances of steps and of loops hold, those of long chains are cautious"
 )
 
 EXACT = 1e-6  # m and rad; standard deviation of the map's frame

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...core.se2 import Array, between, compose, rotation, wrap
 from ...core.small_matrices import inverse
 from ..maps._grid import one_a_cell, seen_through
-from ._matching import Hold, match
+from ._matching import USUAL, Hold, match, spread
 from ._search import Search
 from .scanner import Scan
 from .settings import Settings
@@ -55,8 +55,25 @@ class Match(NamedTuple):
     """A scan placed on a submap."""
 
     pose: Array  # (3,) in the axes of the matcher's path
-    information: Array  # (3, 3)
+    cov: Array  # (3, 3) of that place, by the points
     score: float
+
+
+def cov_by_points(slope: Array, scatter: Array, settings: Settings) -> Array:
+    """The covariance (3, 3) of a place by its points alone, in the axes of the path; see `_matching.spread`.
+
+    WEAK is in the units of a score, in which points that err as is usual have USUAL times their information.
+    """
+    own = inverse(slope + USUAL * WEAK)
+    return own @ ((1 + settings.map_share) * scatter + USUAL**2 * WEAK) @ own
+
+
+def cov_between(before: Array, after: Array, before_cov: Array, after_cov: Array) -> Array:
+    """The covariance (3, 3) of the motion between two places (3,) on one submap, each with its own error."""
+    R = rotation(float(before[2])).T
+    by_before = -R
+    by_before[:2, 2] = (R @ (after - before))[[1, 0]] * (1.0, -1.0)
+    return R @ after_cov @ R.T + by_before @ before_cov @ by_before.T
 
 
 def search_of(cloud: Array, guess: Array, window: float, turn: float, settings: Settings) -> Search:
@@ -94,12 +111,12 @@ def searched(
     if free > s.free:
         why["ends in free space"] += 1
         return None
-    alone, information, inside = match(grid, scan.few, pose, Hold(pose, HELD), s.sd, ALONE, 25)
+    alone, _, inside = match(grid, scan.few, pose, Hold(pose, HELD), s.sd, ALONE, 25)
     off = between(pose, alone)
     if inside < s.inside or np.hypot(off[0], off[1]) > s.alone or abs(off[2]) > s.alone_turn:
         why["the scan alone disagrees"] += 1
         return None
-    return Match(alone, information, score)
+    return Match(alone, cov_by_points(*spread(grid, scan.few, alone, s.sd), s), score)
 
 
 def cloud(pose: Array, poses: Sequence[Array], scans: Sequence[Scan], size: float) -> Array:
@@ -112,17 +129,19 @@ def cloud(pose: Array, poses: Sequence[Array], scans: Sequence[Scan], size: floa
     return one_a_cell(np.concatenate(parts), size)
 
 
-def loop_of(found: Match, submap: Submap, step: int, poses: Array, settings: Settings, stale: Array) -> ScanLoop:
-    """A match as a loop to the step of the submap nearest to it: least of the submap's own bend enters.
-
-    `poses` are those of all steps on the matcher's path; `stale` (3, 3) is the covariance by the scan's age.
-    """
+def loop_to(found: Match, submap: Submap, poses: Array) -> int:
+    """The step of the submap nearest to a match: least of the submap's own bend enters; `poses` are of all steps."""
     at = poses[submap.steps]
-    to = submap.steps[int(np.argmin(np.hypot(*(at[:, :2] - found.pose[:2]).T)))]
-    R = rotation(float(poses[to][2]))
-    cov = inverse(R.T @ found.information @ R + WEAK)
-    cov += np.diag([settings.loop_floor**2, settings.loop_floor**2, settings.loop_turn_floor**2]) + stale
-    return ScanLoop(to, step, between(poses[to], found.pose), cov, found.score)
+    return submap.steps[int(np.argmin(np.hypot(*(at[:, :2] - found.pose[:2]).T)))]
+
+
+def loop_of(found: Match, to: int, step: int, place: Array, place_cov: Array, stale: Array) -> ScanLoop:
+    """A match as a loop to a step of the submap at `place` (3,) on the matcher's path, with its covariance there.
+
+    `stale` (3, 3) is the covariance by the age of both scans.
+    """
+    cov = cov_between(place, found.pose, place_cov, found.cov) + stale
+    return ScanLoop(to, step, between(place, found.pose), cov, found.score)
 
 
 def contradicted(loops: Sequence[ScanLoop], estimate: Array) -> NDArray[np.bool_]:

@@ -48,8 +48,7 @@ class Settings:
     sd = 0.03  # of a point from its line
     spacing = 0.04  # between points that are matched
     lost = 0.8  # share of points explained below which the scan is searched for
-    explained = 0.21  # part of the stated covariance of a match that holds: points err by 14 mm
-    floor, turn_floor = 0.0016, 0.00045  # sd of a step that the information of the points does not know
+    map_share = 0.35  # of the variance that a match has by its points: what the map's errors and the search add
 
     # odometry: sd of a motion
     still, by_way = 0.03, 0.15  # m, and m a metre
@@ -65,7 +64,6 @@ class Settings:
     score, inside, through, free = 0.55, 0.7, 0.10, 0.15  # see `loops.searched`
     cloud, cloud_cell, searched = 14, 0.1, 160  # insertions that are searched with together; thinned; points searched
     alone, alone_turn = 0.15, 0.03  # how far the scan alone may disagree
-    loop_floor, loop_turn_floor = 0.004, 0.001
     expected, expected_by_path = 0.3, 0.004  # a loop within this of the estimate is no surprise
     expected_turn, expected_turn_by_path = 0.08, 0.001
     confirm, confirm_path, confirm_within = 4, 2.0, 20.0  # steps that ask for the same correction

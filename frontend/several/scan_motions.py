@@ -4,8 +4,8 @@ The front end holds each scan to the motion of the wheels while it matches it: i
 
     (x - m)' H (x - m) + (x - h)' W (x - h)
 
-with the place m and information H of the scan's points, and those of the wheels, h and W. Where p, H, h and W are
-known, m is too:
+with the place m of the scan's points and the slope H of their score, and the place h and information W of the wheels.
+Where p, H, h and W are known, m is too:
 
     m = h + H^-1 (H + W) (p - h)
 
@@ -23,11 +23,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...core.se2 import Array, Ints, between, rotation, wrap
+from ...core.se2 import Array, Ints, between, wrap
 from ...core.small_matrices import inverse
+from ..laser._matching import USUAL
 from ..laser.front_end import FrontEnd, KeyScan
-from ..laser.loops import WEAK
-from ..laser.settings import Settings
+from ..laser.loops import WEAK, cov_between, cov_by_points
 
 NEAR = 2.5
 """m between two steps that saw much of the same walls."""
@@ -46,40 +46,31 @@ class Motions(NamedTuple):
 def scan_motions(front_end: FrontEnd) -> Motions:
     """The motions that the scans of a front end tell; none to a step whose scan was placed by the wheels."""
     s, keys = front_end.settings, front_end.keys
-    places = [place_by_points(key, s) for key in keys]
+    places = [place_by_points(key) for key in keys]
     told = [k for k, key in enumerate(keys) if k and key.hold is not None and key.counts]
-    covs = [cov_by_points(key, s) for key in keys]
+    covs = [cov_by_points(key.slope, key.scatter, s) for key in keys]
     if told:
         covs[0] = covs[told[0]]  # the first scan is the submap: as uncertain as the next one's match
     at, to = np.array(told, np.int64), np.array([_base(k, keys[k].base, places) for k in told], np.int64)
     delta, cov = np.zeros((len(told), 3)), np.zeros((len(told), 3, 3))
     for row, (k, base) in enumerate(zip(told, to.tolist(), strict=True)):
         delta[row] = between(places[base], places[k])
-        R = rotation(float(places[base][2])).T
-        by_base = -R
-        by_base[:2, 2] = delta[row, 1], -delta[row, 0]
-        own = R @ covs[k] @ R.T + by_base @ covs[base] @ by_base.T
-        own += np.diag([s.floor**2, s.floor**2, s.turn_floor**2]) + keys[k].stale + keys[base].stale
+        own = cov_between(places[base], places[k], covs[base], covs[k])
+        own += keys[k].stale + keys[base].stale
         own += sum(key.doubt for key in keys[base + 1 : k + 1])
         cov[row] = (own + own.T) / 2
     return Motions(at, to, delta, cov, np.array(places))
 
 
-def place_by_points(key: KeyScan, s: Settings) -> Array:
+def place_by_points(key: KeyScan) -> Array:
     """The place (3,) of a scan by its points alone, on the matcher's path."""
     if key.hold is None:
         return key.pose
     off = key.pose - key.hold.pose
     off[2] = wrap(off[2])
-    own = inverse(key.information + s.explained * WEAK)
-    place = key.hold.pose + own @ (key.information + key.hold.information) @ off
+    place = key.hold.pose + inverse(key.slope + USUAL * WEAK) @ (key.slope + key.hold.information) @ off
     place[2] = wrap(place[2])
     return place
-
-
-def cov_by_points(key: KeyScan, s: Settings) -> Array:
-    """The covariance (3, 3) of that place."""
-    return s.explained * inverse(key.information + s.explained * WEAK)
 
 
 def _base(k: int, first: int, places: Sequence[Array]) -> int:

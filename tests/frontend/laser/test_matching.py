@@ -5,7 +5,9 @@ import pytest
 from numpy.typing import NDArray
 
 from slamduel.core.se2 import Array, act, between, compose, inverse
-from slamduel.frontend.laser._matching import Hold, Lines, line, match, nearest, normal_equations
+from slamduel.frontend.laser._matching import Hold, Lines, line, match, nearest, normal_equations, spread
+from slamduel.frontend.laser.loops import cov_by_points
+from slamduel.frontend.laser.settings import Settings
 from slamduel.frontend.maps._grid import (
     HIT,
     Cells,
@@ -126,6 +128,97 @@ def test_along_a_corridor_the_points_say_nothing_and_the_prior_decides() -> None
     assert abs(pose[0] - 0.2) < 0.01
     assert np.abs(pose[1:]).max() < 0.005
     assert information[0, 0] < 0.02 * information[1, 1]
+
+
+def noisy(points: Array, rng: np.random.Generator, sd: float) -> Array:
+    """Points with errors along their beams."""
+    return points * (1 + sd * rng.standard_normal(len(points)) / np.hypot(*points.T))[:, None]
+
+
+@pytest.mark.parametrize("sd", [0.004, 0.008, 0.016])
+def test_a_match_errs_as_its_points_do(sd: float) -> None:
+    """On a map of 49 noisy scans, 12 matches from each of 20 places; by the least and the most that chance leaves."""
+    rng = np.random.default_rng(0)
+    cells, walls_seen = np.zeros((200, 160, 4), np.float32), room(spacing=0.05)
+    for _ in range(7):
+        for pose in POSES:
+            insert(cells, ORIGIN, CELL, pose, HERE, noisy(act(inverse(pose), walls_seen), rng, sd))
+    submap, squares, apart = Grid(cells, ORIGIN, CELL, SHARE), list[float](), list[Array]()
+    for _ in range(20):
+        true = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-3, 3)])
+        for _ in range(12):
+            scan = noisy(act(inverse(true), walls_seen), rng, sd)
+            pose, _, _ = match(submap, scan, true, Hold(true, NOTHING), SD, 6, 25)
+            slope, scatter = spread(submap, scan, pose, SD)
+            inverse_slope = np.linalg.inv(slope)
+            off = pose - true
+            squares.append(float(off @ np.linalg.inv(inverse_slope @ scatter @ inverse_slope) @ off / 3))
+            apart.append(np.sqrt(np.diag(inverse_slope @ scatter @ inverse_slope)))
+    # 720 squares have a mean within 0.89 and 1.11; the map's own errors and walls that look alike add, cells take away
+    assert 0.5 < np.mean(squares) < 2
+    assert 0.2 * sd < np.mean(apart, axis=0)[0] * np.sqrt(len(walls_seen)) < 4 * sd
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_spread_of_a_match_by_another_program(seed: int) -> None:
+    """The slope by differences of the score, held by NumPy's eigenvalues; the scatter point by point."""
+    rng = np.random.default_rng(seed)
+    submap = drawn(room(), POSES)
+    true = np.array([*rng.uniform(-0.5, 0.5, 2), rng.uniform(-3, 3)])
+    scan = noisy(act(inverse(true), room(spacing=0.07)), rng, 0.01)
+    pose, H, _ = match(submap, scan, true, Hold(true, NOTHING), SD, 6, 25)
+    slope, scatter = spread(submap, scan, pose, SD)
+    at_match = normal(submap, scan, pose)[0]
+    columns = [(normal(submap, scan, pose + e)[1] - normal(submap, scan, pose - e)[1]) / (2 * e.sum()) for e in STRIDES]
+    L = np.linalg.cholesky(at_match + 1e-3 * np.eye(3))
+    inner = np.linalg.solve(L, np.linalg.solve(L, (np.array(columns) + np.array(columns).T) / 2).T)
+    values, vectors = np.linalg.eigh(inner)
+    expected = L @ (vectors * np.clip(values, 0.1, 1.0)) @ vectors.T @ L.T
+    np.testing.assert_allclose(slope, expected, rtol=1e-6, atol=1e-6 * np.abs(H).max())
+
+    sums = {True: [0.63, 0.0, np.zeros((3, 3))], False: [0.63, 0.0, np.zeros((3, 3))]}
+    for (x, y), turned in zip(act(pose, scan) - ORIGIN, act(pose, scan) - pose[:2], strict=True):
+        i, j, d2 = nearest(submap.cells, CELL, SHARE, x, y, 2)
+        if i < 0 or d2 > 0.12**2:
+            continue
+        mx, my, nx, ny, along, across = line(submap.cells, CELL, SHARE, i, j)
+        on_line = along > 9e-4 and across < 0.1 * along
+        lever = np.array([[1, 0, -turned[1]], [0, 1, turned[0]]])
+        off, by, variance = np.array([x - mx, y - my]) @ (nx, ny), np.array([[nx, ny]]) @ lever, SD**2 + 0.25 * across
+        if not on_line:
+            hits = submap.cells[i, j, HIT]
+            mean = CELL * np.array([i, j]) + submap.cells[i, j, 2:] / hits
+            off, by, variance = np.array([x, y]) - mean, lever, SD**2 + 0.04**2
+        e = float((np.atleast_1d(off) ** 2).sum()) / variance
+        w = 1 / (1 + e / 4)
+        parts = sums[bool(on_line)]
+        parts[0] += w**4 * e
+        parts[1] += len(by) * w * w
+        parts[2] = parts[2] + w * w / variance * by.T @ by
+    own = sum(square / max(weight, 1e-9) * part for square, weight, part in sums.values())
+    np.testing.assert_allclose(scatter, own, rtol=1e-6, atol=1e-9 * np.abs(H).max())
+
+
+STRIDES = np.diag([0.006, 0.006, 0.002])
+
+
+def normal(submap: Grid, scan: Array, pose: Array) -> tuple[Array, Array]:
+    H, g = np.empty((3, 3)), np.empty(3)
+    normal_equations(submap, scan, pose, SD, 2, 0.12**2, True, H, g)
+    return H, g
+
+
+def test_along_a_corridor_a_match_stays_unsure() -> None:
+    """Points at its ends are too few to be sure by, and those on its walls tell nothing along it."""
+    x = np.arange(-4, 4, 0.03)
+    corridor = np.concatenate((np.stack((x, np.full(len(x), 1.0)), -1), np.stack((x, np.full(len(x), -1.0)), -1)))
+    submap = drawn(corridor, [np.array([0.1 * k, 0.0, 0.0]) for k in range(-3, 4)])
+    scan = noisy(corridor[np.abs(corridor[:, 0]) < 2], np.random.default_rng(0), 0.01)
+    slope, scatter = spread(submap, scan, np.zeros(3), SD)
+    sd = np.sqrt(np.diag(cov_by_points(slope, scatter, Settings())))
+    assert sd[0] > 0.1
+    assert sd[1] < 0.003
+    assert sd[2] < 0.003
 
 
 def test_the_nearest_wall_is_the_nearest_of_all() -> None:

@@ -10,12 +10,12 @@ from differences import central
 from several_drives import driven, squares, true_poses
 from slamduel.core.se2 import Array, between, compose
 from slamduel.datasets.worlds.laser_floor import Options, record
-from slamduel.frontend.laser._matching import Hold
+from slamduel.frontend.laser._matching import USUAL, Hold
 from slamduel.frontend.laser.front_end import KeyScan
-from slamduel.frontend.laser.loops import WEAK
+from slamduel.frontend.laser.loops import WEAK, cov_by_points
 from slamduel.frontend.laser.recording import matched
 from slamduel.frontend.laser.settings import Settings
-from slamduel.frontend.several.scan_motions import cov_by_points, place_by_points, scan_motions
+from slamduel.frontend.several.scan_motions import place_by_points, scan_motions
 from tiers import first_quick
 
 NOTHING = np.zeros((3, 3))
@@ -32,24 +32,27 @@ def test_the_wheels_are_taken_out_exactly_where_matching_is_linear(seed: int) ->
     points, wheels = spread(rng, 1e5), spread(rng, 1e3)
     place, held = rng.normal(0, 0.02, 3), rng.normal(0, 0.02, 3)
     pose = np.linalg.solve(points + wheels, points @ place + wheels @ held).astype(np.float64)
-    key = KeyScan(pose, points, Hold(held, wheels), 0, True, NOTHING, NOTHING)
-    found, s = place_by_points(key, Settings()), Settings()
+    scatter = spread(rng, 1e4)
+    key = KeyScan(pose, points, scatter, Hold(held, wheels), 0, True, NOTHING, NOTHING)
+    found, s = place_by_points(key), Settings()
     # WEAK is all that is left of the wheels: it pulls by its share of the information.
-    weak = s.explained * WEAK
+    weak = USUAL * WEAK
     bound = np.linalg.norm(weak, 2) / np.linalg.eigvalsh(points)[0] * np.linalg.norm(place - held)
     assert np.linalg.norm(found - place) <= bound + 1e-12
     assert bound < 0.1 * np.linalg.norm(pose - place)
-    np.testing.assert_allclose(cov_by_points(key, s), s.explained * np.linalg.inv(points + weak), rtol=1e-9)
+    own = np.linalg.inv(points + weak)
+    expected = own @ ((1 + s.map_share) * scatter + weak @ np.linalg.inv(WEAK) @ weak) @ own
+    np.testing.assert_allclose(cov_by_points(points, scatter, s), expected, rtol=1e-9, atol=1e-15)
 
 
 def test_along_a_corridor_a_scan_tells_nothing() -> None:
     points = np.diag([0.0, 1e5, 1e5])  # walls to the left and right alone
-    key = KeyScan(np.array([1.0, 0.0, 0.0]), points, Hold(np.array([1.0, 0.01, 0.0]), 1e3 * np.eye(3)), 0, True,
-                  NOTHING, NOTHING)  # fmt: skip
-    sd = np.sqrt(np.diag(cov_by_points(key, Settings())))
+    hold = Hold(np.array([1.0, 0.01, 0.0]), 1e3 * np.eye(3))
+    key = KeyScan(np.array([1.0, 0.0, 0.0]), points, 0.2 * points, hold, 0, True, NOTHING, NOTHING)
+    sd = np.sqrt(np.diag(cov_by_points(points, 0.2 * points, Settings())))
     assert sd[0] == pytest.approx(WEAK[0, 0] ** -0.5, rel=1e-6)
     assert sd[1:].max() < 2e-3
-    place = place_by_points(key, Settings())
+    place = place_by_points(key)
     assert place[0] == pytest.approx(1.0, abs=1e-12)
     assert place[1] == pytest.approx(-1e-4, rel=1e-3)  # H^-1 W times the 0.01 m by which the wheels pulled
 
@@ -105,15 +108,15 @@ def test_the_covariance_is_that_of_both_places() -> None:
     """By numerical derivatives of the motion by either place, in another order than the code's."""
     made = driven(0)
     s, m, keys = made.several.settings, made.motions, made.front_end.keys
-    floors = np.diag([s.floor**2, s.floor**2, s.turn_floor**2])
     for row in range(3, len(m.at), 7):
         k, base = int(m.at[row]), int(m.to[row])
-        expected = floors + keys[k].stale + keys[base].stale
+        expected = keys[k].stale + keys[base].stale
         first, second = m.places[base], m.places[k]
         by_first = central(partial(lambda other, place: between(place, other), second), first)
         by_second = central(partial(between, first), second)
         for by, of in ((by_first, base), (by_second, k)):
-            expected = expected + by @ cov_by_points(keys[of] if of else keys[1], s) @ by.T
+            key = keys[of or 1]
+            expected = expected + by @ cov_by_points(key.slope, key.scatter, s) @ by.T
         np.testing.assert_allclose(m.cov[row], expected, rtol=1e-5, atol=1e-12)
 
 
