@@ -220,14 +220,15 @@ def spread(grid: Grid, points: Array, pose: Array, sd: float) -> tuple[Array, Ar
     err is what they are off their lines, or off the means of their cells, in this scan.
     """
     H, g, higher, lower = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
-    normal_equations(grid, points, pose, sd, NEAREST, CLOSEST**2, True, H, g)
+    lines = Lines(np.full((len(points), 2), -1), np.empty((len(points), 6)))
+    normal_equations(grid, points, pose, sd, NEAREST, CLOSEST**2, True, lines, H, g)
     slope, other = np.empty((3, 3)), np.empty((3, 3))
     for i in range(3):
         there = pose.copy()
         there[i] = pose[i] + STRIDE[i]
-        normal_equations(grid, points, there, sd, NEAREST, CLOSEST**2, True, other, higher)
+        normal_equations(grid, points, there, sd, NEAREST, CLOSEST**2, True, lines, other, higher)
         there[i] = pose[i] - STRIDE[i]
-        normal_equations(grid, points, there, sd, NEAREST, CLOSEST**2, True, other, lower)
+        normal_equations(grid, points, there, sd, NEAREST, CLOSEST**2, True, lines, other, lower)
         for j in range(3):
             slope[j, i] = (higher[j] - lower[j]) / (2 * STRIDE[i])
     return _within(slope, H), _scatter(grid, points, pose, sd, H)

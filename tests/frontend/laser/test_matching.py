@@ -204,7 +204,7 @@ STRIDES = np.diag([0.006, 0.006, 0.002])
 
 def normal(submap: Grid, scan: Array, pose: Array) -> tuple[Array, Array]:
     H, g = np.empty((3, 3)), np.empty(3)
-    normal_equations(submap, scan, pose, SD, 2, 0.12**2, True, H, g)
+    normal_equations(submap, scan, pose, SD, 2, 0.12**2, True, lines_of(scan), H, g)
     return H, g
 
 
