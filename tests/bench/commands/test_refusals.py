@@ -47,8 +47,8 @@ REFUSALS = [
     ("replay nowhere", "expected the folder of a run"),
     ("report nowhere", "expected the folder of a run"),
     # values
-    *((f"{name} --seed -1", "argument --seed: found -1, expected") for name in ("show", "validate", "export", "speed")),
-    ("render circle --seed -1", "argument --seed: found -1, expected a whole number, at least 0\n"),
+    *((f"{name} --seed -1", ": --seed: found -1, expected") for name in ("show", "validate", "export", "speed")),
+    ("render circle --seed -1", ": --seed: found -1, expected a whole number, at least 0.\n"),
     *((f"{RUN} {words}", words.split()[0]) for words in ("--seeds 0", "--seeds x", "--timeout nan", "--memory 0")),
     (f"{RUN} --jobs -1", "--jobs"),
     *((f"{RUN} --repeats {n}", f"found {n}, expected a whole number, at least 1") for n in ("0", "-1", "2.5", "many")),

@@ -18,10 +18,10 @@ FAULTS = ({"stalls": 12.0}, {"late_heading": 0.5}, {"stuck": 6.0}, {"spins": 6.0
 
 
 def followed(seed: int, draw: int, **options: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Errors (n, 3) of steps of a short drive with a micrometre of noise, and NEES of each."""
+    """Errors (n, 3) of steps of a short drive, scans taken at once, a micrometre of noise, and NEES of each."""
     recording, truth = record(Options(laps=0.5, **options), np.random.default_rng(seed))
     noise = 1e-6 * np.random.default_rng(draw).standard_normal(recording.ranges.shape)
-    front_end = matched(replace(recording, ranges=recording.ranges + noise), Settings())
+    front_end = matched(replace(recording, ranges=recording.ranges + noise), Settings(stamp_sd=0.0))
     true = truth.poses[[step.scan for step in front_end.steps]]
     errors = between(between(true[:-1], true[1:]), np.array([step.delta for step in front_end.steps[1:]]))
     cov = np.array([step.cov for step in front_end.steps[1:]])
