@@ -152,6 +152,8 @@ def tilts(imu: Imu, stood: Standing | None, motion: Motion, remarks: list[str]) 
 def _ramps(imu: Imu, angles: Array, unsure: float) -> list[str]:
     """The remark on a robot that leans longer than it rocks, [] without; the mean is known to `unsure`, rad."""
     count = max(round(LASTS * imu.rate), 1)
+    if count > len(angles):
+        return []
     ways = np.concatenate((np.zeros((1, 2)), np.cumsum(angles - np.median(angles, axis=0), axis=0)))
     means = np.abs(ways[count:] - ways[:-count]).max(axis=1) / count
     lost = np.concatenate(([0], np.cumsum(imu.missing)))

@@ -245,7 +245,7 @@ def test_the_paper_has_the_same_figure(few: Drawn) -> None:
 def test_nees_has_a_band_over_logs_and_none_along_one(few: Drawn, tmp_path: Path) -> None:
     over = few.named("nees")
     assert "7 independent logs" in over.caption
-    assert over.caption.endswith("as in the verdict, dead-reckoning, ekf, fastslam and isam2 are consistent.")
+    assert over.caption.endswith("by it, dead-reckoning, ekf, fastslam and isam2 are consistent.")
     one = next(curve for curve in over.plot.curves if curve.label == "dead-reckoning")
     runs = few.log.nees["dead-reckoning"]
     assert len(runs) == 7

@@ -190,6 +190,15 @@ def test_without_a_ramp_nothing_is_said_of_one(seed: int) -> None:
     assert remarks == []
 
 
+def test_a_recording_shorter_than_a_ramp_has_none() -> None:
+    one, remarks = lively_drive(0, 30.0, hills=0.0, sway=0.02), list[str]()
+    for end in (1.0, 1.9):
+        found = tilts(without(one.imu, end, 99.0), None, Track(one.t, one.odometry.poses, TrackNoise()), remarks)
+        assert found is not None
+        assert np.isfinite(found.sd).all()
+    assert remarks == []
+
+
 GAPS = (0.5, 2.0, 5.0)  # s
 AFTER = 2.0  # s after a gap in which levels are judged
 
