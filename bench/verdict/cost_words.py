@@ -1,5 +1,6 @@
 """Says in words what costs bear: how two compare, how they grow along a log, and how they were measured."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -61,10 +62,17 @@ def ends_of(found: Slope) -> str:
 def whole_map(lines: Sequence[Line]) -> int:
     """The first step of those that the slopes are fitted to, if the map is whole there; else 0."""
     first: list[int] = []
-    for values in (line.values for line in lines if "slope_from" in line.values and "whole_from" in line.values):
-        start = values["slope_from"].median
-        first.append(int(start) if values["whole_from"].median <= start else 0)
+    for line in lines:
+        start, whole = _step(line, "slope_from"), _step(line, "whole_from")
+        if start is not None and whole is not None:
+            first.append(start if whole <= start else 0)
     return min(first, default=0)
+
+
+def _step(line: Line, column: str) -> int | None:
+    """A step of a log, the median over logs; None where it is not known."""
+    found = line.values[column].median if column in line.values else math.nan
+    return int(found) if math.isfinite(found) else None
 
 
 def grown(lines: Sequence[Line]) -> str:
@@ -98,11 +106,11 @@ def grown(lines: Sequence[Line]) -> str:
 def _map_growth(lines: Sequence[Line], whole: int) -> str:
     """Says which steps the slopes are of, and with which backends costs grew before; `whole` is `whole_map`."""
     if not whole:
-        late = [int(line.values["whole_from"].median) for line in lines if "whole_from" in line.values]
-        if not late or max(late) == 0:
+        late = max((_step(line, "whole_from") or 0 for line in lines), default=0)
+        if not late:
             return ""
         return (
-            f" The map grows until step {max(late):,}: what costs more with a larger map is not told apart from what "
+            f" The map grows until step {late:,}: what costs more with a larger map is not told apart from what "
             "costs more with time."
         )
     before = [
