@@ -10,6 +10,7 @@ from ...core.truth.errors import named
 from ...datasets.remarks import remarks as of_columns
 from ..words.numerals import number
 from . import truth as of_truth
+from .compass import turned_compass
 from .constant import Constant, constant
 from .explain import STUCK, Contradiction, contradiction
 from .filtered import nis
@@ -74,7 +75,7 @@ def remarked(dataset: Dataset, *, thorough: bool = True, began: Began = silent) 
         found, units = _of_measurements(dataset, began, thorough=thorough), list(wrong_units(*dataset))
         for look in (other_ids, too_long, far_ranges):
             units = units or list(look(dataset))
-        units += other_bearings(dataset)
+        units += [*other_bearings(dataset), *(() if units else turned_compass(*dataset))]
         lone = [*far_start(dataset.log), *beyond_reach(*dataset)]
     return found._replace(
         columns=columns,
