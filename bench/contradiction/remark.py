@@ -76,8 +76,8 @@ def remarked(dataset: Dataset, *, thorough: bool = True, began: Began = silent) 
         found, units = _of_measurements(dataset, began, thorough=thorough), list(wrong_units(*dataset))
         for look in (other_ids, too_long, far_ranges):
             units = units or list(look(dataset))
+        lone = [*(() if units else far_start(*dataset)), *beyond_reach(*dataset)]
         units += [*other_bearings(dataset), *(() if units else turned_compass(*dataset))]
-        lone = [*far_start(dataset.log), *beyond_reach(*dataset)]
     return found._replace(
         columns=columns,
         contradictions=[*found.contradictions, *units],
