@@ -30,10 +30,13 @@ def file_of(path: Path, name: str) -> Path:
     return path.with_stem(f"{path.stem}-{name}") if name else path
 
 
-def recording_in(path: Path, table: str, source: str | None, inside: Sequence[Path], kinds: str) -> Path:
+def recording_in(
+    path: Path, table: str, source: str | None, inside: Sequence[Path], kinds: str, usual: str = ""
+) -> Path:
     """The recording in a folder that the table's `source` names, else the only one `inside`.
 
-    InputError where that is missing, or where there is none of these `kinds`, or several.
+    InputError where that is missing, or where there is none of these `kinds`, of which `usual` is a file's name, or
+    several.
     """
     if source is not None:
         if not (path / source).exists():
@@ -41,5 +44,6 @@ def recording_in(path: Path, table: str, source: str | None, inside: Sequence[Pa
         return path / source
     if len(inside) != 1:
         found = f"found {', '.join(one.name for one in inside) or 'none'}, expected one recording: {kinds}"
-        raise InputError(f"{path}: {found}. [{table}] source in {ROBOT} selects one.")
+        missing = f" {path / usual} is missing, where {ROBOT} has [{table}]." if usual and not inside else ""
+        raise InputError(f"{path}: {found}. [{table}] source in {ROBOT} selects one.{missing}")
     return inside[0]

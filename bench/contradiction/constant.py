@@ -17,7 +17,7 @@ from ...datasets.noise.systematic import NAMES, SENSOR, Systematic, corrected
 from ..measure.landmark_places import comparable
 from ..measure.stated_noise import squares_in, typical_scale
 from ..systematic.fit import CERTAIN, SystematicFit, fitted, of_estimate, of_truth
-from ..systematic.motions_along import SURE, ratio, unlike
+from ..systematic.motions_along import SURE, by_truth, ratio, unlike
 from ..systematic.places import places_of
 from ..systematic.system import System
 from ..systematic.weight import Weight, weight
@@ -121,9 +121,7 @@ class _Off(NamedTuple):
 
         The first ones take a part of an error with them, the others may be wrong.
         """
-        at = rows_of(truth.t, log.t)
-        driven = np.flatnonzero((at[1:] >= 0) & (at[:-1] >= 0)) + 1
-        motions = unlike(log, truth.poses[np.maximum(at, 0)], driven).size
+        motions = unlike(log, *by_truth(log, truth)).size
         found = list[_Off]()
         for one in [truth._replace(map=None)] + [truth] * (truth.map is not None):
             errors = sighting_errors(log, comparable(log, one._replace(assigned=None)))

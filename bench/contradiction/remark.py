@@ -12,10 +12,12 @@ from ...core.truth.errors import named
 from ...datasets.remarks import remarks as of_columns
 from ..words.numerals import number
 from . import truth as of_truth
+from .compass import turned_compass
 from .constant import Constant, constant
 from .explain import STUCK, Contradiction, contradiction
 from .filtered import nis
 from .fit import Fitted
+from .odometry import blamed
 from .outliers import outliers
 from .parts import far_ranges, other_bearings, other_ids
 from .places import elsewhere
@@ -76,8 +78,9 @@ def remarked(dataset: Dataset, *, thorough: bool = True, began: Began = silent) 
         found, units = _of_measurements(dataset, began, thorough=thorough), list(wrong_units(*dataset))
         for look in (partial(out_of_time, kind=RANGE), other_ids, too_long, far_ranges):
             units = units or list(look(dataset))
-        units += list(out_of_time(dataset, BEARING)) or list(other_bearings(dataset))
-        lone = [*far_start(dataset.log), *beyond_reach(*dataset)]
+        lone = [*(() if units else far_start(*dataset)), *beyond_reach(*dataset)]
+        bearings = list(out_of_time(dataset, BEARING)) or list(other_bearings(dataset))
+        units += [*bearings, *(() if units else turned_compass(*dataset))]
     return found._replace(
         columns=columns,
         contradictions=[*found.contradictions, *units],
@@ -103,11 +106,13 @@ def _of_measurements(dataset: Dataset, began: Began, *, thorough: bool | None) -
     if stays is not None and stays.matter:
         rest = _of_measurements(dataset._replace(log=stays.log), silent, thorough=None)
         return rest._replace(contradictions=[stays.sentence, *rest.contradictions], mistaken=True, constant=stays)
+    unfit = list(outliers(found.fits, places.ids))
+    if (said or unfit) and (by_odometry := blamed(dataset, found.fits)):
+        return Remarks([], [by_odometry], [], mistaken=True, constant=stays)
     if said:
         mistaken = not noisy(found) or bool(places.places)
         return Remarks([], [said, *places.places], places.twice, mistaken, stays)
     began(_TRUTH)
-    unfit = list(outliers(found.fits, places.ids))
     odd = [*places.twice, *unfit]
     wrong_truth = list(contradicting_truth(dataset, found.fits, places.places, agrees=not unfit))
     return Remarks([], wrong_truth, odd, bool(wrong_truth), stays)
@@ -199,4 +204,4 @@ def contradicting_truth(
     found = of_headings if len(of_headings) == 1 else []
     for _, fit in fits[:1]:
         found += of_truth.of_map(log, truth, fit)
-    yield from found or places or (of_truth.of_sightings(log, truth) if agrees else ())
+    yield from found or places or (of_truth.of_sightings(log, truth, fits) if agrees else ())

@@ -11,8 +11,10 @@ from ...core.factors import Log, Truth
 from ...core.se2 import Array, Ints, wrap
 from ...core.truth.doubts import judges
 from ...core.truth.errors import rows_of, sighting_errors, standing
+from ..measure.accuracy import align, aligned
 from ..measure.landmark_places import comparable, elsewhere, placed
 from ..measure.stated_noise import NAMED, squares_in, typical_scale
+from ..systematic.motions_along import by_truth, far_out
 from ..words.numerals import listed, number
 from .fit import FAR, Fitted
 from .mistakes import FACTORS, LENGTHS
@@ -37,6 +39,9 @@ share of the others' sightings that is far out."""
 FROM_TRUTH, OFTEN = 3.0, 0.4
 """Typical error from the truth over what is stated, and share that is far out, from which on the truth is another. With
 published logs they are 1.2 and 0.06 at most."""
+
+OTHER = 0.1
+"""Share of stretches of time in which motions are far out from a path, from which on either is of another drive."""
 
 DELAYS = (-10.0, -5.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 """s; a clock's delay is looked for between two of them."""
@@ -164,8 +169,11 @@ def _from(log: Log, truth: Truth) -> float | None:
     return typical_scale(squares_in(errors, log.z_cov), 2) if len(errors.row) >= FEWEST else None
 
 
-def of_sightings(log: Log, truth: Truth) -> Iterator[str]:
-    """Says that sightings which agree with one another are far from the truth, in standard deviations."""
+def of_sightings(log: Log, truth: Truth, fits: Sequence[tuple[Log, Fitted]] = ()) -> Iterator[str]:
+    """Says that sightings which agree with one another are far from the truth, in standard deviations.
+
+    The true path is at fault where it does not fit the motions, and the true places do fit the `fits` of stretches.
+    """
     if not judges(log, truth):
         return
     given = truth._replace(assigned=None)
@@ -188,6 +196,21 @@ def of_sightings(log: Log, truth: Truth) -> Iterator[str]:
         f"stated, and {number(100 * far)} % are far out:"
     )
     by_path = _from(log, truth._replace(map=None)) if right is given and truth.map is not None else None
+    by_places = _from_places(fits, truth) if by_path is not None else None
+    placed_well = by_places is not None and by_places < min(FROM_TRUTH, scale / 2)
+    share, count = far_out(log, *by_truth(log, truth), FAR)
+    if placed_well and share > OTHER:
+        yield (
+            f"{begun} the true path is less precise than the sensor, or of another drive: from it motions are far out "
+            f"in {number(100 * share)} % of {count} stretches of time, and the true places of landmarks alone fit"
+        )
+        return
+    if placed_well and by_path is not None and by_path < FROM_TRUTH:
+        yield (
+            f"{begun} the true path and the true places of landmarks do not belong together, as either alone fits: the "
+            "path is of another drive, or less precise than the sensor, or the places are"
+        )
+        return
     if by_path is not None and by_path < FROM_TRUTH:
         yield f"{begun} the true places of landmarks are less precise than the sensor, as the true path alone fits"
         return
@@ -195,6 +218,24 @@ def of_sightings(log: Log, truth: Truth) -> Iterator[str]:
         f"{begun} the true path is less precise than the sensor, is late, stands still at times, or is of another "
         "place on the robot or another drive"
     )
+
+
+def _from_places(fits: Sequence[tuple[Log, Fitted]], truth: Truth) -> float | None:
+    """The typical error of sightings from the true places over what is stated, the fits of stretches moved onto these.
+
+    None where these tell too little.
+    """
+    known, squares = standing(truth), list[Array]()
+    if known is None:
+        return None
+    for log, fit in fits:
+        row = rows_of(known.ids, fit.landmarks.ids)
+        if (row >= 0).sum() < FEWEST_PLACES:
+            continue
+        poses = aligned(align(fit.landmarks.xy[row >= 0], known.xy[row[row >= 0]]), fit.path)
+        squares.append(squares_in(sighting_errors(log, Truth(log.t, poses, known)), log.z_cov))
+    joined = np.concatenate(squares) if squares else np.zeros(0)
+    return typical_scale(joined, 2) if len(joined) >= FEWEST else None
 
 
 def _elsewhere(ids: Ints, far: NDArray[np.bool_]) -> Ints:

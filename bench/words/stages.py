@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from ...core.kernels.compiled import compiling, made
 from .console import PATIENCE_S, plain, watched, watching
 
 AGAIN_S = 10.0  # s between two lines where there is no terminal
@@ -27,6 +28,7 @@ class Stages:
         self._stage, self._done = "", 0.0  # the share of what has ended
         self._began = self._here = time.monotonic()  # all of them, and this stage
         self._told = -AGAIN_S
+        self._made = made()  # machine code that was compiled before
         self._live = Live(
             get_renderable=self._line, console=console, transient=True, refresh_per_second=2,
             redirect_stdout=False, redirect_stderr=False,
@@ -60,8 +62,8 @@ class Stages:
         return self._stage if left is None else f"{self._stage}, {time_left(left)}"
 
     def _left(self) -> float | None:
-        """The s left; None in the first stage, whose share tells nothing yet."""
-        if not self._done:
+        """The s left; None in the first stage, whose share tells nothing yet, and with time that compiling took."""
+        if not self._done or compiling() or made() > self._made:
             return None
         pace = (self._here - self._began) / self._done
         mine = self._shares[self._stage]

@@ -20,8 +20,8 @@ def metres(degrees: Array, origin: Array) -> Array:
 
 
 def degrees(metres: Array, origin: Array) -> Array:
-    """(n, 2) latitudes and longitudes of places `metres` (n, 2) east and north of `origin` (2,): `metres` undone."""
-    return origin + np.degrees(metres / _radii(origin))[:, ::-1]
+    """(n, 2) latitudes and longitudes of places `metres` (n, 2), or of one, east and north of `origin` (2,)."""
+    return origin + np.degrees(metres / _radii(origin))[..., ::-1]
 
 
 def _radii(origin: Array) -> Array:

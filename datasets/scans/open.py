@@ -157,4 +157,4 @@ def source_of(path: Path, robot: LaserRobot) -> Path:
     if not path.is_dir() or is_whole(path, robot.source):
         return path
     inside = sorted(one for one in path.iterdir() if is_bag(one) or is_carmen(one) or one.name == SCANS)
-    return recording_in(path, "laser", robot.source, inside, _KINDS)
+    return recording_in(path, "laser", robot.source, inside, _KINDS, SCANS)

@@ -23,6 +23,8 @@ from .scan_messages import is_like
 
 SCANS = "scans.csv"
 COLUMNS = ("t", "first", "step")
+UNITS = ((1000.0, "millimetres"), (100.0, "centimetres"))  # per metre
+MOST = 0.5  # share of the ranges that a unit brings within the scanner's, from which on it may be theirs
 
 
 def read_scans_csv(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[str]]:
@@ -48,7 +50,8 @@ def read_scans_csv(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[
         ranges = without_codes(ranges)
     if not ((ranges > scanner.least) & (ranges < scanner.most)).any():
         raise InputError(
-            f"{path}: no range is between {scanner.least:g} and {scanner.most:g} m, expected returns in metres."
+            f"{path}: no range is between {scanner.least:g} and {scanner.most:g} m, expected returns in metres; "
+            f"{_found(ranges, scanner)}."
         )
     name = robot.name or path.absolute().parent.name
     recording = LaserRecording(
@@ -62,6 +65,22 @@ def read_scans_csv(path: Path, robot: LaserRobot) -> tuple[LaserRecording, list[
         fans=None if alike else fans,
     )
     return recording, [] if alike else [f"{path}: {spread(fans)}"]
+
+
+def _found(ranges: Array, scanner: Scanner) -> str:
+    """Says what ranges (n, b), m, there are instead of those that the scanner measures, and what may be the reason."""
+    some = ranges[np.isfinite(ranges)]
+    if not len(some):
+        return "found none that is a number"
+    least, middle, most = (f"{value:.4g}" for value in (some.min(), np.median(some), some.max()))
+    said = f"found {least} to {most}, median {middle}"
+    if not (some > 0).any():
+        return f"{said}: none is above 0" if (some == 0).any() else f"{said}: all are negative"
+    for factor, unit in UNITS:
+        metres = some / factor
+        if ((metres > scanner.least) & (metres < scanner.most)).mean() > MOST:
+            return f"{said}: perhaps {unit}"
+    return said
 
 
 def write_scans_csv(path: Path, t: Array, scanner: Scanner, ranges: Array) -> None:

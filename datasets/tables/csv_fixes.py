@@ -15,6 +15,7 @@ from ...core.se2 import Array, wrap
 from ...core.table import LARGEST, Table
 from ...frontend.wheels.holes import other_unit, outside
 from ...frontend.wheels.track import Track
+from ..fixes.degrees import ORIGIN, exchanged
 from ..fixes.far import far_off
 from ..fixes.geodetic import metres
 from ..formats.columns import in_order, read_columns, repeated
@@ -74,7 +75,9 @@ def _positions(path: Path, options: Options, track: Track, remarks: list[str]) -
         elif options.origin_lat is not None or options.origin_lon is not None:
             raise InputError("options origin_lat and origin_lon of dataset csv: found one, expected both or none.")
         xy, at = metres(table.rows[:, 1:3], origin), f"{origin[0]:.8g}, {origin[1]:.8g}"
+        remarks += exchanged(str(path), table.rows[:, 1:3], origin)
         notes["origin"] = f"latitude and longitude {at}, x being east and y north"
+        notes[ORIGIN] = [float(one) for one in origin]
         if not stated:
             said = "x and y are metres east and north of its first fix, latitude and longitude"
             remarks.append(f"{path}: {said} {at}: options origin_lat and origin_lon state another origin")

@@ -52,6 +52,7 @@ MEASURED = ("detections", "ranges", "bearings", "positions", "headings")
 """Options of files with measurements, one of which there has to be."""
 
 START = ("start_x", "start_y", "start_heading")
+START_UNKNOWN = "the start there is not known"  # in a remark: its pose is none that anybody states
 
 EARLY = 0.25  # share of the steps, after which a truth that begins does not tell the start
 
@@ -88,7 +89,7 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
         given = [name for name in START if name not in missing]
         known = f": {' and '.join(given)} {'is' if len(given) == 1 else 'are'} given, but not" if given else ": options"
         remarks.append(
-            "positions or headings are in the world, but the start there is not known"
+            f"positions or headings are in the world, but {START_UNKNOWN}"
             f"{known} {', '.join(missing)}{'; start_sd states how well' if given else ' and start_sd state it'}"
         )
     if not isinstance(options.start_sd, tuple) and options.start_sd > np.pi:

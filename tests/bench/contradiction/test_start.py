@@ -1,5 +1,6 @@
 """The first position in the world against the start of its log."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,8 @@ from slamduel.bench.contradiction.start import far_start
 from slamduel.bench.plan.load import load
 from slamduel.core.factors import Dataset, Log, Prior
 from slamduel.core.fixes import FixTable
+from slamduel.datasets.fixes.degrees import ORIGIN
+from slamduel.datasets.fixes.geodetic import degrees, metres
 
 
 def made(first: tuple[float, float], start: tuple[float, float], start_sd: float = 1e-3, step: int = 0) -> Log:
@@ -51,3 +54,21 @@ def test_another_frame_is_said_and_where_the_odometry_leads() -> None:
     ]
     (said,) = far_start(made((60.0, 0.0), (0.0, 0.0), step=1))
     assert "from where the odometry leads from the start until" in said
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_origin_in_degrees_that_takes_it_out_is_said(seed: int) -> None:
+    """It is that from which the positions were taken: by the true path to the noise of all, over their root."""
+    log, truth = load("circle[steps=400,gps=1,gps_sd=0.5]", seed)
+    assert log.fixes is not None
+    right, first = np.array([48.1, 11.5]), log.fixes.z[0, :2]
+    z = log.fixes.z - [*first, 0.0]
+    notes = {**log.notes, ORIGIN: degrees(first, right).tolist()}
+    moved = replace(log, fixes=replace(log.fixes, z=z), notes=notes)
+    start = moved.prior._replace(pose=moved.prior.pose + np.array([9.0, 0.0, 0.0]))
+    (said,) = far_start(replace(moved, prior=start), truth)
+    found = re.search(r"by the true path origin_lat=(\S+) and origin_lon=(\S+) of csv", said)
+    assert found is not None
+    apart = metres(np.array([[float(found[1]), float(found[2])]]), right)
+    assert np.hypot(*apart[0]) < 6 * 0.5 * 1.2533 / np.sqrt(len(z) / 2)
+    assert "by the start origin_lat=" in next(iter(far_start(replace(moved, prior=start))))

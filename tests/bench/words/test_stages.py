@@ -87,3 +87,18 @@ def test_a_first_stage_that_lasts_is_told_meanwhile(monkeypatch: pytest.MonkeyPa
 
 def test_a_clock_has_hours_where_there_are_some() -> None:
     assert [clock(s) for s in (5.9, 200, 3800)] == ["0:05", "3:20", "1:03:20"]
+
+
+def test_no_time_is_left_by_a_pace_that_has_compiling_in_it(by_hand: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
+    now, pieces = [False], [3]
+    monkeypatch.setattr(stages, "compiling", lambda: now[0])
+    monkeypatch.setattr(stages, "made", lambda: pieces[0])
+    with Stages(Console(file=io.StringIO()), SHARES) as shown:
+        shown.begin("reading")
+        by_hand.now += 20
+        shown.begin("checking")
+        assert shown.words == "checking, about 60 s left"
+        now[0] = True
+        assert shown.words == "checking", "while it compiles"
+        now[0], pieces[0] = False, 4
+        assert shown.words == "checking", "and after, as the pace was that of compiling"

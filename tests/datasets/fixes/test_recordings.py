@@ -17,8 +17,8 @@ from slamduel.core.se2 import wrap
 from slamduel.core.toml.table import TomlTable
 from slamduel.datasets.bags.bag import Bag
 from slamduel.datasets.cache import generator
-from slamduel.datasets.fixes.degrees import measured
-from slamduel.datasets.fixes.geodetic import metres
+from slamduel.datasets.fixes.degrees import exchanged, measured
+from slamduel.datasets.fixes.geodetic import degrees, metres
 from slamduel.datasets.fixes.gps_csv import FILE, read_gps_csv
 from slamduel.datasets.fixes.gps_messages import read_gps_messages
 from slamduel.datasets.fixes.robot import GpsTable, WorldTables, world_in
@@ -267,3 +267,14 @@ TABLES = {
 def test_faults_in_the_tables_name_their_key(text: str, tmp_path: Path) -> None:
     (tmp_path / "robot.toml").write_text(text)
     refused(TABLES[text], world_in, TomlTable.read(tmp_path / "robot.toml"))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_degrees_that_are_exchanged_far_from_a_stated_origin_are_said(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    origin = np.array([rng.uniform(-60, 60), rng.uniform(-80, 80)])
+    found = degrees(rng.uniform(-200, 200, (30, 2)), origin)
+    assert exchanged("gps.csv", found, origin) == []
+    assert exchanged("gps.csv", found + np.array([3.0, 0.0]), origin) == []  # of another town
+    (said,) = exchanged("gps.csv", found[:, ::-1], origin)
+    assert said.startswith("gps.csv: latitude and longitude are swapped: the positions are ")

@@ -89,7 +89,8 @@ def test_topics_and_sources_choose_the_scans(folders: dict[str, Path], drive: Pa
     (drive / "more").mkdir()
     shutil.move(drive / SCANS, drive / "more" / SCANS)
     refused(
-        r"found none, expected one recording: .*scans.csv. \[laser\] source in robot.toml selects one",
+        r"found none, expected one recording: .*scans.csv. \[laser\] source in robot.toml selects one.* "
+        r"is missing, where robot.toml has \[laser\]",
         open_several,
         drive,
     )
@@ -196,7 +197,10 @@ FAULTS = {
     "t,first,step,r0,r1\n0,0,0.1,1,x": "line 2: r1 is 'x', expected a number",
     "t,first,step,r0,r1\n0,0,-0.1,1,1": "line 2: step is -0.1 rad for 2 beams, expected a step above 0",
     "t,first,step,r0,r1\n0,0,0.1,1,1,1": "line 2: found 6 columns, expected 5, as the header has",
-    "t,first,step,r0,r1\n0,0,0.1,,inf\n1,0,0.1,,nan": "no range is between 0.15 and 25 m, expected returns in metres",
+    "t,first,step,r0,r1\n0,0,0.1,,inf\n1,0,0.1,,nan": "expected returns in metres; found none that is a number",
+    "t,first,step,r0,r1\n0,0,0.1,-2,-3\n1,0,0.1,-1,": "found -3 to -1, median -2: all are negative",
+    "t,first,step,r0,r1\n0,0,0.1,2000,3000\n1,0,0.1,1000,": "found 1000 to 3000, median 2000: perhaps millimetres",
+    "t,first,step,r0,r1\n0,0,0.1,0,0\n1,0,0.1,0,": "found 0 to 0, median 0: none is above 0",
 }
 
 
