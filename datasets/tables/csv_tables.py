@@ -97,7 +97,14 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     told = dict[str, Any]()
     inertial = None
     if options.imu is not None:
-        inertial = open_imu_csv(Path(options.imu), options.imu_table, Poses(track.t, track.poses), told, remarks)
+        inertial = open_imu_csv(
+            Path(options.imu),
+            options.imu_table,
+            Poses(track.t, track.poses),
+            told,
+            remarks,
+            None if truth is None or len(truth.t) < 2 else Poses(truth.t, truth.poses),
+        )
     first = np.full((1, 3), np.nan)
     delta = np.concatenate((first, motions.delta))
     log = Log.from_arrays(

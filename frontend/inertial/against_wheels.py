@@ -1,4 +1,8 @@
-"""A gyro's turns beside those of the robot's odometry: of the same sign and unit, but not of the same readings."""
+"""A gyro's turns beside those of the robot's odometry: in time, of the same sign and unit, but not of the same readings.
+
+What clearly contradicts the odometry is in no log, unless a ground truth agrees with the gyro: of three that tell turns
+the one that disagrees with the other two is wrong.
+"""
 
 from dataclasses import replace
 
@@ -6,72 +10,90 @@ import numpy as np
 
 from ...core.se2 import Array
 from ..wheels.track import Poses
+from .agreement import FEW, MOST, PIECE, TURNS, Agreement, agreement
 from .imu import Imu
 from .turns import integrated
 
-PIECE = 1.0  # s, of which the turns are compared
-FEW, TURNS = 10, 0.01  # pieces, and rad by which their turns have to differ, to tell anything
-AGREE = 0.7  # correlation from which on both are of one drive
 ALIKE = 0.7, 1.4  # the gyro's turn for one of the wheels that wheels of a wrong size or slip explain
 DEGREES = 180 / np.pi
 EXACT = 0.05  # share by which the turns' factor may differ from that of a unit which is said to be another
-
-EVENLY, MOST_BIAS = 0.1, 0.15
-"""rad in a piece: turns of the wheels from which on a drive that always turns alike tells, and the most by a bias."""
 
 SAME = 0.2
 """Of the gyro's white noise, by which the odometry's turns differ from its own: wheels cannot know it that well."""
 
 
-def against_wheels(imu: Imu, odometry: Poses, *, said: str | None) -> Imu:
+def against_wheels(imu: Imu, odometry: Poses, *, said: str | None, truth: Poses | None = None) -> Imu:
     """The readings with remarks, and a doubt, where their turns are not those of the odometry.
 
-    A gyro in degrees/s is converted, unless a unit was `said`, rad/s or deg/s.
+    A gyro in degrees/s is converted, unless a unit was `said`, rad/s or deg/s. The ground truth, if there is one, tells
+    if the odometry is wrong, and is compared where the odometry does not tell turns.
     """
-    gyro, wheels = _turns(imu, odometry)
-    if len(gyro) < FEW:
-        return imu
-    slope = _slope(gyro, wheels)
-    if slope is None:
+    by_truth = None if truth is None else agreement(imu, truth)
+    found = agreement(imu, odometry)
+    by = "odometry"
+    if found is None or (found.slope is None and found.delay is None and not found.other):
+        found, by = by_truth, "ground truth"
+    if found is None:
         return imu
     low, high = ALIKE
-    found = f"{imu.source}: the gyro turns {slope:.3g} rad for each that the odometry turns, expected 1"
-    if low < slope < high:
-        return imu
-    if low < slope / DEGREES < high and not said:
-        found += f": taken to be in degrees/s, and converted; {imu.unit_by} says"
-        return replace(imu, gyro=imu.gyro / DEGREES, remarks=[*imu.remarks, found])
-    turns = True
+    if found.slope is not None and not said and low < found.slope / DEGREES < high:
+        words = (
+            f"{imu.source}: the gyro turns {found.slope:.3g} rad for each that the {by} turns, expected 1: taken to be "
+            f"in degrees/s, and converted; {imu.unit_by} says"
+        )
+        converted = replace(imu, gyro=imu.gyro / DEGREES, remarks=[*imu.remarks, words])
+        return against_wheels(converted, odometry, said="rad/s", truth=truth)
+    delay = found.delay
+    if by_truth is not None and by_truth.delay is not None:
+        delay = by_truth.delay
+    wrong = _contradicted(imu, found, by, said)
+    if not wrong:
+        return replace(imu, delay=delay, clock=by)
+    if by == "odometry" and by_truth is not None and _agrees(by_truth):
+        wrong += ". The ground truth turns as the gyro does: the odometry is wrong, and the gyro's turns are in the log"
+        return replace(imu, delay=delay, clock="ground truth", remarks=[*imu.remarks, wrong])
+    if by == "odometry" and by_truth is not None and _contradicted(imu, by_truth, by, said):
+        wrong += ", as the ground truth has it, too"
+    wrong += "; its turns are not in the log"
+    doubt = f"the gyro's turns are not those of the {by}"
+    return replace(imu, doubt=doubt, turns=False, delay=delay, clock=by, remarks=[*imu.remarks, wrong])
+
+
+def _agrees(found: Agreement) -> bool:
+    """True if the turns are surely those of a path."""
+    low, high = ALIKE
+    return found.slope is not None and low < found.slope < high and not (found.late or found.other)
+
+
+def _contradicted(imu: Imu, found: Agreement, by: str, said: str | None) -> str:
+    """Says what is wrong with the gyro beside a path; empty for nothing."""
+    low, high = ALIKE
+    if found.other:
+        return (
+            f"{imu.source}: the gyro does not turn as the {by} does, at no delay of up to {MOST:g} s: it is typically "
+            f"off by {100 * found.off:.0f} % of a turn: perhaps it is of another drive, or its axes are others"
+        )
+    slope, beside = found.slope, ""
+    if found.late and found.delay is not None:
+        late = found.delay
+        beside = (
+            f"the gyro is {abs(late.seconds):.3f} ± {late.sd:.3f} s {late.word} by its turns beside those of the {by}: "
+            f"{imu.with_delay(late.seconds)} takes that off, if the {by} is in time"
+        )
+    if slope is None or low < slope < high:
+        return beside and f"{imu.source}: {beside}"
+    words = f"{imu.source}: the gyro turns {slope:.3g} rad for each that the {by} turns, expected 1"
     if low < -slope < high:
-        found += ": its axes are turned, as upside down, or the odometry turns clockwise"
+        words += f": its axes are turned, as upside down, or the {by} turns clockwise"
     elif said == "rad/s" and abs(slope / DEGREES - 1) < EXACT:
-        found += f": perhaps it is in deg/s, and not in rad/s as {imu.unit_by} says"
-        turns = False
+        words += f": perhaps it is in deg/s, and not in rad/s as {imu.unit_by} says"
     elif said == "deg/s" and abs(slope * DEGREES - 1) < EXACT:
-        found += f": perhaps it is in rad/s, and not in deg/s as {imu.unit_by} says, or the odometry is in degrees"
-        turns = False
+        words += f": perhaps it is in rad/s, and not in deg/s as {imu.unit_by} says, or the {by} is in degrees"
     elif low < slope * DEGREES < high:
-        found += ": perhaps the odometry's headings are in degrees"
+        words += f": perhaps the {by}'s headings are in degrees"
     else:
-        found += ": perhaps its unit is another"
-    if not turns:
-        found += "; its turns are not in the log"
-    doubt = "the gyro's turns are not those of the odometry"
-    return replace(imu, doubt=doubt, turns=turns, remarks=[*imu.remarks, found])
-
-
-def _slope(gyro: Array, wheels: Array) -> float | None:
-    """The turns (n,) of the gyro for each of the wheels; None where they cannot be compared.
-
-    Of a robot that always turns alike, their means tell, where no bias explains how they differ.
-    """
-    off = wheels - wheels.mean()
-    if wheels.std() < TURNS:
-        differ = abs(float(gyro.mean() - wheels.mean())) > MOST_BIAS
-        return float(gyro.mean() / wheels.mean()) if abs(wheels.mean()) > EVENLY and differ else None
-    if gyro.std() == 0 or abs(float(np.corrcoef(gyro, wheels)[0, 1])) < AGREE:
-        return None
-    return float(gyro @ off / (off @ off))
+        words += f": perhaps its unit is another, or the {by} turns by another factor"
+    return f"{words}; and {beside}" if beside else words
 
 
 def in_odometry(imu: Imu, odometry: Poses) -> bool:
