@@ -93,8 +93,9 @@ def open_imu_csv(
 
     The ground truth, if there is one, tells whether the gyro or the odometry is wrong where they disagree.
     """
-    raw = read_imu_csv(path, table.columns)
-    imu = imu_of(str(path), raw, table, None, [])
+    own = list[str]()
+    raw = read_imu_csv(path, table.columns, own)
+    imu = imu_of(str(path), raw, table, None, own)
     return _judged(imu, odometry, odometry, notes, remarks, said=_unit(raw, table, "gyro"), truth=truth)
 
 
@@ -135,7 +136,7 @@ def _judged(
         imu = against_wheels(imu, path, said=said, truth=truth)
     if imu.delay is not None:
         notes[CLOCK] = {**imu.delay._asdict(), "by": imu.clock}
-        if not imu.turns:
+        if imu.late:
             notes[CLOCK]["off"] = imu.with_delay(imu.delay.seconds)
     stood = standing(imu, odometry)
     if stood.bias is None and odometry is not None:
@@ -160,7 +161,7 @@ def _read(recording: Path, home: Path, table: ImuTable) -> tuple[Imu | None, str
     if file.exists() and topics:
         raise InputError(f"{recording}: has topic {topics[0].name} as well as {file}, expected one of them.")
     if file.exists():
-        raw = read_imu_csv(file, table.columns)
+        raw = read_imu_csv(file, table.columns, remarks)
         return imu_of(str(file), raw, table, None, remarks), _unit(raw, table, "gyro")
     if bag is None or not (topics or table.topic):
         return None, None

@@ -33,10 +33,11 @@ from ...frontend.wheels.held import Held, held, way
 from ...frontend.wheels.holes import Holes
 from ...frontend.wheels.track import Poses, Track, TrackNoise
 from ...frontend.wheels.units import fast_turns, in_degrees
-from ..formats.columns import in_order, read_columns, repeated
+from ..formats.columns import in_order, read_columns, repeated_motions
 from ..inertial.open import beside, open_imu_csv
 from ..registry import Source
 from ..remarks import DETECTED
+from ..repeats import without_repeats
 from ..truth import other_clock, sample, start
 from .csv_fixes import World, world
 from .csv_options import Options
@@ -136,6 +137,8 @@ source = Source(make, Options)
 def _track(path: Path, options: Options, remarks: list[str]) -> tuple[Track, Table]:
     """Converts the odometry, in any of its forms, to poses in a frame of its own; these and the table of its file."""
     table = in_order(read_columns(path, POSES, MOTIONS, SPEEDS, remarks=remarks), strictly=False)
+    if table.columns == POSES:
+        table = without_repeats(table, remarks)
     t, turn = table.column("t"), options.unit("odometry")
     last = np.append(np.diff(t) > 0, True)  # of rows at equal times, as a coarse clock gives, the last counts
     speeds, along = np.zeros((0, 2)), None
@@ -149,7 +152,7 @@ def _track(path: Path, options: Options, remarks: list[str]) -> tuple[Track, Tab
             raise table.fault(row, f"t is {t[row]!s} as in the row before, with another pose, {expected}")
         rates = np.zeros(0)
     elif table.columns == MOTIONS:
-        remarks += repeated(table, "motion")
+        remarks += repeated_motions(table)
         motions = table.rows[1:, 1:] * np.array([1.0, 1.0, turn])  # the motion before the first row is unknown
         poses = summed(np.zeros(3), motions)
         rates = motions[:, 2] * len(motions) / (np.ptp(t) or np.inf)  # by the mean time: stamps may come in bursts

@@ -1,10 +1,11 @@
-"""A gyro's turns beside those of the robot's odometry: in time, of the same sign and unit, but not of the same readings.
+"""A gyro's turns beside those of the robot's odometry: in time, of one sign and unit, but not of the same readings.
 
 What clearly contradicts the odometry is in no log, unless a ground truth agrees with the gyro: of three that tell turns
 the one that disagrees with the other two is wrong.
 """
 
 from dataclasses import replace
+from typing import TypeGuard
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from .turns import integrated
 
 ALIKE = 0.7, 1.4  # the gyro's turn for one of the wheels that wheels of a wrong size or slip explain
 DEGREES = 180 / np.pi
+ODOMETRY, TRUTH = "odometry", "ground truth"
+SAME_TIME = 0.2  # s, up to which two delays are one
 EXACT = 0.05  # share by which the turns' factor may differ from that of a unit which is said to be another
 
 SAME = 0.2
@@ -28,11 +31,9 @@ def against_wheels(imu: Imu, odometry: Poses, *, said: str | None, truth: Poses 
     A gyro in degrees/s is converted, unless a unit was `said`, rad/s or deg/s. The ground truth, if there is one, tells
     if the odometry is wrong, and is compared where the odometry does not tell turns.
     """
-    by_truth = None if truth is None else agreement(imu, truth)
-    found = agreement(imu, odometry)
-    by = "odometry"
-    if found is None or (found.slope is None and found.delay is None and not found.other):
-        found, by = by_truth, "ground truth"
+    wheels = agreement(imu, odometry)
+    right = None if truth is None else agreement(imu, truth)
+    found, by = (right, TRUTH) if _tells(right) and (not _tells(wheels) or _wrong(wheels)) else (wheels, ODOMETRY)
     if found is None:
         return imu
     low, high = ALIKE
@@ -42,33 +43,46 @@ def against_wheels(imu: Imu, odometry: Poses, *, said: str | None, truth: Poses 
             f"in degrees/s, and converted; {imu.unit_by} says"
         )
         converted = replace(imu, gyro=imu.gyro / DEGREES, remarks=[*imu.remarks, words])
-        return against_wheels(converted, odometry, said="rad/s", truth=truth)
-    delay = found.delay
-    if by_truth is not None and by_truth.delay is not None:
-        delay = by_truth.delay
-    wrong = _contradicted(imu, found, by, said)
-    if not wrong:
-        return replace(imu, delay=delay, clock=by)
-    if by == "odometry" and by_truth is not None and _agrees(by_truth):
-        wrong += ". The ground truth turns as the gyro does: the odometry is wrong, and the gyro's turns are in the log"
-        return replace(imu, delay=delay, clock="ground truth", remarks=[*imu.remarks, wrong])
-    if by == "odometry" and by_truth is not None and _contradicted(imu, by_truth, by, said):
-        wrong += ", as the ground truth has it, too"
-    wrong += "; its turns are not in the log"
-    doubt = f"the gyro's turns are not those of the {by}"
-    return replace(imu, doubt=doubt, turns=False, delay=delay, clock=by, remarks=[*imu.remarks, wrong])
+        return against_wheels(converted, odometry, said="found", truth=truth)
+    imu = replace(imu, delay=found.delay, clock=by if found.delay is not None else "", late=found.late)
+    if _wrong(found):
+        words = _words(imu, found, by, said)
+        if by == TRUTH and _tells(wheels) and _alike(found, wheels):
+            words += ", which the odometry's turns say, too"
+        doubt = f"the gyro's turns are not those of the {by}"
+        return replace(imu, doubt=doubt, turns=False, remarks=[*imu.remarks, f"{words}; its turns are not in the log"])
+    if by == TRUTH and _tells(wheels) and _wrong(wheels):
+        words = _words(imu, wheels, ODOMETRY, said)
+        words += ". But it turns as the ground truth does: the odometry is wrong, and the gyro's turns are in the log"
+        return replace(imu, remarks=[*imu.remarks, words])
+    return imu
 
 
-def _agrees(found: Agreement) -> bool:
-    """True if the turns are surely those of a path."""
+def _tells(found: Agreement | None) -> TypeGuard[Agreement]:
+    """True if a path's turns say that they are the gyro's, or that they are not."""
+    return found is not None and (found.slope is not None or found.other)
+
+
+def _wrong(found: Agreement) -> bool:
     low, high = ALIKE
-    return found.slope is not None and low < found.slope < high and not (found.late or found.other)
+    return found.late or found.other or not (found.slope is None or low < found.slope < high)
 
 
-def _contradicted(imu: Imu, found: Agreement, by: str, said: str | None) -> str:
-    """Says what is wrong with the gyro beside a path; empty for nothing."""
+def _alike(found: Agreement, other: Agreement) -> bool:
+    """True if two paths tell the same delay of the gyro."""
+    return (
+        found.late
+        and other.late
+        and found.delay is not None
+        and other.delay is not None
+        and abs(found.delay.seconds - other.delay.seconds) < SAME_TIME
+    )
+
+
+def _words(imu: Imu, found: Agreement, by: str, said: str | None) -> str:
+    """Says what is wrong with the gyro beside a path."""
     low, high = ALIKE
-    if found.other:
+    if found.other or found.slope is None:
         return (
             f"{imu.source}: the gyro does not turn as the {by} does, at no delay of up to {MOST:g} s: it is typically "
             f"off by {100 * found.off:.0f} % of a turn: perhaps it is of another drive, or its axes are others"
@@ -77,11 +91,11 @@ def _contradicted(imu: Imu, found: Agreement, by: str, said: str | None) -> str:
     if found.late and found.delay is not None:
         late = found.delay
         beside = (
-            f"the gyro is {abs(late.seconds):.3f} ± {late.sd:.3f} s {late.word} by its turns beside those of the {by}: "
-            f"{imu.with_delay(late.seconds)} takes that off, if the {by} is in time"
+            f"by the turns of the {by} the gyro is {abs(late.seconds):.3f} ± {late.sd:.3f} s {late.word}: "
+            f"{imu.with_delay(late.seconds)} takes that off{'' if by == TRUTH else ', if the odometry is in time'}"
         )
-    if slope is None or low < slope < high:
-        return beside and f"{imu.source}: {beside}"
+    if low < slope < high:
+        return f"{imu.source}: {beside}"
     words = f"{imu.source}: the gyro turns {slope:.3g} rad for each that the {by} turns, expected 1"
     if low < -slope < high:
         words += f": its axes are turned, as upside down, or the {by} turns clockwise"

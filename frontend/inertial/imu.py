@@ -43,6 +43,7 @@ class Imu:
     offset_by: str = "[imu] time_offset = {offset:.3f} in robot.toml"  # says another, or its negative, {delay:.3f}
     delay: Delay | None = None  # of its stamps, as its turns tell it; None: they do not
     clock: str = ""  # beside whose turns they do
+    late: bool = False  # that delay is no accident
     remarks: Sequence[str] = ()  # what is legal yet odd, each without its full stop
 
     def __len__(self) -> int:

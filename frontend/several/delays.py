@@ -112,5 +112,6 @@ def remark(name: str, sensor: str, by: str, found: Delay) -> str:
     """Says that a sensor's stamps are off."""
     return (
         f"{name}: by the turns of the {by} the stamps of the {sensor} are {1e3 * abs(found.seconds):.0f} "
-        f"± {1e3 * found.sd:.0f} ms {found.word}: [{sensor}] time_offset = {-found.seconds:.3f} in robot.toml takes that off"
+        f"± {1e3 * found.sd:.0f} ms {found.word}: [{sensor}] time_offset = {-found.seconds:.3f} in robot.toml "
+        "takes that off"
     )

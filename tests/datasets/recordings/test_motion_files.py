@@ -111,7 +111,7 @@ def test_shares_of_full_power_and_a_delay(tmp_path: Path) -> None:
 def test_what_cannot_be_read_is_a_sentence(tmp_path: Path, files: dict[str, str], message: str) -> None:
     for name, text in files.items():
         (tmp_path / f"{name}.csv").write_text(text)
-    refused(message, read_readings, tmp_path, None)
+    refused(message, read_readings, tmp_path, None, [])
 
 
 def test_counters_in_one_table_in_rows_of_their_own_and_in_two_files_make_one_log(tmp_path: Path) -> None:
@@ -134,7 +134,7 @@ def test_counters_in_one_table_in_rows_of_their_own_and_in_two_files_make_one_lo
 def test_counters_that_wrap_are_unwrapped_each_by_itself(tmp_path: Path) -> None:
     for name, wheel in (("left", 0), ("right", 1)):
         (tmp_path / f"{name}.csv").write_text(table("t,count", T + 0.01 * wheel, (COUNTS[:, wheel] + 250) % 256))
-    found = read_readings(tmp_path, 8)
+    found = read_readings(tmp_path, 8, [])
     assert isinstance(found, Ticks)
     np.testing.assert_allclose(np.interp(T[1:], found.t, found.counts[:, 0]), COUNTS[1:, 0] + 250, atol=1e-9)
 
