@@ -105,7 +105,9 @@ def test_of_three_clocks_the_one_that_disagrees_with_two_is_late(seed: int) -> N
     odometry = wheels(one, seed)
     said = against_wheels(gyro(one, 1.0), odometry, said=None, truth=exact(one))
     (remark,) = said.remarks
-    assert "by the turns of the ground truth the gyro is 1.0" in remark
+    assert "by the turns of the ground truth the gyro is " in remark
+    assert said.delay is not None
+    assert said.delay.seconds == pytest.approx(1.0, abs=0.01)
     assert "which the odometry's turns say, too; its turns are not in the log" in remark
     assert not said.turns
     late = odometry._replace(t=odometry.t + 1.0)
@@ -124,7 +126,9 @@ def test_degrees_that_are_late_are_converted_and_late(seed: int) -> None:
     said = against_wheels(gyro(one, 0.5, 180 / np.pi), wheels(one, seed), said=None)
     converted, late = said.remarks
     assert "taken to be in degrees/s, and converted" in converted
-    assert "0.5" in late
+    assert "by the turns of the odometry the gyro is" in late
+    assert said.delay is not None
+    assert said.delay.seconds == pytest.approx(0.5, abs=0.03)
     assert (said.turns, said.late) == (False, True)
 
 
@@ -167,7 +171,9 @@ def of_log(log: Log) -> tuple[Imu, Poses]:
     return Imu(t, rates), Poses(log.t, summed(log.prior.pose, log.delta[1:]))
 
 
-@pytest.mark.parametrize(("world", "seed"), first_quick([(w, s) for w in ("aruco-room", "circle") for s in SEEDS]))
+@pytest.mark.parametrize(
+    ("world", "seed"), first_quick([(w, s) for w in ("aruco-room", "circle", "laser-floor") for s in SEEDS])
+)
 @pytest.mark.parametrize("slip", [0.0, 0.2])
 def test_no_simulated_world_has_a_false_remark(world: str, seed: int, slip: float) -> None:
     log, _ = load(f"{world}[gyro=0.01,gyro_bias=1,slip_share={slip}]", seed)
