@@ -21,7 +21,6 @@ from ..frontend.wheels.commands import Speeds
 from ..frontend.wheels.counters import WHEELS, unwrap
 from ..frontend.wheels.ticks import Ticks
 from ..frontend.wheels.track import Poses
-from .repeats import without_repeats
 
 TICKS = "ticks.csv"
 SIDES = tuple(f"{wheel}.csv" for wheel in WHEELS)
@@ -94,7 +93,7 @@ def _in_order(table: Table, remarks: list[str], *, blanks: bool = False) -> Tabl
 
     InputError if it is empty, not finite, or has a time not later than the one before.
     """
-    table = without_repeats(table, remarks)
+    table = table.without_repeats(remarks)
     numbers = table._replace(rows=np.nan_to_num(table.rows, posinf=np.inf, neginf=-np.inf)) if blanks else table
     t = numbers.finite().column("t")
     if not len(t):

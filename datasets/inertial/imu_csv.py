@@ -17,8 +17,7 @@ import numpy as np
 from ...core.csv_values import digits_lost, header_names, no_number, number, other_count, shown
 from ...core.errors import InputError
 from ...core.se2 import Array
-from ...core.table import HUGE, text
-from ..repeats import first_of_repeats
+from ...core.table import HUGE, first_of_repeats, text
 from .units import UNITS, unit
 
 IMU = "imu.csv"

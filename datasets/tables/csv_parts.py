@@ -9,10 +9,9 @@ import numpy as np
 from ...core.factors import UNKNOWN
 from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
-from ...core.table import MOST, Table
+from ...core.table import MOST, Table, first_of_repeats
 from ...frontend.wheels.holes import other_unit, outside
 from ..formats.columns import Fault, in_order, read_columns
-from ..repeats import first_of_repeats, without_repeats
 from .csv_options import Options, within_half
 
 FILES = {RANGE: ("ranges", ("t", "id", "range")), BEARING: ("bearings", ("t", "id", "bearing"))}
@@ -54,7 +53,7 @@ def _read(
         yield from _bad_ids(table)
         yield from _bad_ranges(table) if kind == RANGE else _bad_bearings(table, options)
 
-    table = without_repeats(in_order(read_columns(path, columns, faults=faults), strictly=False), remarks)
+    table = in_order(read_columns(path, columns, faults=faults), strictly=False).without_repeats(remarks)
     t, ids, z = table.column("t") - options.sensor_delay, table.whole("id"), table.rows[:, 2]
     if kind == RANGE:
         var = (options.range_sd + options.range_share * z) ** 2

@@ -24,7 +24,6 @@ from ...core.table import MOST, Table, text
 from ...frontend.wheels.holes import other_unit, outside
 from ..formats.columns import in_order, read_columns
 from ..remarks import POINTS
-from ..repeats import without_repeats
 from .csv_options import Options, within_half
 
 SIGHTINGS = ("t", "id", "range", "bearing")
@@ -117,7 +116,7 @@ def _read(path: Path, options: Options, remarks: list[str]) -> tuple[Table, Arra
     """The table of SIGHTINGS or POINTS, and the signatures of its rows, if they are used."""
     more = () if options.signature_sd is None else SIGNATURE
     table = in_order(read_columns(path, SIGHTINGS + more, POINTS + more, remarks=remarks), strictly=False)
-    table = without_repeats(table, remarks)
+    table = table.without_repeats(remarks)
     if more:
         return table._replace(columns=table.columns[:-1], rows=table.rows[:, :-1]), table.rows[:, -1]
     if "signature" in header_names(text(path).partition("\n")[0]):

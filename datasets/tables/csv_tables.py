@@ -37,7 +37,6 @@ from ..formats.columns import in_order, read_columns, repeated_motions
 from ..inertial.open import beside, open_imu_csv
 from ..registry import Source
 from ..remarks import DETECTED
-from ..repeats import without_repeats
 from ..truth import other_clock, sample, start
 from .csv_fixes import World, world
 from .csv_options import Options
@@ -138,7 +137,7 @@ def _track(path: Path, options: Options, remarks: list[str]) -> tuple[Track, Tab
     """Converts the odometry, in any of its forms, to poses in a frame of its own; these and the table of its file."""
     table = in_order(read_columns(path, POSES, MOTIONS, SPEEDS, remarks=remarks), strictly=False)
     if table.columns == POSES:
-        table = without_repeats(table, remarks)
+        table = table.without_repeats(remarks)
     t, turn = table.column("t"), options.unit("odometry")
     last = np.append(np.diff(t) > 0, True)  # of rows at equal times, as a coarse clock gives, the last counts
     speeds, along = np.zeros((0, 2)), None

@@ -1,4 +1,4 @@
-"""How a gyro's turns agree with those of a path over time: by a delay, a factor, and what is left of each turn.
+"""The agreement of a gyro's turns with those of a path over time: a delay, a factor, and what is left of each turn.
 
 Both are cut into the same pieces of the drive. The delay is the shift of the gyro under which the turns of these
 pieces correlate most, whatever their factor, between two tried ones by a parabola. Wheels that slip are far off in
@@ -69,7 +69,7 @@ class _Tried(NamedTuple):
 
     @property
     def off(self) -> float:
-        """How far a turn typically is off the line through all, of the turn."""
+        """The part by which a turn typically is off the line through all, of the turn."""
         gyro, path = (one - np.median(one) for one in self)
         turns = np.abs(gyro) > TURNED * gyro.std()
         return float(np.median(np.abs(gyro - self.slope * path)[turns]) / np.median(np.abs(gyro[turns])))
@@ -107,7 +107,7 @@ class _Pieces:
 
 
 def agreement(imu: Imu, path: Poses) -> Agreement | None:
-    """How the gyro's turns agree with those of a path; None where too little of the drive is known by both."""
+    """The agreement of the gyro's turns with those of a path; None where too little of the drive is known by both."""
     if len(path.t) < 2 or not np.isfinite(path.poses[:, 2]).all():
         return None
     pieces = _Pieces(imu, path)
@@ -125,7 +125,7 @@ def agreement(imu: Imu, path: Poses) -> Agreement | None:
         turning = min(none.gyro.std(), none.path.std()) > TURNING
         other = turning and abs(tried.correlation) < ALIKE and tried.off > APART
         return Agreement(_slope(none), None, late=False, other=bool(other), off=tried.off)
-    delay = _delay(shifts * GRID, squares, best, len(pieces))
+    delay = _delay(GRID * shifts.astype(np.float64), squares, best, len(pieces))
     gain = len(pieces) * np.log((1 - squares[pieces.most]) / (1 - square))
     if delay is None or not (
         delay.odd and abs(delay.seconds) > pieces.noticed and gain > BETTER and tried.off <= CLOSE

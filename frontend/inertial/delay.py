@@ -1,4 +1,4 @@
-"""By how much the stamps of a sensor are late."""
+"""The delay of a sensor's stamps."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ SURE, LEAST = 4.0, 0.01  # standard deviations, and s, beyond both of which a de
 
 
 class Delay(NamedTuple):
-    """By how much stamps are late."""
+    """The time by which stamps are late."""
 
     seconds: float
     sd: float

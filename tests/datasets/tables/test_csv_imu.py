@@ -1,6 +1,7 @@
 """A gyro that is late, or another's, beside odometry and ground truth in CSV files, and rows that are repeated."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,14 +38,14 @@ class Files:
         self.imu = np.column_stack((t, self.drive.imu.gyro))[::2]
 
     def log(self, *, truth: bool = True, delay: float = 0.0) -> Log:
-        given = {
+        given: dict[str, Any] = {
             "odometry": written(self.folder / "odometry.csv", "t,x,y,heading", self.odometry),
             "headings": written(self.folder / "headings.csv", "t,heading", self.headings),
             "imu": written(self.folder / "imu.csv", IMU, self.imu),
         }
         if truth:
             given["truth"] = written(self.folder / "truth.csv", "t,x,y,heading", self.truth)
-        start = {"start_x": 0.0, "start_y": 0.0, "start_heading": 0.0}
+        start: dict[str, Any] = {"start_x": 0.0, "start_y": 0.0, "start_heading": 0.0}
         return make(Options(**given, **start, imu_delay=delay), np.random.default_rng(0)).log
 
 
