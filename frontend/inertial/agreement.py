@@ -70,6 +70,8 @@ class _Tried(NamedTuple):
     @property
     def off(self) -> float:
         """The part by which a turn typically is off the line through all, of the turn."""
+        if not self.correlation:
+            return 1.0
         gyro, path = (one - np.median(one) for one in self)
         turns = np.abs(gyro) > TURNED * gyro.std()
         return float(np.median(np.abs(gyro - self.slope * path)[turns]) / np.median(np.abs(gyro[turns])))
@@ -86,21 +88,34 @@ class _Pieces:
         self.noticed = max(NOTICED, ROW * row)
         self._long = round(self.seconds / GRID)
         self.most = int(min(MOST, PART * max(end - begin, 0.0)) / GRID)
-        self._start = np.arange(self.most, len(at) - self.most - self._long, max(int(PART * self._long), 1))
-        if len(self._start):
+        every = max(int(PART * self._long), 1)
+        self._all = np.arange(0, len(at) - self._long, every)
+        self._start = np.arange(self.most, len(at) - self.most - self._long, every)
+        if len(self._all):
             self._gyro = integrated(imu.t, imu.gyro[:, 2], at)
             self._unknown = integrated_steps(imu.t, np.where(imu.sound, 0.0, np.diff(imu.t)), at)
             self._path = np.interp(at, path.t, np.unwrap(path.poses[:, 2]))
 
     def __len__(self) -> int:
-        """The number of pieces, those that overlap counted once."""
+        """The number of pieces that both tell at any shift, those that overlap counted once."""
         return int(len(self._start) * PART)
+
+    @property
+    def whole(self) -> int:
+        """The number of all pieces."""
+        return int(len(self._all) * PART)
 
     def at(self, shift: int) -> _Tried:
         """The turns if the gyro is `shift` steps of the grid late, where both are known."""
-        shifted: Ints = self._start + shift
+        return self._between(self._start, self._start + shift)
+
+    def unshifted(self) -> _Tried:
+        """The turns of all pieces."""
+        return self._between(self._all, self._all)
+
+    def _between(self, start: Ints, shifted: Ints) -> _Tried:
         known = self._unknown[shifted + self._long] == self._unknown[shifted]
-        start, shifted = self._start[known], shifted[known]
+        start, shifted = start[known], shifted[known]
         return _Tried(
             self._gyro[shifted + self._long] - self._gyro[shifted], self._path[start + self._long] - self._path[start]
         )
@@ -111,11 +126,13 @@ def agreement(imu: Imu, path: Poses) -> Agreement | None:
     if len(path.t) < 2 or not np.isfinite(path.poses[:, 2]).all():
         return None
     pieces = _Pieces(imu, path)
-    if len(pieces) < FEW:
+    if pieces.whole < FEW:
         return None
-    none = pieces.at(0)
-    if none.path.std() < TURNS or len(none.path) < FEW:
+    none = pieces.unshifted()
+    if len(none.path) < FEW or none.path.std() < TURNS:
         return Agreement(_evenly(none), None, late=False, other=False, off=0.0)
+    if len(pieces) < FEW:
+        return Agreement(_slope(none), None, late=False, other=False, off=0.0)
     shifts = np.arange(-pieces.most, pieces.most + 1)
     squares = np.array([pieces.at(int(shift)).correlation ** 2 for shift in shifts])
     best = int(squares.argmax())

@@ -156,6 +156,10 @@ def test_a_gap_of_the_readings_does_not_count() -> None:
 def test_too_short_a_drive_tells_nothing() -> None:
     one = flat(0, 8.0)
     assert agreement(gyro(one, 1.0), wheels(one, 0)) is None
+    still = replace(one.imu, gyro=0 * one.imu.gyro)
+    assert agreement(still, wheels(one, 0)) is None
+    long = flat(0)
+    assert found(replace(long.imu, gyro=0 * long.imu.gyro), wheels(long, 0)).slope is None
     early = replace(one.imu, t=one.t - 900.0)
     assert agreement(early, wheels(one, 0)) is None
 
