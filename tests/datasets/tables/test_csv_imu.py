@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from inertial_drives import drive
+from slamduel.bench.cli import main
 from slamduel.bench.systematic.delays import told_delays
 from slamduel.core.errors import InputError
 from slamduel.core.factors import Log
@@ -116,3 +117,14 @@ def test_other_values_at_the_time_of_the_row_before_are_refused(name: str, tmp_p
     rows[50, 0] = rows[49, 0]
     with pytest.raises(InputError, match=rf"{name}\.csv, line 52: t is "):
         files.log()
+
+
+def test_explain_says_how_late_the_gyro_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = Files(tmp_path, 0)
+    files.imu[:, 0] += 2.0
+    files.log()
+    given = ",".join(f"{name}={tmp_path / name}.csv" for name in ("odometry", "headings", "imu", "truth"))
+    assert main(["validate", f"csv[{given}]", "--explain"]) == 0
+    (line,) = [one for one in capsys.readouterr().out.splitlines() if "the stamps of the gyro are" in one]
+    assert "By the turns of the ground truth the stamps of the gyro are " in line
+    assert line.endswith("takes that off, and puts its turns into the log.")
