@@ -101,9 +101,33 @@ class Table(NamedTuple):
         """The given rows, in that order."""
         return Table(self.path, self.columns, self.rows[rows], self.lines[rows])
 
+    def without_repeats(self, remarks: list[str]) -> "Table":
+        """The table without rows that repeat the one before, its time too, which one of the `remarks` then says."""
+        return self.take(np.flatnonzero(first_of_repeats(self.path, self.rows, self.lines, remarks)))
+
     def lines_of(self, rows: Ints | slice = slice(None)) -> Lines:
         """The lines that rows are from, one each."""
         return Lines(str(self.path), self.lines[rows], self.lines[rows])
+
+
+def first_of_repeats(
+    path: Path, rows: Array, lines: Ints | Sequence[int], remarks: list[str] | None
+) -> NDArray[np.bool_]:
+    """(n,) which rows (n, columns) do not repeat the one before; adds one remark for the others. Blanks are alike.
+
+    `lines` (n,) are those of the file.
+    """
+    same = ((rows[1:] == rows[:-1]) | (np.isnan(rows[1:]) & np.isnan(rows[:-1]))).all(axis=1)
+    kept = np.append(True, ~same)[: len(rows)]
+    again = np.flatnonzero(~kept)
+    if len(again) and remarks is not None:
+        more = f", and so do {len(again) - 1:,} more rows" * (len(again) > 1)
+        left_out = "they are" if len(again) > 1 else "it is"
+        remarks.append(
+            f"{path}, line {lines[again[0]]}: repeats line {lines[again[0] - 1]}, its time, too{more}: {left_out} left "
+            "out"
+        )
+    return kept
 
 
 def read_csv(path: Path, columns: Sequence[str], *, blanks: bool = False) -> Table:

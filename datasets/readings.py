@@ -34,10 +34,10 @@ RATES = ("t", "v", "omega")
 BOTH = ("t", *WHEELS)
 
 
-def read_readings(folder: Path, counter_bits: int | None) -> Readings | None:
+def read_readings(folder: Path, counter_bits: int | None, remarks: list[str]) -> Readings | None:
     """The readings in `folder`, None without a file of them; InputError names the file and line of a fault.
 
-    Counters `counter_bits` wide are unwrapped.
+    Counters `counter_bits` wide are unwrapped. Rows that repeat the one before are left out, with one of the `remarks`.
     """
     found = [name for name in FILES if os.path.lexists(folder / name)]  # a link to nothing is no missing file
     if not found:
@@ -48,20 +48,20 @@ def read_readings(folder: Path, counter_bits: int | None) -> Readings | None:
     if len(found) > 1 and found != list(SIDES):
         raise InputError(f"{folder}: has {' as well as '.join(found)}, expected one of them.")
     if found == [TICKS]:
-        return _ticks(folder / TICKS, counter_bits)
+        return _ticks(folder / TICKS, counter_bits, remarks)
     if found == list(SIDES):
-        tables = [_in_order(read_csv(folder / name, ("t", "count"))) for name in SIDES]
+        tables = [_in_order(read_csv(folder / name, ("t", "count")), remarks) for name in SIDES]
         return _joined(str(folder), *((one.column("t"), one.column("count")) for one in tables), bits=counter_bits)
     if found == [ODOMETRY]:
-        table = _in_order(read_csv(folder / ODOMETRY, ("t", "x", "y", "heading")))
+        table = _in_order(read_csv(folder / ODOMETRY, ("t", "x", "y", "heading")), remarks)
         return Poses(table.column("t"), table.rows[:, 1:])
-    return _commands(folder / COMMANDS)
+    return _commands(folder / COMMANDS, remarks)
 
 
-def _ticks(path: Path, bits: int | None) -> Ticks:
+def _ticks(path: Path, bits: int | None, remarks: list[str]) -> Ticks:
     table = read_csv(path, BOTH, blanks=True)
+    table = _in_order(table, remarks, blanks=True)
     read = ~np.isnan(table.rows[:, 1:])
-    table = _in_order(table, blanks=True)
     for row in np.flatnonzero(~read.any(axis=1)):
         raise table.fault(row, "has no count, expected that of the left wheel, of the right one, or both")
     for wheel, name in enumerate(WHEELS):
@@ -79,17 +79,21 @@ def _joined(source: str, left: tuple[Array, Array], right: tuple[Array, Array], 
     return joined((left[0], right[0]), (one, other), source)
 
 
-def _commands(path: Path) -> Speeds:
+def _commands(path: Path, remarks: list[str]) -> Speeds:
     names = header_names(text(path).split("\n", 1)[0])
     if set(names) not in (set(RATES), set(BOTH)):
         raise InputError(f"{path}, line 1: found the columns {','.join(names)}, expected t,v,omega or t,left,right.")
     wheels = set(names) == set(BOTH)
-    table = _in_order(read_csv(path, BOTH if wheels else RATES))
+    table = _in_order(read_csv(path, BOTH if wheels else RATES), remarks)
     return Speeds(table.column("t"), table.rows[:, 1:], wheels)
 
 
-def _in_order(table: Table, *, blanks: bool = False) -> Table:
-    """Returns itself; InputError if it is empty, not finite, or has a time not later than the one before."""
+def _in_order(table: Table, remarks: list[str], *, blanks: bool = False) -> Table:
+    """Returns itself without rows that repeat the one before.
+
+    InputError if it is empty, not finite, or has a time not later than the one before.
+    """
+    table = table.without_repeats(remarks)
     numbers = table._replace(rows=np.nan_to_num(table.rows, posinf=np.inf, neginf=-np.inf)) if blanks else table
     t = numbers.finite().column("t")
     if not len(t):

@@ -19,6 +19,7 @@ from ..plan.load import made
 from ..plan.spec import dataset_variants
 from ..plan.values import seed
 from ..plan.variant import DatasetVariant
+from ..systematic.delays import told_delays
 from ..words.console import announced, screen_console
 from ..words.names import short
 from ..words.numerals import counted
@@ -83,6 +84,8 @@ def _validated(variant: DatasetVariant, seed: int, shown: float, wanted: argpars
         with announced(f"trying the usual mistakes on {place}", screen_console(quiet=False, aside=True).print):
             said = explained(place, dataset)
         print(said)
+        for told in told_delays(dataset.log):
+            print(f"{place}: {told.sentence}")
     if odd and wanted.strict:
         print(f"{place}: {len(odd)} remark{'s' * (len(odd) > 1)}, which --strict refuses.")
         return 2

@@ -162,7 +162,7 @@ def _of_folder(path: Path, robot: DepthRobot) -> Sources:
 
 def _recording(path: Path, sources: Sources, robot: DepthRobot, home: Path) -> DepthRecording:
     """Joins images and odometry."""
-    readings = sources.readings or read_readings(home, None)
+    readings = sources.readings or read_readings(home, None, sources.remarks)
     if readings is not None and not isinstance(readings, Poses):
         found = "commands" if isinstance(readings, Speeds) else "counts of wheels"
         raise InputError(f"{home}: has {found}, expected {ODOMETRY} (t,x,y,heading) beside a depth camera.")

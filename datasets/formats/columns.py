@@ -69,8 +69,8 @@ def in_order(table: Table, *, strictly: bool) -> Table:
     return table
 
 
-def repeated(table: Table, noun: str) -> list[str]:
-    """Remarks on rows that are as the row before, their time too: at most one sentence, with the first lines.
+def repeated_motions(table: Table) -> list[str]:
+    """Remarks on motions that are as the row before, their time too: at most one sentence, with the first lines.
 
     None where other rows of equal times differ, as those of a coarse clock do.
     """
@@ -81,7 +81,7 @@ def repeated(table: Table, noun: str) -> list[str]:
         return []
     line, before = table.lines[rows[0]], table.lines[rows[0] - 1]
     more = f", and so do {len(rows) - 1:,} more rows" * (len(rows) > 1)
-    return [f"{table.path}, line {line}: repeats line {before}, so its {noun} counts twice{more}; expected once"]
+    return [f"{table.path}, line {line}: repeats line {before}, so its motion counts twice{more}; expected once"]
 
 
 def _refuse(table: Table, faults: Iterable[Fault]) -> None:

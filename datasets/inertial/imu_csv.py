@@ -17,7 +17,7 @@ import numpy as np
 from ...core.csv_values import digits_lost, header_names, no_number, number, other_count, shown
 from ...core.errors import InputError
 from ...core.se2 import Array
-from ...core.table import HUGE, text
+from ...core.table import HUGE, first_of_repeats, text
 from .units import UNITS, unit
 
 IMU = "imu.csv"
@@ -55,8 +55,11 @@ class _Column(NamedTuple):
     unit: str | None
 
 
-def read_imu_csv(path: Path, columns: Sequence[str] | None = None) -> Raw:
-    """Reads the file, whose header is `columns` where it has none; InputError names the file, line and column."""
+def read_imu_csv(path: Path, columns: Sequence[str] | None = None, remarks: list[str] | None = None) -> Raw:
+    """Reads the file, whose header is `columns` where it has none; InputError names the file, line and column.
+
+    A row that repeats the one before is left out, with one of the `remarks`.
+    """
     lines = text(path).split("\n")
     first = 0 if columns is not None else 1
     header = list(columns) if columns is not None else header_names(lines[0].lstrip("#"))
@@ -79,6 +82,10 @@ def read_imu_csv(path: Path, columns: Sequence[str] | None = None) -> Raw:
         raise InputError(f"{path}: found {len(numbers)} rows, expected at least 2.")
     wanted = [(sensor, axis) for sensor, found in places.items() for axis in found]
     rows = _rows(path, lines, numbers, header, [places[sensor][axis][0] for sensor, axis in wanted], wanted)
+    kept = first_of_repeats(path, rows, [line + 1 for line in numbers], remarks)
+    rows, numbers = rows[kept], [line for line, first in zip(numbers, kept.tolist(), strict=True) if first]
+    if len(rows) < 2:
+        raise InputError(f"{path}: found {len(rows)} rows that differ, expected at least 2.")
     found = {sensor: rows[:, [wanted.index((sensor, axis)) for axis in sorted(places[sensor])]] for sensor in places}
     units = {sensor: _unit_of(path, sensor, places[sensor]) for sensor in places}
     t = found["t"][:, 0] * UNITS["t"][units.pop("t") or "s"]

@@ -32,6 +32,8 @@ from .units import accelerations, fields, rates
 
 BASES = ("base_link", "base_footprint")  # frames of the robot itself
 
+CLOCK = "imu_late"  # how late its stamps are, and by whose turns, among a log's notes
+
 NOTE = "imu"  # the readings in a sentence, among a log's notes
 
 SLOW = 5.0  # s between readings: times in milliseconds
@@ -80,12 +82,21 @@ def open_imu(
 
 
 def open_imu_csv(
-    path: Path, table: ImuTable, odometry: Readings, notes: dict[str, Any], remarks: list[str]
+    path: Path,
+    table: ImuTable,
+    odometry: Readings,
+    notes: dict[str, Any],
+    remarks: list[str],
+    truth: Poses | None = None,
 ) -> OpenedImu:
-    """The inertial readings of a CSV file, as those of `open_imu`; InputError for what cannot be used."""
-    raw = read_imu_csv(path, table.columns)
-    imu = imu_of(str(path), raw, table, None, [])
-    return _judged(imu, odometry, odometry, notes, remarks, said=_unit(raw, table, "gyro"))
+    """The inertial readings of a CSV file, as those of `open_imu`; InputError for what cannot be used.
+
+    The ground truth, if there is one, tells whether the gyro or the odometry is wrong where they disagree.
+    """
+    own = list[str]()
+    raw = read_imu_csv(path, table.columns, own)
+    imu = imu_of(str(path), raw, table, None, own)
+    return _judged(imu, odometry, odometry, notes, remarks, said=_unit(raw, table, "gyro"), truth=truth)
 
 
 def beside(log: Log, opened: OpenedImu | None, first: int = 0) -> Log:
@@ -118,10 +129,15 @@ def _judged(
     remarks: list[str],
     *,
     said: str | None,
+    truth: Poses | None = None,
 ) -> OpenedImu:
     """The readings, compared with the odometry and with its `path`, where these are poses; `said`: the gyro's unit."""
     if isinstance(path, Poses):
-        imu = against_wheels(imu, path, said=said)
+        imu = against_wheels(imu, path, said=said, truth=truth)
+    if imu.delay is not None:
+        notes[CLOCK] = {**imu.delay._asdict(), "by": imu.clock}
+        if imu.late:
+            notes[CLOCK]["off"] = imu.with_delay(imu.delay.seconds)
     stood = standing(imu, odometry)
     if stood.bias is None and odometry is not None:
         stood = standing(imu)  # wheels that never stand, or that are late
@@ -145,7 +161,7 @@ def _read(recording: Path, home: Path, table: ImuTable) -> tuple[Imu | None, str
     if file.exists() and topics:
         raise InputError(f"{recording}: has topic {topics[0].name} as well as {file}, expected one of them.")
     if file.exists():
-        raw = read_imu_csv(file, table.columns)
+        raw = read_imu_csv(file, table.columns, remarks)
         return imu_of(str(file), raw, table, None, remarks), _unit(raw, table, "gyro")
     if bag is None or not (topics or table.topic):
         return None, None
@@ -194,6 +210,8 @@ def imu_of(where: str, raw: Raw, table: ImuTable, by_tf: Array | None, remarks: 
         mounting=on.words,
         placed=on.told,
         source=where,
+        offset=table.time_offset,
+        offset_by=table.says.offset,
         times_by=table.says.times,
         unit_by=_by(raw, table, "gyro"),
     )

@@ -33,13 +33,17 @@ SPELT: Mapping[str, str] = {
 
 
 class Says(NamedTuple):
-    """Names what can say how readings are to be taken, in remarks: each followed by "says", the times' by "moves"."""
+    """Names what can say how readings are to be taken, in remarks: each followed by "says", the times' by "moves".
+
+    The `offset` says another, {offset} s or the delay of {delay} s.
+    """
 
     gyro: str = "[imu] gyro in robot.toml"
     accelerometer: str = "[imu] accelerometer in robot.toml"
     magnetometer: str = "[imu] magnetometer in robot.toml"
     mounting: str = "[imu] mounting in robot.toml"
     mounted: str = "robot.toml"  # has said it
+    offset: str = "[imu] time_offset = {offset:.3f} in robot.toml"
     times: str = f"[imu] time_offset in robot.toml (up to {LIMITS['imu.time_offset'][0].most:g} s)"
 
 

@@ -102,7 +102,7 @@ def _plain(frames: Iterable[Frame], length: int | None) -> Streams:
 
 def _with_files(streams: Streams, home: Path, robot: Robot) -> Streams:
     """The streams with the readings at `home`, unless a bag has some, and the truth."""
-    readings = streams.readings or read_readings(home, robot.counter_bits)
+    readings = streams.readings or read_readings(home, robot.counter_bits, streams.remarks)
     return streams._replace(readings=readings, truth=read_truth(home))
 
 

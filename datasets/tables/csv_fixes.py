@@ -18,7 +18,7 @@ from ...frontend.wheels.track import Track
 from ..fixes.degrees import ORIGIN, exchanged
 from ..fixes.far import far_off
 from ..fixes.geodetic import metres
-from ..formats.columns import in_order, read_columns, repeated
+from ..formats.columns import in_order, read_columns
 from .csv_options import Options
 
 XY, GLOBE, HEADING, SD = ("t", "x", "y"), ("t", "lat", "lon"), ("t", "heading"), ("sd",)
@@ -64,8 +64,7 @@ def _joined(one: World, other: World, path: Path, noun: str, start: float, end: 
 
 
 def _positions(path: Path, options: Options, track: Track, remarks: list[str]) -> World:
-    table = in_order(read_columns(path, XY + SD, GLOBE + SD, XY, GLOBE), strictly=False)
-    remarks += repeated(table, "position")
+    table = in_order(read_columns(path, XY + SD, GLOBE + SD, XY, GLOBE), strictly=False).without_repeats(remarks)
     sd, notes = _sds(table, options.position_sd, "position_sd"), dict[str, Any]()
     if table.columns[1] == "lat":
         table.bounded(-90, 90, "lat").bounded(-360, 360, "lon")
@@ -98,8 +97,7 @@ def _positions(path: Path, options: Options, track: Track, remarks: list[str]) -
 
 
 def _headings(path: Path, options: Options, track: Track, remarks: list[str]) -> World:  # noqa: ARG001 - as _positions
-    table = in_order(read_columns(path, HEADING + SD, HEADING), strictly=False)
-    remarks += repeated(table, "heading")
+    table = in_order(read_columns(path, HEADING + SD, HEADING), strictly=False).without_repeats(remarks)
     sd, unit = _sds(table, options.heading_sd, "heading_sd"), options.unit("headings")
     measured = table.column("heading") * unit
     for row in np.flatnonzero(np.abs(measured) > TURN):

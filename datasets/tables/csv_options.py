@@ -21,6 +21,7 @@ IMU_SAYS = Says(
     magnetometer="a header such as mag_x [uT]",
     mounting="option imu_roll, imu_pitch or imu_yaw",
     mounted="option imu_roll, imu_pitch or imu_yaw",
+    offset="option imu_delay={delay:.3f}",
     times="option imu_delay",
 )
 

@@ -9,7 +9,7 @@ import numpy as np
 from ...core.factors import UNKNOWN
 from ...core.partial import BEARING, RANGE, PartialTable
 from ...core.se2 import Array, Ints
-from ...core.table import MOST, Table
+from ...core.table import MOST, Table, first_of_repeats
 from ...frontend.wheels.holes import other_unit, outside
 from ..formats.columns import Fault, in_order, read_columns
 from .csv_options import Options, within_half
@@ -53,7 +53,7 @@ def _read(
         yield from _bad_ids(table)
         yield from _bad_ranges(table) if kind == RANGE else _bad_bearings(table, options)
 
-    table = in_order(read_columns(path, columns, faults=faults), strictly=False)
+    table = in_order(read_columns(path, columns, faults=faults), strictly=False).without_repeats(remarks)
     t, ids, z = table.column("t") - options.sensor_delay, table.whole("id"), table.rows[:, 2]
     if kind == RANGE:
         var = (options.range_sd + options.range_share * z) ** 2
@@ -82,13 +82,14 @@ def _bad_bearings(table: Table, options: Options) -> Iterator[Fault]:
 
 
 def _bad_ids(table: Table) -> Iterator[Fault]:
-    """Ids that are none, or that occur twice at a time."""
+    """Ids that are none, or that occur twice at a time with other values."""
     ids, t = table.column("id"), table.column("t")
     for row in np.flatnonzero(~((np.abs(ids) <= MOST) & (ids == np.rint(ids)))):
         yield int(row), f"id is {ids[row]!s}, expected a whole number up to {MOST}"
     for row in np.flatnonzero((ids < UNKNOWN) | (ids > MOST)):
         yield int(row), f"id is {ids[row]:.0f}, expected 0 to {MOST}, or {UNKNOWN} for unknown"
-    order = np.lexsort((ids, t))
+    once = np.flatnonzero(first_of_repeats(table.path, table.rows, table.lines, None))
+    order = once[np.lexsort((ids[once], t[once]))]
     twin = (np.diff(t[order]) == 0) & (np.diff(ids[order]) == 0) & (ids[order[1:]] != UNKNOWN)
     for row in np.sort(order[1:][twin]):
         yield int(row), f"id {ids[row]:.0f} occurs twice at t {t[row]!s}, expected once"

@@ -122,6 +122,7 @@ def _read(path: Path, options: Options, remarks: list[str]) -> tuple[Table, Arra
             f"columns {shown(header)}."
         )
     table = in_order(read_columns(path, SIGHTINGS + more, POINTS + more, remarks=remarks), strictly=False)
+    table = table.without_repeats(remarks)
     if more:
         return table._replace(columns=table.columns[:-1], rows=table.rows[:, :-1]), table.rows[:, -1]
     if "signature" in header:

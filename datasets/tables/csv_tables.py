@@ -33,7 +33,7 @@ from ...frontend.wheels.held import Held, held, way
 from ...frontend.wheels.holes import Holes
 from ...frontend.wheels.track import Poses, Track, TrackNoise
 from ...frontend.wheels.units import fast_turns, in_degrees
-from ..formats.columns import in_order, read_columns, repeated
+from ..formats.columns import in_order, read_columns, repeated_motions
 from ..inertial.open import beside, open_imu_csv
 from ..registry import Source
 from ..remarks import DETECTED
@@ -98,7 +98,14 @@ def make(options: Options, rng: np.random.Generator) -> Dataset:  # noqa: ARG001
     told = dict[str, Any]()
     inertial = None
     if options.imu is not None:
-        inertial = open_imu_csv(Path(options.imu), options.imu_table, Poses(track.t, track.poses), told, remarks)
+        inertial = open_imu_csv(
+            Path(options.imu),
+            options.imu_table,
+            Poses(track.t, track.poses),
+            told,
+            remarks,
+            None if truth is None or len(truth.t) < 2 else Poses(truth.t, truth.poses),
+        )
     first = np.full((1, 3), np.nan)
     delta = np.concatenate((first, motions.delta))
     log = Log.from_arrays(
@@ -130,6 +137,8 @@ source = Source(make, Options)
 def _track(path: Path, options: Options, remarks: list[str]) -> tuple[Track, Table]:
     """Converts the odometry, in any of its forms, to poses in a frame of its own; these and the table of its file."""
     table = in_order(read_columns(path, POSES, MOTIONS, SPEEDS, remarks=remarks), strictly=False)
+    if table.columns == POSES:
+        table = table.without_repeats(remarks)
     t, turn = table.column("t"), options.unit("odometry")
     last = np.append(np.diff(t) > 0, True)  # of rows at equal times, as a coarse clock gives, the last counts
     speeds, along = np.zeros((0, 2)), None
@@ -143,7 +152,7 @@ def _track(path: Path, options: Options, remarks: list[str]) -> tuple[Track, Tab
             raise table.fault(row, f"t is {t[row]!s} as in the row before, with another pose, {expected}")
         rates = np.zeros(0)
     elif table.columns == MOTIONS:
-        remarks += repeated(table, "motion")
+        remarks += repeated_motions(table)
         motions = table.rows[1:, 1:] * np.array([1.0, 1.0, turn])  # the motion before the first row is unknown
         poses = summed(np.zeros(3), motions)
         rates = motions[:, 2] * len(motions) / (np.ptp(t) or np.inf)  # by the mean time: stamps may come in bursts

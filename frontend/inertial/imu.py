@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.se2 import Array
+from .delay import Delay
 
 GRAVITY = 9.80665  # m/s^2
 
@@ -37,11 +38,21 @@ class Imu:
     times_by: str = "[imu] time_offset in robot.toml"  # moves its times
     unit_by: str = "[imu] gyro in robot.toml"  # says the gyro's unit, or can
     doubt: str = ""  # what contradicts the gyro, so that nothing is levelled by it, in words; empty: nothing does
-    turns: bool = True  # False: its unit is not that which was said, and its turns are in no log
+    turns: bool = True  # False: they are clearly not those of the robot, and in no log
+    offset: float = 0.0  # s, that was added to its times
+    offset_by: str = "[imu] time_offset = {offset:.3f} in robot.toml"  # says another, or its negative, {delay:.3f}
+    delay: Delay | None = None  # of its stamps, as its turns tell it; None: they do not
+    clock: str = ""  # beside whose turns they do
+    late: bool = False  # that delay is no accident
     remarks: Sequence[str] = ()  # what is legal yet odd, each without its full stop
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def with_delay(self, seconds: float) -> str:
+        """Words for what takes a delay off its times, beside what was taken off them already."""
+        offset = self.offset - seconds
+        return self.offset_by.format(offset=offset, delay=-offset)
 
     @cached_property
     def usual(self) -> float:

@@ -10,28 +10,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ...core.se2 import Array, Ints, wrap
+from ..inertial.delay import Delay
 from ..inertial.imu import Imu
 from ..wheels.motion import Drift, Motion
 
 MOST, GRID = 0.5, 0.005  # s, the largest delay that is looked for, and between those tried
 FEW = 10  # turns that tell anything
 KNOWN = 0.03  # s, the standard deviation of a delay that is worth telling
-SURE, LEAST = 4.0, 0.01  # standard deviations, and s, beyond both of which a delay is a remark
 SINGLE = 4.0  # standard deviations beyond which a turn counts less
 BENT = 4  # grid points to each side that a parabola goes through: headings between readings are interpolated
 UNKNOWN_BIAS = 0.02  # rad/s
-
-
-class Delay(NamedTuple):
-    """By how much stamps are late."""
-
-    seconds: float
-    sd: float
-
-    @property
-    def odd(self) -> bool:
-        """True where it is no accident."""
-        return abs(self.seconds) > max(SURE * self.sd, LEAST)
 
 
 class Turning(NamedTuple):
@@ -54,8 +42,8 @@ class Turned(NamedTuple):
 
 
 def turning(motion: Motion, imu: Imu | None) -> Turning | None:
-    """The turning by a gyro without gaps, else by the wheels; None without both."""
-    if imu is not None and imu.sound.all():
+    """The turning by a gyro without gaps that nothing contradicts, else by the wheels; None without both."""
+    if imu is not None and imu.turns and imu.sound.all():
         between = np.diff(imu.t)
         rate = imu.gyro[:, 2]
         heading = np.concatenate(([0.0], np.cumsum((rate[1:] + rate[:-1]) / 2 * between)))
@@ -122,8 +110,8 @@ def delay(known: Turning, seen: Turned) -> Delay | None:
 
 def remark(name: str, sensor: str, by: str, found: Delay) -> str:
     """Says that a sensor's stamps are off."""
-    word = "late" if found.seconds > 0 else "early"
     return (
         f"{name}: by the turns of the {by} the stamps of the {sensor} are {1e3 * abs(found.seconds):.0f} "
-        f"± {1e3 * found.sd:.0f} ms {word}: [{sensor}] time_offset = {-found.seconds:.3f} in robot.toml takes that off"
+        f"± {1e3 * found.sd:.0f} ms {found.word}: [{sensor}] time_offset = {-found.seconds:.3f} in robot.toml "
+        "takes that off"
     )

@@ -92,7 +92,7 @@ def test_files_beside_frames(tmp_path: Path, kind: str) -> None:
     names = {"ticks": "ticks.csv", "poses": "odometry.csv", "tum": "truth.tum", "landmarks": "landmarks.csv"}
     for content in spoiled(kind):
         (tmp_path / names[kind]).write_text(content)
-        ends(lambda: read_readings(tmp_path, 16))
+        ends(lambda: read_readings(tmp_path, 16, []))
         ends(lambda: read_truth(tmp_path))
 
 

@@ -347,7 +347,7 @@ BAD: dict[str, tuple[str, str]] = {
         "t,gx [rad/s],gy [deg/s],gz [deg/s]\n1,2,3,4\n2,3,4,5\n",
         "the axes of the gyro have the units deg/s and",
     ),
-    "backwards": ("t,gx,gy,gz\n1,0,0,0\n1,0,0,0\n", "line 3: t is 1.0, expected later than 1.0"),
+    "backwards": ("t,gx,gy,gz\n1,0,0,0\n1,0,0,1\n", "line 3: t is 1.0, expected later than 1.0"),
     "no number": ("t,gx,gy,gz\n1,0,0,x\n2,0,0,0\n", "line 2: gz is 'x', expected a number"),
     "blank": ("t,gx,gy,gz\n1,0,0,0\n2,0,,0\n", "line 3: gy is blank, expected a number"),
     "short": ("t,gx,gy,gz\n1,0,0,0\n2,0,0\n", "line 3: found 3 columns, expected 4"),

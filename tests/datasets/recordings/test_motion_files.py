@@ -55,6 +55,21 @@ def table(header: str, *columns: Array) -> str:
 RATES = table("t,v,omega", T, np.full(41, 0.5), np.full(41, 0.4))
 
 
+def test_a_row_that_repeats_the_one_before_is_left_out_with_a_remark(tmp_path: Path) -> None:
+    for name, rows in {
+        "commands.csv": "t,v,omega\n0,1,0\n0,1,0\n1,2,0\n",
+        "odometry.csv": "t,x,y,heading\n0,1,0,0\n0,1,0,0\n1,2,0,0\n",
+        "ticks.csv": "t,left,right\n0,1,\n0,1,\n1,2,3\n2,3,4\n",
+    }.items():
+        folder, remarks = tmp_path / name.partition(".")[0], list[str]()
+        folder.mkdir()
+        (folder / name).write_text(rows)
+        read = read_readings(folder, None, remarks)
+        assert read is not None
+        assert remarks == [f"{folder / name}, line 3: repeats line 2, its time, too: it is left out"]
+        assert np.diff(read.t).min() > 0
+
+
 def test_commands_are_the_motion_of_frames_and_their_noise_is_said(tmp_path: Path) -> None:
     log = log_of(drive(tmp_path / "a", "", commands=RATES))
     np.testing.assert_allclose(log.delta[1:], np.tile([0.05, 0.001, 0.04], (9, 1)), atol=2e-5)
@@ -92,7 +107,7 @@ def test_shares_of_full_power_and_a_delay(tmp_path: Path) -> None:
             {"commands": "t,v\n0,1\n"},
             r"commands\.csv, line 1: found the columns t,v, expected t,v,omega or t,left,right",
         ),
-        ({"commands": "t,v,omega\n0,1,0\n0,1,0\n"}, r"commands\.csv, line 3: t is 0\.0, expected later than 0\.0"),
+        ({"commands": "t,v,omega\n0,1,0\n0,2,0\n"}, r"commands\.csv, line 3: t is 0\.0, expected later than 0\.0"),
         ({"commands": "t,v,omega\n0,1,x\n"}, r"commands\.csv, line 2: omega is 'x', expected a number"),
         ({"commands": RATES, "ticks": "t,left,right\n"}, r"has ticks\.csv as well as commands\.csv, expected one"),
         ({"left": "t,count\n0,1\n"}, r"has left\.csv without right\.csv, expected both"),
@@ -111,7 +126,7 @@ def test_shares_of_full_power_and_a_delay(tmp_path: Path) -> None:
 def test_what_cannot_be_read_is_a_sentence(tmp_path: Path, files: dict[str, str], message: str) -> None:
     for name, text in files.items():
         (tmp_path / f"{name}.csv").write_text(text)
-    refused(message, read_readings, tmp_path, None)
+    refused(message, read_readings, tmp_path, None, [])
 
 
 def test_counters_in_one_table_in_rows_of_their_own_and_in_two_files_make_one_log(tmp_path: Path) -> None:
@@ -134,7 +149,7 @@ def test_counters_in_one_table_in_rows_of_their_own_and_in_two_files_make_one_lo
 def test_counters_that_wrap_are_unwrapped_each_by_itself(tmp_path: Path) -> None:
     for name, wheel in (("left", 0), ("right", 1)):
         (tmp_path / f"{name}.csv").write_text(table("t,count", T + 0.01 * wheel, (COUNTS[:, wheel] + 250) % 256))
-    found = read_readings(tmp_path, 8)
+    found = read_readings(tmp_path, 8, [])
     assert isinstance(found, Ticks)
     np.testing.assert_allclose(np.interp(T[1:], found.t, found.counts[:, 0]), COUNTS[1:, 0] + 250, atol=1e-9)
 

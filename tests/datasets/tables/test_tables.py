@@ -346,7 +346,7 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
     "same": (changed("odometry", 7, "0.4,0,0,0"), "odometry.csv, line 7: t is 0.4 as in the row before, with another"),
     "id": (changed("detections", 3, "0.5,1.5,1,0"), "detections.csv, line 3: id is 1.5, expected a whole number"),
     "negative": (changed("detections", 3, "0.5,-2,1,0"), "detections.csv, line 3: id is -2, expected 0 to"),
-    "again": (changed("detections", 3, "0.5,0,1,0"), "detections.csv, line 3: id 0 occurs twice at t 0.5"),
+    "again": (changed("detections", 3, "0.5,0,1.5,0"), "detections.csv, line 3: id 0 occurs twice at t 0.5"),
     "range": (changed("detections", 3, "0.5,1,0,0"), "detections.csv, line 3: the range is 0.0, expected more than 0"),
     "degrees": (changed("detections", 3, "0.5,1,1,90"), "line 3: bearing is 90.0 radians, expected at most half"),
     "back": (changed("detections", 4, "0.4,1,1,0"), "detections.csv, line 4: t is 0.4, expected no earlier than 0.5"),
