@@ -161,7 +161,7 @@ def maps() -> None:
     drive("ekf", lost, association="nn")
     drive("mcl", lost, particles=200)
     clouds = room.room_clouds()
-    occupancy(Obstacles(clouds), room.PATH)
+    assert occupancy(Obstacles(clouds), room.PATH).states.any()
     top_view(clouds, room.PATH)
     depth, _ = room.seen(room.PATH[0])
     for lens in ("pinhole", "fisheye"):
