@@ -119,6 +119,7 @@ def address(site: Path) -> Iterator[str]:
 def test_pages_fit_are_quiet_and_can_be_read(site: Path, address: str, browser: Any, width: int, dark: bool) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe-playwright-python is not installed")
     page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme="dark" if dark else "light")
+    page.set_default_timeout(120_000)  # ms
     said: list[str] = []
     page.on("console", lambda message: said.append(message.text))
     page.on("pageerror", lambda error: said.append(str(error)))

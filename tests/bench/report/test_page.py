@@ -54,7 +54,7 @@ class Seen:
         self.page.on("console", lambda message: self.said.append(message.text))
         self.page.on("pageerror", lambda error: self.said.append(str(error)))
         self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.set_default_timeout(10_000)  # ms
+        self.page.set_default_timeout(120_000)  # ms
         self.page.goto(address)
 
 
@@ -299,7 +299,7 @@ def test_everything_is_there_without_a_script(browser: Any, address: str) -> Non
 
 def overflow_without_script(page: Any) -> bool:
     """Whether the picture of the whole page is as wide as the window: nothing can be asked where no script runs."""
-    width = int.from_bytes(page.screenshot(full_page=True, timeout=120_000)[16:20], "big")
+    width = int.from_bytes(page.screenshot(full_page=True)[16:20], "big")
     return width == page.viewport_size["width"]
 
 
