@@ -14,6 +14,7 @@ from slamduel.bench.contradiction.remark import remarks as all_remarks
 from slamduel.bench.plan.load import load, made
 from slamduel.bench.study import file as study_file
 from slamduel.core.factors import REMARKS, Dataset, Log, Map
+from slamduel.core.partial import NO_IDS
 from slamduel.datasets import archive
 from slamduel.datasets.formats import log_folder
 from slamduel.datasets.published import catalogue
@@ -127,6 +128,8 @@ def test_no_log_of_a_packaged_study_has_a_remark(name: str) -> None:
             assert "have no id: " in without_ids
         elif getattr(dataset.options, "odometry", "") == "visual" and not dataset.options.loops:
             assert odd == [NO_SIGHTING]
+        elif getattr(dataset.options, "ranges_only", 0.0) == 1 and dataset.options.ids == "hidden":
+            assert [NO_IDS in one for one in odd] == [True]  # what wheels and positions tell alone
         else:
             assert odd == [], f"{dataset.label}, seed {seed}"
     assert seen
