@@ -96,7 +96,6 @@ class Placed(NamedTuple):
     t: float
     scan: Scan
     pose: Array  # (3,) on the matcher's path
-    information: Array  # (3, 3) of the points
     explained: float  # share of the points, those on ground that the submap has not seen in part
     score: float  # of this scan: explained, less what jerks and the wheels' place cost, while these agree
     off_wheels: float  # squared distance from where the wheels have it since they last agreed
@@ -122,7 +121,7 @@ class Tracker:
 
     def start(self, t: float, scan: Scan) -> Placed:
         """Takes the first scan."""
-        self._last.append(Placed(t, scan, np.zeros(3), np.zeros((3, 3)), 1.0, 0.0, 0.0, True))
+        self._last.append(Placed(t, scan, np.zeros(3), 1.0, 0.0, 0.0, True))
         return self._last[-1]
 
     def take(self, t: float, motion: Array | None, scan: Scan, submap: Submap) -> list[Placed]:
@@ -183,15 +182,15 @@ class Tracker:
         first, doubtful = guess.first, guess.odd or last.anchor is not None
 
         def placed(start: Array, hold: Hold, reach: int, matched: bool = True) -> Placed:
-            pose, information, explained = start, np.zeros((3, 3)), 0.0
+            pose, explained = start, 0.0
             if matched:
-                pose, information, explained = match(grid, scan.few, start, hold, s.sd, reach, ITERATIONS)
+                pose, _, explained = match(grid, scan.few, start, hold, s.sd, reach, ITERATIONS)
                 if abs(wrap(pose[2] - start[2])) > TURNED:
-                    pose, information, explained = match(grid, scan.few, pose, hold, s.sd, reach, ITERATIONS)
+                    pose, _, explained = match(grid, scan.few, pose, hold, s.sd, reach, ITERATIONS)
                 explained += UNKNOWN * (1 - max(known(grid, pose, scan.few), explained))
             score, by = explained - COST * min(guess.surprise(pose), JERK), hold if matched else None
             if motion is None:
-                return Placed(t, scan, pose, information, explained, score, 0.0, True, hold=by)
+                return Placed(t, scan, pose, explained, score, 0.0, True, hold=by)
             anchor, agrees = None, distance(pose, first) < APART
             if guess.odd or not agrees:
                 then = last.anchor or Anchor(last.t, last.pose, np.zeros(3))
@@ -201,7 +200,7 @@ class Tracker:
             most = min(max(late, SUM), FARTHEST) if doubtful else FARTHEST
             off = min(distance(pose, guess.since or first), most)
             score -= COST * off * (anchor is None)
-            return Placed(t, scan, pose, information, explained, score, off, agrees, anchor=anchor, hold=by)
+            return Placed(t, scan, pose, explained, score, off, agrees, anchor=anchor, hold=by)
 
         if not len(scan.few):
             return [placed(first.pose, first, AT_FIRST, False)._replace(lost=True)]

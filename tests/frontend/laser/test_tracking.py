@@ -62,9 +62,7 @@ def test_two_places_that_explain_alike_make_a_step_uncertain() -> None:
     scan = Scan(np.zeros((0, 2)), 0.04)
 
     def branch(x: float, score: float) -> list[Placed]:
-        return [
-            Placed(float(k), scan, np.array([x, 0.0, 0.0]), np.eye(3), 0.9, score, 0.0, True) for k in range(LONGEST)
-        ]
+        return [Placed(float(k), scan, np.array([x, 0.0, 0.0]), 0.9, score, 0.0, True) for k in range(LONGEST)]
 
     tracker.branches = [branch(0.0, 0.9), branch(1.5, 0.9001)]
     placed = tracker.decide()
